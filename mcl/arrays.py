@@ -13,6 +13,8 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U8 = NDArray[np.uint8]
+U32 = NDArray[np.uint32]
+U64 = NDArray[np.uint64]
 Bool = NDArray[np.bool_]
 
 ALONE = 8192  # elements up to which every BLAS computes a scalar product on one thread

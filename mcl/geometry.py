@@ -73,8 +73,17 @@ def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float,
     of 1.
     """
     held = np.asarray(weight, np.float64)
-    total = float(held.sum())
-    mean = math.atan2(dot(held, np.sin(angle_rad)), dot(held, np.cos(angle_rad)))
+    return circular_mean_of(angle_rad, np.sin(angle_rad), np.cos(angle_rad), held, float(held.sum()))
+
+
+def circular_mean_of(
+    angle_rad: NDArray[Any], sin: NDArray[Any], cos: NDArray[Any], weight: F64, total: float
+) -> tuple[float, float]:
+    """Return `circular_mean` where sines, cosines and the sum of the weights are known."""
+    mean = math.atan2(dot(weight, sin), dot(weight, cos))
     # 1 - R = 2 <sin^2> of half the angles to the mean, which keeps its digits where all angles are alike
-    lack = 2 * dot(held, np.square(np.sin((angle_rad - mean) / 2))) / total
+    half = angle_rad - mean
+    half /= 2
+    np.sin(half, out=half)
+    lack = 2 * dot(weight, np.square(half, out=half)) / total
     return mean, math.sqrt(-2 * math.log1p(-lack)) if lack < 1 else math.inf

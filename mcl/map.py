@@ -102,16 +102,16 @@ class Grid:
         """Return the flat cell number (N,) of points (N, 2) that are relative to `origin`; -1 outside."""
         low, scale = (self.corner - origin).astype(np.float32), np.float32(1 / self.cell_m)
         rows, columns = self.shape
-        # column by column, in place: every pass over the particles counts
-        column, row = (xy[:, 0] - low[0]) * scale, (xy[:, 1] - low[1]) * scale
-        np.floor(column, out=column)
-        np.floor(row, out=row)
-        inside = column >= 0
-        for within in (column < columns, row >= 0, row < rows):
-            inside &= within
+        # both coordinates at once, in place: for few particles the calls count, for many the passes
+        at = xy.T - low[:, None]
+        at *= scale
+        np.floor(at, out=at)
+        within = at >= 0
+        within &= at < np.array([[columns], [rows]], np.float32)
+        column, row = at
         row *= np.float32(columns)
         row += column  # exact: whole numbers below 2**24
-        row[~inside] = -1
+        np.copyto(row, np.float32(-1), where=~(within[0] & within[1]))
         cell: I32 = row.astype(np.int32)
         return cell
 

@@ -102,7 +102,7 @@ class RecoveryTest:
 # The record of one update, and the state that the next update needs.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """One picture compared with every reference; qualities alone are relative to this very picture."""
 
@@ -116,6 +116,25 @@ class Comparison:
     log_likelihood: F32  # (L,) of every entry; finite
     virtual: F32 = field(default_factory=lambda: np.zeros(0, np.float32))  # (V,) of virtual ones
 
+    @cached_property
+    def of_references(self) -> F32:
+        """Log-likelihoods (L + V,) of all references, the virtual ones after the entries."""
+        return np.append(self.log_likelihood, self.virtual)
+
+    @cached_property
+    def explained(self) -> "EntryLikelihood":
+        """How well each entry explains the picture, of all channels together, (1, L)."""
+        return EntryLikelihood.of(self.cost[None])
+
+    @cached_property
+    def channels_explained(self) -> "EntryLikelihood":
+        """The same of each channel alone, (C, L)."""
+        return EntryLikelihood.of(self.channel_cost)
+
+    def prepare(self) -> None:
+        """Compute now what every filter asks for: on the thread that compares, ahead of them."""
+        _ = self.of_references, self.explained, self.channels_explained
+
     def best(self, count: int) -> I32:
         """Return the numbers of the best entries (count,), best first; all L when there are fewer."""
         if count >= len(self.quality):
@@ -127,6 +146,21 @@ class Comparison:
     def ranking(self) -> I32:
         """Return entry numbers (L,), best quality first; ties keep the library's order."""
         return (-self.quality).argsort(kind="stable").astype("int32")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EntryLikelihood:
+    """exp(-cost) of every entry, relative to the best one: what the evidence of any cloud is made of."""
+
+    relative: F64  # (..., L) at most 1
+    top: F64  # (...,) log of what was divided by
+
+    @classmethod
+    def of(cls, cost: F32) -> "EntryLikelihood":
+        """Take costs (..., L) in nats."""
+        nats = -cost.astype(np.float64)
+        top = nats.max(axis=-1, keepdims=True)
+        return cls(np.exp(nats - top), top[..., 0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,10 @@
 """Estimates: one pose for a weighted cloud, how much of the cloud agrees, and its evidence."""
 
+from __future__ import annotations
+
 import math
-from functools import cmp_to_key
+from dataclasses import dataclass
+from functools import cmp_to_key, lru_cache
 from typing import Any, TypeAlias
 
 import cv2
@@ -9,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, Bool, dot
-from ..geometry import INCH_M, circular_mean, wrap
+from ..geometry import INCH_M, circular_mean, circular_mean_of, wrap
 from ..radii import USUAL, Radii
-from ..records import Belief, Estimate
+from ..records import Belief, EntryLikelihood, Estimate
 
 CELLS_A_CLUSTER = 4  # in its radius: the mode is first sought on a raster of such cells ...
 MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than a hundred radii
@@ -24,10 +27,38 @@ Modes: TypeAlias = tuple[Estimate, ...]
 Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Columns:
+    """A cloud column by column, float64: what every estimate of it reads."""
+
+    x: F64  # (N,) relative to the origin, contiguous: many times faster than (N, 2)
+    y: F64
+    heading_rad: F32
+    sin: F64  # of the headings
+    cos: F64
+
+    @classmethod
+    def of(cls, belief: Belief) -> _Columns:
+        """Take a cloud apart."""
+        x, y, heading = belief.poses.T
+        return cls(_wide(x), _wide(y), heading, _wide(np.sin(heading)), _wide(np.cos(heading)))
+
+
+def _wide(column: F32) -> F64:
+    return column.astype(np.float64)
+
+
+def estimates(belief: Belief, radii: Radii = USUAL) -> tuple[Estimate, Estimate]:
+    """Return `heaviest_cluster` and `weighted_mean`, for less than both."""
+    columns, weights = _Columns.of(belief), belief.weights
+    held = weights * _heaviest(columns, weights, radii.cluster_m)
+    scored = _stand_for(belief, columns, held, radii)
+    return scored, _stand_for(belief, columns, weights, radii)
+
+
 def weighted_mean(belief: Belief, radii: Radii = USUAL) -> Estimate:
     """Return the mean of the entire cloud. With several modes it lies between them."""
-    weights = belief.weights
-    return _stand_for(belief, weights, weights, radii)
+    return _stand_for(belief, _Columns.of(belief), belief.weights, radii)
 
 
 def heaviest_cluster(belief: Belief, radii: Radii = USUAL) -> Estimate:
@@ -35,10 +66,8 @@ def heaviest_cluster(belief: Belief, radii: Radii = USUAL) -> Estimate:
 
     Of equals the lowest y wins, then x, by cells of a quarter of that.
     """
-    weights, reach_m = belief.weights, radii.cluster_m
-    x, y = _columns(belief)
-    mode = _shift(_amid_most(x, y, weights, reach_m), x, y, weights, reach_m)
-    return _stand_for(belief, weights, weights * _near(x, y, mode, reach_m), radii)
+    columns, weights = _Columns.of(belief), belief.weights
+    return _stand_for(belief, columns, weights * _heaviest(columns, weights, radii.cluster_m), radii)
 
 
 def best_particle(belief: Belief, radii: Radii = USUAL) -> Estimate:
@@ -47,7 +76,7 @@ def best_particle(belief: Belief, radii: Radii = USUAL) -> Estimate:
     held = np.zeros_like(weights)
     best = first_heaviest(weights)
     held[best] = weights[best]
-    return _stand_for(belief, weights, held, radii)
+    return _stand_for(belief, _Columns.of(belief), held, radii)
 
 
 def modes(belief: Belief, radii: Radii = USUAL, *, most: int = 5, least: float = 0.01) -> Modes:
@@ -56,15 +85,12 @@ def modes(belief: Belief, radii: Radii = USUAL, *, most: int = 5, least: float =
     Each holds the particles within `cluster_m` of its mode that are in no earlier cluster.
     """
     least *= 1 - TIE
-    weights, reach_m = belief.weights, radii.cluster_m
-    x, y = _columns(belief)
-    left, found = weights, list[Estimate]()
+    columns, left, found = _Columns.of(belief), belief.weights, list[Estimate]()
     while len(found) < most and float(left.sum()) >= least:
-        mode = _shift(_amid_most(x, y, left, reach_m), x, y, left, reach_m)
-        held = left * _near(x, y, mode, reach_m)
+        held = left * _heaviest(columns, left, radii.cluster_m)
         if float(held.sum()) < least:
             break
-        found.append(_stand_for(belief, weights, held, radii))
+        found.append(_stand_for(belief, columns, held, radii))
         left = np.asarray(np.where(held > 0, 0, left))
     return tuple(sorted(found, key=cmp_to_key(_heavier_first)))
 
@@ -98,8 +124,14 @@ def _heavier_first(a: Estimate, b: Estimate) -> int:
 
 
 def _columns(belief: Belief) -> tuple[F64, F64]:
-    """Return x and y (N,) relative to the origin, each contiguous: many times faster than (N, 2)."""
-    return belief.poses[:, 0].astype(np.float64), belief.poses[:, 1].astype(np.float64)
+    return _wide(belief.poses[:, 0]), _wide(belief.poses[:, 1])
+
+
+def _heaviest(columns: _Columns, weights: F64, reach_m: float) -> Bool:
+    """Return which (N,) particles lie within reach of the mode that most of the weights (N,) lie about."""
+    x, y = columns.x, columns.y
+    mode = _shift(_amid_most(x, y, weights, reach_m), x, y, weights, reach_m)
+    return _near(x, y, mode, reach_m)
 
 
 def _amid_most(x: F64, y: F64, weights: F64, reach_m: float) -> Point:
@@ -107,17 +139,24 @@ def _amid_most(x: F64, y: F64, weights: F64, reach_m: float) -> Point:
     left, low = float(x.min()), float(y.min())
     cell_m = reach_m / CELLS_A_CLUSTER
     side = max(cell_m, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
-    column, row = ((x - left) / side).astype(np.int64), ((y - low) / side).astype(np.int64)
-    columns, rows = int(column.max()) + 1, int(row.max()) + 1
-    raster = np.bincount(row * columns + column, weights, rows * columns).reshape(rows, columns)
+    right, down = x - left, y - low
+    cell, row = (right / side).astype(np.int64), (down / side).astype(np.int64)
+    columns, rows = int(cell.max()) + 1, int(row.max()) + 1
+    row *= columns
+    cell += row
+    raster = np.bincount(cell, weights, rows * columns).reshape(rows, columns)
     held = cv2.filter2D(raster, -1, _disc(reach_m / side), borderType=cv2.BORDER_CONSTANT)
     fullest_row, fullest_column = divmod(first_heaviest(held), columns)
-    away = np.hypot(x - left - side * (fullest_column + 0.5), y - low - side * (fullest_row + 0.5))
-    away = np.where(weights > 0, away, np.inf)
+    right -= side * (fullest_column + 0.5)
+    down -= side * (fullest_row + 0.5)
+    away = np.square(right, out=right)
+    away += np.square(down, out=down)
+    away[weights <= 0] = np.inf
     nearest = int((away <= away.min() * (1 + TIE)).argmax())
     return float(x[nearest]), float(y[nearest])
 
 
+@lru_cache(16)
 def _disc(radius: float) -> F64:
     """Return the cells (K, K) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
     reach = np.arange(-int(radius), int(radius) + 1)
@@ -142,16 +181,19 @@ def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
     return np.square(x - center[0]) + np.square(y - center[1]) <= radius_m**2
 
 
-def _stand_for(belief: Belief, weights: F64, held: F64, radii: Radii) -> Estimate:
-    """Summarize the part `held` (N,) of a cloud with weights (N,) that sum to one."""
-    x, y = _columns(belief)
-    center, mass = _mean(x, y, held), float(held.sum())
-    heading, heading_sd = circular_mean(belief.poses[:, 2], held)
-    along_x, along_y = np.square(x - center[0]), np.square(y - center[1])
-    away = along_x + along_y
+def _stand_for(belief: Belief, columns: _Columns, held: F64, radii: Radii) -> Estimate:
+    """Summarize the part `held` (N,) of a cloud, whose weights sum to one."""
+    mass, weights = float(held.sum()), belief.weights
+    x_m, y_m = dot(held, columns.x) / mass, dot(held, columns.y) / mass
+    heading, heading_sd = circular_mean_of(columns.heading_rad, columns.sin, columns.cos, held, mass)
+    along_x, along_y = columns.x - x_m, columns.y - y_m
+    np.square(along_x, out=along_x)
+    np.square(along_y, out=along_y)
+    sd_m = (math.sqrt(dot(held, along_x) / mass), math.sqrt(dot(held, along_y) / mass))
+    away = np.add(along_x, along_y, out=along_x)
     return Estimate(
-        pose=np.array([center[0] + belief.origin[0], center[1] + belief.origin[1], heading]),
-        sd_m=(math.sqrt(dot(held, along_x) / mass), math.sqrt(dot(held, along_y) / mass)),
+        pose=np.array([x_m + belief.origin[0], y_m + belief.origin[1], heading]),
+        sd_m=sd_m,
         heading_sd_rad=heading_sd,
         mass=mass,
         confidence=dot(weights, away <= radii.confidence_m**2),
@@ -163,11 +205,12 @@ def _stand_for(belief: Belief, weights: F64, held: F64, radii: Radii) -> Estimat
 # Evidence: how well the predicted cloud explains a picture. Needs no truth.
 
 
-def log_mean_likelihood(cost: F32, weights: F64, entries: I32) -> F64:
-    """Return log of the weighted mean of exp(-cost) (...,) over entries (N,) inside; -inf for none."""
-    inside = entries >= 0
-    held = np.bincount(entries[inside], weights[inside], cost.shape[-1])
-    nats = -cost.astype(np.float64)
-    top = nats.max(axis=-1, keepdims=True)
+def entry_weights(weights: F64, entries: I32, count: int) -> F64:
+    """Return the weight (count,) nearest to each entry; of those outside, -1, none."""
+    return np.asarray(np.bincount(entries + 1, weights, count + 1)[1:], np.float64)
+
+
+def log_mean_likelihood(explained: EntryLikelihood, held: F64) -> F64:
+    """Return log of the mean of exp(-cost) (...,) over the weight (L,) held near entries; -inf for none."""
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log(np.exp(nats - top) @ held) + top[..., 0])
+        return np.asarray(np.log(explained.relative @ held) + explained.top)

@@ -27,7 +27,7 @@ from ..sensor.ahead import Compared
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
-from .estimate import heaviest_cluster, log_mean_likelihood, weighted_mean
+from .estimate import entry_weights, estimates, log_mean_likelihood
 from .motion import MotionModel, MotionOutliers, keep_in, motion_model, with_outliers
 from .proposal import (
     MixtureParameters,
@@ -112,8 +112,7 @@ class Localizer:
                 weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
             evidence, by_channel = calibrated_evidence(comparison, proposal, sighting.entries)
         with _timed(took, "estimate"):
-            estimate = heaviest_cluster(weighted, self.radii)
-            mean_estimate = weighted_mean(weighted, self.radii)
+            estimate, mean_estimate = estimates(weighted, self.radii)
         with _timed(took, "resample"):
             recovery = self.recovery.strategy(-np.inf if left else evidence, state.recovery)
             resampled = self.resample(weighted, recovery, frame.step)
@@ -153,11 +152,10 @@ class Localizer:
             raise InputError(None, "found no motion model; use `run`, or `of_session` before the first step")
         poses: F32 = belief.poses
         # one generator per movement, so that a larger N keeps the draws of a smaller one in each of them
-        count = len(frame.motions)
-        usual = self._rng(frame.step, Purpose.MOTION).spawn(count)
-        chances = self._rng(frame.step, Purpose.OUTLIER).spawn(count)
-        for motion, own, chance in zip(frame.motions, usual, chances, strict=True):
-            noise = with_outliers(normals(own, belief.size), self.outliers, chance)
+        for number, motion in enumerate(frame.motions):
+            noise = normals(self._rng(frame.step, Purpose.MOTION, number), belief.size)
+            if self.outliers.share > 0:
+                noise = with_outliers(noise, self.outliers, self._rng(frame.step, Purpose.OUTLIER, number))
             poses = self.motion.move(poses, belief.origin, motion, noise)
         return Belief(poses, belief.log_weights, belief.origin)
 
@@ -180,13 +178,13 @@ class Localizer:
     ) -> Resampled:
         """Spread the cloud, or draw fresh particles, as the recovery strategy decided."""
         if recovery.expand:  # roughening uses the first numbers of this address
-            resampled = self.recovery.expand(resampled, self._rng(step, Purpose.ROUGHEN).spawn(1)[0])
+            resampled = self.recovery.expand(resampled, self._rng(step, Purpose.ROUGHEN, 0))
         if not resampled.missing:
             return resampled
         return self.recovery.inject(resampled, comparison, self._rng(step, Purpose.INJECT))
 
-    def _rng(self, step: int, purpose: int) -> np.random.Generator:
-        return stream(Domain.FILTER, self.seed, step, purpose)
+    def _rng(self, step: int, purpose: int, child: int | None = None) -> np.random.Generator:
+        return stream(Domain.FILTER, self.seed, step, purpose, child)
 
 
 def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, float]:
@@ -205,9 +203,9 @@ def calibrated_evidence(
     comparison: Comparison, proposal: ProposedParticles, entries: I32
 ) -> tuple[float, F64]:
     """Return the log mean of exp(-cost) over the proposed particles: of all channels, and of each (C,)."""
-    prior = np.exp(proposal.prior_log_weights)
-    total = log_mean_likelihood(comparison.cost[None], prior, entries)
-    return float(total[0]), log_mean_likelihood(comparison.channel_cost, prior, entries)
+    held = entry_weights(np.exp(proposal.prior_log_weights), entries, len(comparison.cost))
+    total = log_mean_likelihood(comparison.explained, held)
+    return float(total[0]), log_mean_likelihood(comparison.channels_explained, held)
 
 
 def _events(left: bool, log_evidence: float, recovery: Recovery, recovered: Resampled) -> tuple[str, ...]:

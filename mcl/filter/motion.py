@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import F32, F64
 from ..geometry import INCH_M, wrap
@@ -98,7 +100,7 @@ def _number(name: str, value: Any) -> float:
     return float(value)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MauriceMotion:
     """The thesis's model: noise once per movement, the drift of a straight applied when it is over.
 
@@ -127,15 +129,26 @@ class MauriceMotion:
 
     def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
         """Return the drift (N,) in radians over a distance, by the floor on which each particle starts."""
-        floors = [self.parameters.drift.get(name) for name in self.grid.floors]
-        known = [f or self.parameters.drift.get("", FloorDrift()) for f in floors]
-        bias = np.array([f.bias_rad_per_m * way_m for f in known], np.float32)
-        sd = np.array([f.sd_rad_per_m * way_m for f in known], np.float32)
-        if len(known) == 1:
+        bias, sd = (self._per_m * way_m).astype(np.float32)
+        if len(bias) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)
-        cell = self.grid.cells_of(xy, origin)
-        floor = np.where(cell >= 0, self.grid.floor.ravel()[cell], 0)
-        return np.asarray(bias[floor] + sd[floor] * noise, np.float32)
+        floor = self._floor_of.take(self.grid.cells_of(xy, origin))
+        drift: F32 = sd.take(floor)
+        drift *= noise
+        drift += bias.take(floor)
+        return drift
+
+    @cached_property
+    def _per_m(self) -> F64:
+        """Bias and sd (2, floors) of the drift in radians per meter."""
+        others = self.parameters.drift.get("", FloorDrift())
+        known = [self.parameters.drift.get(name) or others for name in self.grid.floors]
+        return np.array([[f.bias_rad_per_m for f in known], [f.sd_rad_per_m for f in known]])
+
+    @cached_property
+    def _floor_of(self) -> NDArray[np.intp]:
+        """The floor (cells + 1,) of every cell; the last stands for outside, -1."""
+        return np.append(self.grid.floor.ravel(), 0).astype(np.intp)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +196,9 @@ class OdometryMotion:
 
 
 def _poses(x: F32, y: F32, heading: F32) -> F32:
-    return np.stack([x, y, heading]).T  # column by column
+    poses = np.empty((3, len(x)), np.float32)  # column by column
+    poses[0], poses[1], poses[2] = x, y, heading
+    return poses.T
 
 
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:

@@ -39,6 +39,7 @@ def compared(sensors: Sequence[SensorModel], image: U8) -> tuple[Compared, ...]:
     for sensor in sensors:
         began = perf_counter()
         comparison = sensor.compare({name: measured[name] for name in sensor.parameters.weights})
+        comparison.prepare()
         took = perf_counter() - began + sum(took_s[name] for name in sensor.parameters.weights)
         found.append(Compared(comparison, took))
     return tuple(found)

@@ -175,10 +175,5 @@ class SensorModel:
 
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
         """Return the entry and the log-likelihood of each of the poses (N, 3)."""
-        origin = self.library.origin
-        log_likelihood = np.append(comparison.log_likelihood, comparison.virtual)
-        return Sighting(
-            comparison=comparison,
-            entries=self.references.entries(poses, origin),
-            log_likelihood=self.references.at(log_likelihood, poses, origin),
-        )
+        entries, found = self.references.look(comparison.of_references, poses, self.library.origin)
+        return Sighting(comparison=comparison, entries=entries, log_likelihood=found)

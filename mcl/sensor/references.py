@@ -22,6 +22,7 @@ from ..map import Arena, Grid, make_grid, place_tree, spacing
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
+HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
 SAME_PLACE_M = 0.001
 NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn
 
@@ -42,6 +43,10 @@ class ReferenceLookup(Protocol):
         """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside."""
         ...
 
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> tuple[I32, F32]:
+        """Return what `entries` and `at` return, for less than both."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NearestReference:
@@ -54,15 +59,30 @@ class NearestReference:
 
     def entries(self, poses: F32, origin: F64) -> I32:
         """Return the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
-        cell = self.grid.cells_of(poses[:, :2], origin)
-        place = self.place_of_cell.take(cell)
-        turn = (poses[:, 2] + np.float32(np.pi)) * np.float32(HEADING_BINS / (2 * np.pi))
-        heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
-        return self.entry_of.ravel().take(place * np.int32(HEADING_BINS) + heading)
+        return self.entries_at(*self.bins_of(poses, origin))
+
+    def bins_of(self, poses: F32, origin: F64) -> tuple[I32, I32]:
+        """Return the cell, -1 outside, and the heading bin of each pose, (N,) each: indexes of the tables."""
+        turn = poses[:, 2] + np.float32(np.pi)
+        turn *= HEADING_STEP
+        heading = turn.astype(np.int32)
+        return self.grid.cells_of(poses[:, :2], origin), np.minimum(heading, HEADING_BINS - 1, out=heading)
+
+    def entries_at(self, cell: I32, heading: I32) -> I32:
+        """Return the entry (N,) for cells and heading bins (N,)."""
+        at = self.place_of_cell.take(cell)
+        at *= np.int32(HEADING_BINS)
+        at += heading
+        return self.entry_of.ravel().take(at)
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the log-likelihood (N,) of the nearest entry of each pose (N, 3); -inf outside."""
         return of_entries(log_likelihood, self.entries(poses, origin))
+
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> tuple[I32, F32]:
+        """Return the nearest entry of each pose, and its log-likelihood."""
+        entries = self.entries(poses, origin)
+        return entries, of_entries(log_likelihood, entries)
 
 
 def of_entries(log_likelihood: F32, entries: I32) -> F32:
@@ -161,7 +181,6 @@ def _grow(place: I32, free: Bool) -> I32:
 
 # Interpolation: a particle is weighted by several entries around it.
 
-HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
 NO_WEIGHT = 1e-9  # a cell with a smaller kernel sum uses its nearest place instead
 
 
@@ -196,16 +215,28 @@ class InterpolatedReference:
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
-        cell = self.grid.cells_of(poses[:, :2], origin)
-        inside = self.nearest.place_of_cell.take(cell) >= 0
-        turn = (poses[:, 2] + np.float32(np.pi)) * HEADING_STEP
-        heading = np.minimum(turn.astype(np.int32), HEADING_BINS - 1)
-        total = np.zeros(len(poses), np.float32)
+        return self._values_at(log_likelihood, *self.nearest.bins_of(poses, origin))
+
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> tuple[I32, F32]:
+        """Return the nearest entry of each pose, and its interpolated log-likelihood."""
+        cell, heading = self.nearest.bins_of(poses, origin)
+        return self.nearest.entries_at(cell, heading), self._values_at(log_likelihood, cell, heading)
+
+    def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> F32:
+        total = np.zeros(len(cell), np.float32)
         for place, weight in zip(self.places, self.weights, strict=True):
-            at = place.take(cell) * np.int32(HEADING_BINS) + heading
-            before, after = (log_likelihood.take(side.take(at)) for side in (self.before, self.after))
-            total += weight.take(cell) * (before + self.share.take(at) * (after - before))
-        return np.asarray(np.where(inside, total, np.float32(-np.inf)), np.float32)
+            at = place.take(cell)
+            at *= np.int32(HEADING_BINS)
+            at += heading
+            value = log_likelihood.take(self.before.take(at))
+            apart = log_likelihood.take(self.after.take(at))
+            apart -= value
+            apart *= self.share.take(at)
+            value += apart
+            value *= weight.take(cell)
+            total += value
+        np.copyto(total, np.float32(-np.inf), where=self.nearest.place_of_cell.take(cell) < 0)
+        return total
 
 
 def interpolated_reference(

@@ -1,9 +1,13 @@
+from dataclasses import asdict, replace
+
 import numpy as np
 import pytest
 
 from maurice_mcl.filter.estimate import (
     best_particle,
     covariance,
+    entry_weights,
+    estimates,
     heaviest_cluster,
     log_mean_likelihood,
     modes,
@@ -12,7 +16,7 @@ from maurice_mcl.filter.estimate import (
 )
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.radii import USUAL
-from maurice_mcl.records import Belief, normalize, uniform_log_weights
+from maurice_mcl.records import Belief, EntryLikelihood, normalize, uniform_log_weights
 
 RADIUS_M = 24 * INCH_M
 
@@ -31,6 +35,14 @@ def _blob(rng, x, y, heading, n, sd=0.1):
 def _two_rooms(seed=0):
     rng = np.random.default_rng(seed)
     return np.vstack([_blob(rng, -1.5, 0.5, 1.0, 600), _blob(rng, 1.5, -0.5, -2.0, 400)])
+
+
+def test_both_estimates_are_those_one_by_one():
+    belief = _belief(_two_rooms())
+    one_by_one = (heaviest_cluster(belief), weighted_mean(belief))
+    for found, alone in zip(estimates(belief), one_by_one, strict=True):
+        assert np.array_equal(found.pose, alone.pose)
+        assert asdict(replace(found, pose=0)) == asdict(replace(alone, pose=0))
 
 
 def test_weighted_mean_by_hand():
@@ -244,6 +256,10 @@ def _weighted(n, seed=0):
     return Belief(np.zeros((n, 3), np.float32), normalize(rng.normal(0, 2, n))[0], np.zeros(2))
 
 
+def _log_mean(cost, weights, entries):
+    return log_mean_likelihood(EntryLikelihood.of(cost), entry_weights(weights, entries, cost.shape[-1]))
+
+
 def _naive(cost, belief, entries):
     return sum(
         w * np.exp(-float(cost[e]))
@@ -256,33 +272,29 @@ def test_the_mean_likelihood_by_hand():
     rng = np.random.default_rng(1)
     belief, entries = _weighted(300), rng.integers(-1, 20, 300).astype(np.int32)
     cost = rng.gamma(2, 3, (4, 20)).astype(np.float32)
-    found = log_mean_likelihood(cost, belief.weights, entries)
+    found = _log_mean(cost, belief.weights, entries)
     assert found.shape == (4,)
     assert np.exp(found) == pytest.approx([_naive(row, belief, entries) for row in cost], rel=1e-9)
-    assert log_mean_likelihood(cost[2], belief.weights, entries) == pytest.approx(found[2])
+    assert _log_mean(cost[2], belief.weights, entries) == pytest.approx(found[2])
     belief, entries = _weighted(3), np.array([0, 1, 1], np.int32)
-    found = log_mean_likelihood(np.array([5000, 5001], np.float32), belief.weights, entries)
+    found = _log_mean(np.array([5000, 5001], np.float32), belief.weights, entries)
     share = belief.weights[0] + (1 - belief.weights[0]) * np.exp(-1)
     assert found == pytest.approx(-5000 + np.log(share))
     belief, entries = _weighted(3), np.array([0, 1, 1], np.int32)
-    one, other = (
-        log_mean_likelihood(np.array([2, 3, x], np.float32), belief.weights, entries) for x in (0.0, 600.0)
-    )
+    one, other = (_log_mean(np.array([2, 3, x], np.float32), belief.weights, entries) for x in (0.0, 600.0))
     assert one == pytest.approx(float(other))
     belief, entries = _weighted(2), np.array([0, -1], np.int32)
-    found = log_mean_likelihood(np.zeros(1, np.float32), belief.weights, entries)
+    found = _log_mean(np.zeros(1, np.float32), belief.weights, entries)
     assert np.exp(found) == pytest.approx(belief.weights[0])
     entries = np.full(5, -1, np.int32)
-    found = log_mean_likelihood(np.ones((2, 3), np.float32), _weighted(5).weights, entries)
+    found = _log_mean(np.ones((2, 3), np.float32), _weighted(5).weights, entries)
     assert found.tolist() == [-np.inf, -np.inf]
 
 
 def test_it_is_never_over_zero_and_falls_by_what_costs_rise_by():
     belief, entries = _weighted(50), np.random.default_rng(2).integers(0, 9, 50).astype(np.int32)
     cost = np.random.default_rng(3).gamma(2, 1, 9).astype(np.float32)
-    found = log_mean_likelihood(cost, belief.weights, entries)
+    found = _log_mean(cost, belief.weights, entries)
     assert found <= 0
-    assert log_mean_likelihood(cost + np.float32(4), belief.weights, entries) == pytest.approx(
-        found - 4, abs=1e-5
-    )
-    assert log_mean_likelihood(np.zeros(9, np.float32), belief.weights, entries) == pytest.approx(0, abs=1e-9)
+    assert _log_mean(cost + np.float32(4), belief.weights, entries) == pytest.approx(found - 4, abs=1e-5)
+    assert _log_mean(np.zeros(9, np.float32), belief.weights, entries) == pytest.approx(0, abs=1e-9)

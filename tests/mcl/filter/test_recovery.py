@@ -213,9 +213,9 @@ def test_adaptive_size(resampler, spread):
 def test_purposes_have_streams_of_their_own(monkeypatch):
     asked = []
 
-    def noted(domain, seed, step, purpose):
+    def noted(domain, seed, step, purpose, child):
         asked.append(purpose)
-        return stream(domain, seed, step, purpose)
+        return stream(domain, seed, step, purpose, child)
 
     monkeypatch.setattr(localizer_module, "stream", noted)
     _next(_choosing(when=always, strategy=_asking(0.1), roughening=0.2))
