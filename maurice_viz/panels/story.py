@@ -15,6 +15,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.session import Moment
 
 from ..drawing.arrow import points_of, row_of, strips_of, texts_of
+from ..drawing.canvas import long_side
 from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
@@ -25,7 +26,12 @@ from .traces import LINE, POSITION_ERROR, SPREAD, TWO_SIGMA
 from .views import Overrides, picture_view, plot
 
 EVERY = 10  # updates between two points of the limits, which are straight lines
-LABELS_ALONG = (0.5, 0.3, 0.7, 0.4)  # where on its line each run's error is written
+LABELS_BESIDE = (
+    0.0,
+    0.05,
+    -0.05,
+    0.1,
+)  # of the arena's long side: a run's error is so far below its line
 FAINT = 0.8  # width of lines that are beside the point
 
 
@@ -68,7 +74,8 @@ class ErrorLinePanel(Panel):
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
         number = RUN_COLORS.index(run.color) if run.color in RUN_COLORS else 0
-        self._along = LABELS_ALONG[number % len(LABELS_ALONG)]  # labels of parallel lines side by side
+        below = LABELS_BESIDE[number % len(LABELS_BESIDE)]  # or those of nearby lines would overlap
+        self._beside = np.array([0.0, below * long_side(run.library.arena, run.scale)], np.float32)
         self._is_shown = False
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -98,7 +105,7 @@ class ErrorLinePanel(Panel):
     def _log(self, rec: rr.RecordingStream, ends: Sequence[F64], label: str) -> None:
         """Log a line from the first end to the second one; without ends none."""
         line = self._scale.screen(np.array(ends).reshape(-1, 2))
-        at = line[:1] + self._along * (line[1:] - line[:1])
+        at = (line[:1] + line[1:]) / 2 + self._beside
         rec.log(
             self._paths.error_line,
             row_of(rr.LineStrips2D, strips=strips_of([line] if len(line) else [])),

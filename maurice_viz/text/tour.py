@@ -39,6 +39,7 @@ DRAWS = {
 }
 DOT = "**Dot**: a particle, one guess of the pose. **Weight**: how well it fits."
 RING = "**Ring**: a group of dots (mode); mode switch: another one became the heaviest."
+DIP = "**ESS dip**: few dots hold most of the weight."
 SIGMA = "**2 sigma**: an oval around most dots"
 BEYOND = "; 3 sigma: the truth is far outside it"
 MATCH = "**q**: likeness of two pictures, at most 1. **Fresh**: dots drawn anew (reseeded)."
@@ -48,7 +49,8 @@ def words(runs: Sequence[RunView]) -> str:
     """Explain the words of the first screen, and what tells its runs apart."""
     is_one = len(runs) == 1  # whose rings and whose every event are shown
     parts = [DOT, RING if is_one else "", f"{SIGMA}{BEYOND if is_one else ''}."]
-    parts.append("" if runs[0].is_recorded else MATCH)
+    if not runs[0].is_recorded:
+        parts += [DIP if is_one else "", MATCH]
     draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
     if all(draws) and len(set(draws)) > 1:
         does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
@@ -110,7 +112,7 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
     truth = {0: " at neither", 1: " there", 2: " at the other one"}.get(fact.truth_in or 0, "")
     white = "" if fact.truth_in is None else f"; the white disk (the truth) is{truth}"
     apart = scale.say(fact.apart_m)
-    return f"Map: most dots are in two places, {apart} apart. An arrow marks the heavier one{white}."
+    return f"Map: most dots are in two places, {apart} apart. The estimate is at the heavier one{white}."
 
 
 def _troubled(moment: TourMoment, trouble: Trouble) -> str:

@@ -150,7 +150,7 @@ def _began(trouble: Trouble, kidnapping_said: bool) -> str:
         return ""
     what = "was kidnapped" if trouble.kind == KIDNAPPED else "went wrong"  # its lane says lost later
     alike = trouble.cause is not None and trouble.cause.alike
-    return f"{what} at {trouble.step}{', with all references scoring alike,' if alike else ''}"
+    return f"{what} at {trouble.step}{', with all reference pictures scoring alike,' if alike else ''}"
 
 
 def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
@@ -188,7 +188,7 @@ def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
     share = f"{verdict.converged_share:.0%}"
     text = f"the cloud was converged in {share} of the updates, and there is no truth to judge it by"
     if any(one.alike for one in verdict.causes):
-        text = f"{text}; in the dark all references score alike"
+        text = f"{text}; in the dark all reference pictures score alike"
     before = _before(verdict, scale)
     return f"{text}; {before}" if before else text
 
