@@ -1,7 +1,7 @@
 """How things look: display units, the one place where y is flipped, colors, sizes, font-safe texts.
 
-Colors can be distinguished with color-vision deficiencies: viridis for weights, and for the rest the set of
-Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
+One meaning a color: those of `MEANINGS` differ for every eye, also one that confuses red and green, and a test
+measures it. Weights are viridis; runs are near the set of Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
 have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS` and `BAR`.
 
 The viewer's font (Inter) has Latin, Greek and Cyrillic letters and many signs. For anything else its window
@@ -33,7 +33,7 @@ GROUND: RGB = (16, 17, 20)
 TRUTH: RGB = (255, 255, 255)  # and nothing else is white
 CLOUD: RGB = (164, 214, 240)  # particles where their weight is not shown
 LOST: RGB = (255, 92, 51)  # lost, kidnapped, off the map: lanes, and lines in plots
-CIRCLE: RGB = (74, 170, 110)
+CIRCLE: RGB = (96, 140, 30)  # references, by size
 RANK: RGB = (255, 208, 92)
 WALL: RGB = (196, 198, 204)
 OBSTACLE: RGB = (92, 94, 102)
@@ -42,15 +42,16 @@ MISSING: RGB = (48, 50, 56)
 EMPTY: RGB = (30, 32, 37)  # of the map, and of a drawing where there is nothing
 PALE: RGB = (170, 174, 184)
 RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
-MOVED: RGB = (86, 180, 233)  # paths of particles in one update
+MOVED: RGB = CLOUD  # paths of particles in one update
 FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
 CARRIED: RGB = (255, 70, 70)  # the way of a kidnapping, in the red of its lane
-FRESH: RGB = (255, 120, 220)  # particles drawn anew in this step, on every map; and such steps in plots
-HEADINGS: RGB = (86, 180, 233)
+FRESH: RGB = (250, 76, 196)  # particles drawn anew in this step, on every map; and such steps in plots
+HEADINGS: RGB = CLOUD
 # of estimates, their trails, ellipses and traces, by run:
-# Okabe and Ito's orange, sky blue, pink and green; the first two darker, or they would be faint on white
-RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (204, 121, 167), (0, 158, 115))
+# Okabe and Ito's orange, sky blue and green, the first two darker, or they would be faint on white; violet in
+# place of their pink, which is that of fresh particles
+RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (148, 100, 240), (0, 158, 115))
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
 RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
 PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
@@ -142,15 +143,27 @@ def _viridis() -> U32:
     return np.asarray(bgr[:, 2] << 24 | bgr[:, 1] << 16 | bgr[:, 0] << 8 | 255, np.uint32)
 
 
-# of modes, by identity: Okabe and Ito's, with violet in place of orange, which is the first run's
+# of modes, by identity: mint, rose, khaki, plum, pale green; none is a run's, or that of another mark
 MODE_COLORS: tuple[RGB, ...] = (
-    (176, 128, 255),
-    (86, 180, 233),
-    (240, 228, 66),
-    (0, 158, 115),
-    (204, 121, 167),
-    (0, 114, 178),
+    (90, 240, 150),
+    (255, 170, 187),
+    (170, 170, 119),
+    (170, 102, 170),
+    (190, 255, 200),
 )
+# every mark that stands on a map by itself
+MEANINGS: dict[str, RGB] = {
+    "truth": TRUTH,
+    "particles": CLOUD,
+    "fresh particles": FRESH,
+    "dead particles": DEAD,
+    "ancestors": FAMILY,
+    "carried": CARRIED,
+    "references": CIRCLE,
+    "best references": RANK,
+    **{f"run {number}": color for number, color in enumerate(RUN_COLORS, 1)},
+    **{f"mode {number}": color for number, color in enumerate(MODE_COLORS, 1)},
+}
 
 
 def faint(color: RGB) -> RGB:
@@ -187,7 +200,7 @@ def copy_colors(copies: NDArray[Any]) -> U32:
     return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))
 
 
-COLOR_WORDS = ("orange", "sky blue", "pink", "green")  # of RUN_COLORS, in order
+COLOR_WORDS = ("orange", "sky blue", "violet", "green")  # of RUN_COLORS, in order
 DEEPEST = 8.0  # nats below the best place that still have a color
 
 

@@ -28,7 +28,7 @@ CHART_PX = (288, 260)  # width and height, in a recording of many updates
 BAR_SHARE = 0.2  # of the height, with the axis below it
 TEXT_SHARE = 0.034  # height of capitals, of the width
 COST_SHARE = 0.32  # of a small chart's height: what each element costs
-SEGMENTS: tuple[RGB, ...] = (*RUN_COLORS[2:], (182, 90, 62), (112, 112, 205))  # of channels, in turn
+SEGMENTS: tuple[RGB, ...] = (*RUN_COLORS[2:], (182, 90, 62), (204, 121, 167))  # of channels, in turn
 TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
 MOST_MARKS = 5
 

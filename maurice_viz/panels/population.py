@@ -295,4 +295,4 @@ def survivors(record: StepRecord) -> float:
 def ancestry_plot(paths: RunPaths) -> rrb.TimeSeriesView:
     """Plot the shares of particles that survive, and of ancestors from which the cloud descends."""
     lines = [paths.trace(SURVIVORS), paths.trace(ANCESTORS)]
-    return plot("Survivors pink, ancestors 10 steps back green (share)", lines, top=1.1)
+    return plot("Survivors violet, ancestors 10 steps back green (share)", lines, top=1.1)

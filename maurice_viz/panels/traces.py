@@ -44,7 +44,7 @@ COLORS: dict[str, RGB] = {
     TRUTH_RATIO: RUN_COLORS[0],
     TRUTH_RANK: RUN_COLORS[0],
 }
-EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (88, 88, 205))  # of channels, in turn
+EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (204, 121, 167))  # of channels, in turn
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
 THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
 SHARES = {CONFIDENCE: 1.1, EFFECTIVE: 1.1, SURVIVORS: 1.1, ANCESTORS: 1.1}  # the ends of their scales

@@ -1,3 +1,5 @@
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -91,3 +93,27 @@ def test_phases_and_paths_follow_the_label():
 def test_labels_that_would_collide_are_refused(label):
     with pytest.raises(ValueError, match="label"):
         RunPaths(label)
+
+
+# A difference of 1 in CIELAB (CIE 1976) can just be seen; of 20, two marks are called by two names.
+LEAST_DIFFERENCE, LEAST_WITHOUT_GREEN = 20.0, 10.0
+TO_XYZ = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]])
+DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])  # Machado 2009
+
+
+def lab(color: style.RGB, seen=np.eye(3)) -> np.ndarray:
+    """Return L*, a*, b* (D65) of an sRGB color, as seen by an eye that mixes linear colors like this."""
+    shares = np.array(color) / 255
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    relative = TO_XYZ @ np.clip(seen @ linear, 0, 1) / TO_XYZ.sum(axis=1)
+    root = np.where(relative > (6 / 29) ** 3, np.cbrt(relative), relative / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * root[1] - 16, 500 * (root[0] - root[1]), 200 * (root[1] - root[2])])
+
+
+@pytest.mark.parametrize(
+    ("seen", "least"), [(np.eye(3), LEAST_DIFFERENCE), (DEUTERANOPIA, LEAST_WITHOUT_GREEN)]
+)
+def test_one_meaning_a_color(seen, least):
+    places = {meaning: lab(color, seen) for meaning, color in style.MEANINGS.items()}
+    for one, other in combinations(places, 2):
+        assert np.linalg.norm(places[one] - places[other]) >= least, (one, other)

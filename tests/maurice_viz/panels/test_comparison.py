@@ -120,7 +120,7 @@ def test_where_runs_part_is_marked_once_and_said(usual):
 def test_words_have_a_row_a_run_and_the_end_says_how_they_compare(usual):
     path, _ = usual
     text = read.rows(path, paths.TEXT)[-1].values["TextDocument:text"][0]
-    for label, color in zip(LABELS, ("orange", "sky blue", "pink"), strict=True):
+    for label, color in zip(LABELS, ("orange", "sky blue", "violet"), strict=True):
         assert f"| {label} ({color}) |" in text
     batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream().filter(content=paths.RESULT)]
     columns = [one.column("TextDocument:text") for one in batches if "TextDocument:text" in one.schema.names]
@@ -172,7 +172,7 @@ def test_the_layout_has_one_shared_map_a_map_a_run_and_the_events(count, has_tru
     runs = [RunView(f"seed {k}", ("color", "edges")) for k in range(count)]
     titles = [str(view.name) for view in views(several_runs.compare(runs, shown(has_truth)))]
     assert titles.count("All runs on one map (in)") == 1
-    colors = ("orange", "sky blue", "pink", "green")
+    colors = ("orange", "sky blue", "violet", "green")
     maps = [title for title in titles if "belief" in title]
     assert maps == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
     assert any("Distance to seed 0" in title for title in titles)
