@@ -124,6 +124,15 @@ class RunPaths:
         return self.at("key", name)
 
     @property
+    def phase_keys(self) -> str:
+        """All keys that change with the phase: one Transform3D, which moves those of one phase to the map."""
+        return self.at("key", "phase")
+
+    def phase_key(self, name: str) -> str:
+        """The keys of one map: under it a number a phase, one EncodedImage each."""
+        return self.at("key", "phase", name)
+
+    @property
     def line_key(self) -> str:
         """The key of the plot of evidence: one EncodedImage."""
         return self.at("key", "evidence")

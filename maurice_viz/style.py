@@ -1,8 +1,9 @@
 """How things look: display units, the one place where y is flipped, colors, sizes, font-safe texts.
 
-One meaning a color: those of `MEANINGS` differ for every eye, also one that confuses red and green, and a test
-measures it. Weights are viridis; runs are near the set of Okabe and Ito (2008). Maps and pictures have a dark ground of their own; plots and charts
-have the viewer's, dark or light, so that what is drawn in them must be seen on both: `RUN_COLORS` and `BAR`.
+One meaning a color: those of `MEANINGS` differ for every eye, also for one that confuses red and green, as a
+test measures. Weights are viridis; runs are near the set of Okabe and Ito (2008). Maps and pictures have a
+dark ground of their own; plots and charts have the viewer's, dark or light, so that what is drawn in them
+must be seen on both: `RUN_COLORS` and `BAR`.
 
 The viewer's font (Inter) has Latin, Greek and Cyrillic letters and many signs. For anything else its window
 shows boxes, and without a screen it stops altogether (0.41), so that one Chinese letter in a label would
@@ -46,6 +47,7 @@ MOVED: RGB = CLOUD  # paths of particles in one update
 FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
 CARRIED: RGB = (255, 70, 70)  # the way of a kidnapping, in the red of its lane
+SETTLED: RGB = (120, 124, 134)  # all other particles, while the fresh ones are shown
 FRESH: RGB = (250, 76, 196)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = CLOUD
 # of estimates, their trails, ellipses and traces, by run:

@@ -188,13 +188,13 @@ def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> Compar
     if len(observers) < 2:
         return None
     from ..panels.comparison import ComparisonDrawing
-    from ..panels.observer import RerunObserver
+    from ..panels.observer import Detail, RerunObserver
 
     first, scene = next(iter(observers.values())), playback.scene
     if not isinstance(first, RerunObserver):
         return None
     scale = scale_for(scene.info.display_units, scene.library.arena)
-    shared = ComparisonDrawing(first.rec, playback.views, scale)
+    shared = ComparisonDrawing(first.rec, playback.views, scale, first.detail is not Detail.LIGHT)
     shared.begin(scene.library.arena, scene.has_truth)
     return shared
 

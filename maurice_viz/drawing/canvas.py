@@ -92,8 +92,8 @@ def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:
 
 
 LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
-MARGIN = {"left": 0.075, "right": 0.045, "top": 0.075, "bottom": 0.05}  # shares of the arena's long side
-TEXT = 0.02  # height of capitals, as a share of the arena's long side
+MARGIN = {"left": 0.09, "right": 0.05, "top": 0.075, "bottom": 0.06}  # shares of the arena's long side
+TEXT = 0.024  # height of capitals, as a share of the arena's long side
 FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (54, 54, 60)}
 OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
 MOST_TICKS = 9  # labels along one side of the ruler
@@ -215,7 +215,7 @@ def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) 
     """Write a name near the top or bottom of its polygon, at the first place where it covers nothing."""
     width, _ = text_size(name, text_px)
     low, high = polygon.min(axis=0), polygon.max(axis=0)
-    bases = np.arange(low[1] + 1.8 * text_px, high[1], text_px)
+    bases = np.arange(low[1] + 1.8 * text_px, high[1] - 0.6 * text_px, text_px / 2)
     for base in bases if at_top else bases[::-1]:
         for left in np.arange(low[0] + 0.8 * text_px, high[0] - width - 0.8 * text_px, text_px):
             if _is_bare(image[round(base - 1.3 * text_px) : round(base), round(left) : round(left + width)]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.map import Arena
 
 from .. import style
+from ..entities import Phase
 from ..style import RGB, U32, Scale
 from .canvas import MARGIN, Extent, ascii_of, long_side, map_extent, put_text, text_size
 
@@ -20,9 +22,11 @@ TEXT_PX = 24.0
 GAP_PX = 18
 INSET_PX = 70
 ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
+# phases in which a map can look different; in the last one, `estimate`, it is as before
+PHASES = (Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT, Phase.RESAMPLE, Phase.RESEED)
 # the keys of a run, by name: what is above its maps
 WEIGHTS, MATCHES, LIKELIHOOD, EXPLAINED = "weights", "matches", "likelihood", "explained"
-COMPARED = "compared"  # above its map beside others
+COMPARED = "compared"  # above its map beside others, like WEIGHTS
 CIRCLES, CIRCLE_PX = 5, 22  # circles in a key, and the radius of the largest
 LINES_PX = 1060  # width of the key of a plot's lines
 LINE_ROW_PX, LINE_TEXT_PX, LINE_PX = 44, 20.0, 50
@@ -32,8 +36,11 @@ WIDTH_PX = 1280
 DISK_PX = 0.42  # radius of a disk, as a share of the height of capitals
 RAMP_PX = 5.0  # length of the color scale, in heights of capitals
 ROW_HEIGHT = 2.2  # height of a row, in heights of capitals
+LONG_PX = 1.8  # length of a line, in heights of capitals
 LEFT_PX = 60
-WIDE_TEXT_PX, NARROW_TEXT_PX = 26.0, 31.0  # of capitals, where there are two runs and where there are more
+# heights of capitals, of a key WIDTH_PX wide: at least 8 px on a screen of 1600 x 1000
+BELIEF_PX, LIKELIHOOD_PX = 26.0, 31.0
+WIDE_TEXT_PX, NARROW_TEXT_PX = 26.0, 34.0  # where there are two runs and where there are more
 NARROW_FROM = 3  # runs
 SMALLER_MAP = 1.12  # the shared map is drawn smaller than the others, its key should not be
 
@@ -88,37 +95,8 @@ def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
     return [_disk(style.TRUTH, 13), _text(text)] if has_truth else []
 
 
-def keys_of(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, U8]:
-    """Draw the keys of one run, by name."""
-    if is_recorded:
-        return {WEIGHTS: weight_key(has_truth, color, False)}
-    return {
-        WEIGHTS: weight_key(has_truth, color, True),
-        MATCHES: circle_key(),
-        LIKELIHOOD: likelihood_key(has_truth, color),
-        EXPLAINED: explain_key(has_truth, color),
-    }
-
-
-def weight_key(has_truth: bool, color: RGB, has_fresh: bool) -> U8:
-    """Draw the arena's key: truth (if known), estimate, ellipse, weights, fresh particles."""
-    scale = [_text("weight: 1/8"), _ramp(), _text("8 x average  "), *(_fresh() if has_fresh else [])]
-    return _joined(*_truth_disk(has_truth), *_estimate_marks(color), *scale)
-
-
 def _fresh() -> list[U8]:
     return [_disk(style.FRESH, 8), _text("fresh  ")]
-
-
-def _estimate_marks(color: RGB) -> list[U8]:
-    return [_disk(color, 13), _text("estimate  "), _ring(color), _text("2 sigma of the cloud  ")]
-
-
-def likelihood_key(has_truth: bool, color: RGB) -> U8:
-    """Draw the likelihood maps' key: the color scale, the cloud, fresh particles, estimate and truth."""
-    scale = [_text(f"{style.DEEPEST:g} nats under the best"), _ramp(), _text("best  ")]
-    marks = [_disk(style.CLOUD, 6), _text("particles  "), *_fresh(), *_estimate_marks(color)]
-    return _joined(*scale, *marks, *_truth_disk(has_truth, "truth"))
 
 
 def explain_key(has_truth: bool, color: RGB = style.RUN_COLORS[0]) -> U8:
@@ -140,10 +118,10 @@ def _circles() -> list[U8]:
     return [_text("references, nats below the best: "), *parts]
 
 
-def circle_key() -> U8:
+def circle_key(has_fresh: bool) -> U8:
     """Draw the match map's key: circles, ranks, the cloud and fresh particles."""
     best, cloud = [_disk(style.RANK, 13), _text("best five  ")], [_disk(style.CLOUD, 6), _text("particles  ")]
-    return _rows(_joined(*_circles()), _joined(*best, *cloud, *_fresh()))
+    return _rows(_joined(*_circles()), _joined(*best, *cloud, *(_fresh() if has_fresh else [])))
 
 
 def paths_key(moves: bool, has_truth: bool) -> U8:
@@ -176,13 +154,29 @@ def line_key(lines: Sequence[tuple[str, RGB, float]]) -> U8:
     return image
 
 
+class KeyMark(Enum):
+    """What stands in front of a word of a key."""
+
+    DISK = "disk"
+    RING = "ring"
+    LINE = "line"
+    SCALE = "scale"  # all colors of a scale
+    UPPER = "upper"  # its upper half
+
+
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One word of a key, with a disk of a color or the scale of the weights in front of it."""
+    """One word of a key, with its mark in front of it."""
 
     text: str
-    color: RGB | None = None  # None: the color scale
-    is_ring: bool = False
+    color: RGB = style.PALE
+    mark: KeyMark = KeyMark.DISK
+
+    @property
+    def wide(self) -> float:
+        """Width of the mark, in heights of capitals."""
+        widths = {KeyMark.LINE: LONG_PX, KeyMark.SCALE: RAMP_PX, KeyMark.UPPER: RAMP_PX}
+        return widths.get(self.mark, 2 * DISK_PX)
 
 
 def _text_px(runs: int) -> float:
@@ -196,7 +190,7 @@ def runs_key(labels: Sequence[str], has_truth: bool, has_fresh: bool) -> U8:
         Item(_drawable(label, k), color)
         for k, (label, color) in enumerate(zip(labels, style.RUN_COLORS, strict=False))
     ]
-    items += [*_truth(has_truth), Item("2 sigma", style.PALE, True)]
+    items += [*_truth(has_truth), Item("2 sigma", style.PALE, KeyMark.RING)]
     items += [Item("fresh", style.FRESH)] if has_fresh else []
     return _wrapped(items, SMALLER_MAP * _text_px(len(labels)))
 
@@ -206,12 +200,59 @@ def _drawable(label: str, number: int) -> str:
     return style.COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
 
 
-def belief_key(runs: int, has_truth: bool, color: RGB, has_fresh: bool) -> U8:
-    """Draw the key of one run's map: truth, estimate, and the color scale of the weights."""
-    weight = Item("weight, 1/8 to 8 x average")
-    estimate = [Item("estimate", color), Item("2 sigma", color, True)]
-    fresh = [Item("fresh", style.FRESH)] if has_fresh else []
-    return _wrapped([*_truth(has_truth), *estimate, *fresh, weight], _text_px(runs))
+def phase_keys(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, list[U8]]:
+    """Draw the keys of one run's maps by name, each once for every phase of `PHASES`.
+
+    A key has what its map shows in that phase. Another localizer's run has one key for all phases.
+    """
+    belief = belief_keys(has_truth, color, is_recorded)
+    if is_recorded:
+        return {WEIGHTS: belief}
+    return {
+        WEIGHTS: belief,
+        MATCHES: [circle_key(phase is Phase.RESEED) for phase in PHASES],
+        LIKELIHOOD: [_wrapped(likelihood_items(phase, has_truth, color), LIKELIHOOD_PX) for phase in PHASES],
+    }
+
+
+def belief_keys(has_truth: bool, color: RGB, is_recorded: bool, runs: int = 1) -> list[U8]:
+    """Draw the keys of the map of a run's cloud, one a phase; those of several runs have larger words."""
+    phases = (Phase.WEIGHT,) if is_recorded else PHASES
+    text = BELIEF_PX if runs == 1 else _text_px(runs)
+    return [_wrapped(belief_items(phase, has_truth, color), text) for phase in phases]
+
+
+def highest(keys: Sequence[U8]) -> U8:
+    """Return the key with most rows, for which a view needs room."""
+    return max(keys, key=len)
+
+
+def belief_items(phase: Phase, has_truth: bool, color: RGB) -> list[Item]:
+    """Return what the map of a run's cloud shows in a phase."""
+    weights = Item("weight, 1/8 to 8 x average", mark=KeyMark.SCALE)
+    estimate = [Item("estimate", color), Item("2 sigma", color, KeyMark.RING)]
+    shown = {
+        Phase.PREDICT: [weights, Item("moved", style.MOVED, KeyMark.LINE)],
+        Phase.MEASURE: [weights],
+        Phase.WEIGHT: [*estimate, weights],
+        Phase.RESAMPLE: [
+            *estimate,
+            Item("copies, 1 to 8", mark=KeyMark.UPPER),
+            Item("no copy", style.DEAD),
+            Item("ancestors", style.FAMILY, KeyMark.LINE),
+        ],
+        Phase.RESEED: [*estimate, Item("fresh", style.FRESH), Item("not fresh", style.SETTLED)],
+    }
+    return [*_truth(has_truth), *shown[phase]]
+
+
+def likelihood_items(phase: Phase, has_truth: bool, color: RGB) -> list[Item]:
+    """Return what a map of the likelihood shows in a phase: the estimate only once there is one."""
+    items = [Item(f"{style.DEEPEST:g} nats below the best, to best", mark=KeyMark.SCALE)]
+    items += [Item("particles", style.CLOUD), *_truth(has_truth)]
+    if phase >= Phase.WEIGHT:
+        items += [Item("estimate", color), Item("2 sigma", color, KeyMark.RING)]
+    return [*items, *([Item("fresh", style.FRESH)] if phase is Phase.RESEED else [])]
 
 
 def _truth(has_truth: bool) -> list[Item]:
@@ -249,17 +290,18 @@ def _wrapped(items: Sequence[Item], text: float) -> U8:
 
 
 def _width(item: Item, text: float) -> int:
-    mark = RAMP_PX if item.color is None else 2 * DISK_PX
-    return round((mark + 2.0) * text) + text_size(item.text, text)[0]
+    return round((item.wide + 2.0) * text) + text_size(item.text, text)[0]
 
 
 def _put(key: U8, item: Item, left: int, middle: float, text: float) -> None:
-    if item.color is None:
-        width = round(RAMP_PX * text)
-        colors = style.LUT[np.linspace(0, len(style.LUT) - 1, width).astype(int)]
+    width, row = round(item.wide * text), round(middle)
+    if item.mark is KeyMark.LINE:
+        cv2.line(key, (left, row), (left + width, row), item.color, max(2, round(text / 6)), cv2.LINE_AA)
+    elif item.mark in (KeyMark.SCALE, KeyMark.UPPER):
+        first = 0 if item.mark is KeyMark.SCALE else len(style.LUT) // 2
+        colors = style.LUT[np.linspace(first, len(style.LUT) - 1, width).astype(int)]
         key[round(middle - text / 2) : round(middle + text / 2), left : left + width] = _rgb(colors)
     else:
-        width = round(2 * DISK_PX * text)
-        thick = max(2, width // 7) if item.is_ring else -1
-        cv2.circle(key, (left + width // 2, round(middle)), width // 2, item.color, thick, cv2.LINE_AA)
+        thick = max(2, width // 7) if item.mark is KeyMark.RING else -1
+        cv2.circle(key, (left + width // 2, row), width // 2, item.color, thick, cv2.LINE_AA)
     put_text(key, item.text, left + width + 0.6 * text, middle + text / 2, text, style.PALE)

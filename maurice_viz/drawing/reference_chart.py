@@ -25,8 +25,8 @@ from .heat import CHART, EMPTY_INK, HEATS, grid_of, heat_of, place_heat
 from .indexed import fill, write
 
 CHART_PX = (288, 260)  # width and height, in a recording of many updates
-BAR_SHARE = 0.2  # of the height, with the axis below it
-TEXT_SHARE = 0.034  # height of capitals, of the width
+BAR_SHARE = 0.23  # of the height, with the axis below it
+TEXT_SHARE = 0.045  # height of capitals, of the width
 COST_SHARE = 0.32  # of a small chart's height: what each element costs
 SEGMENTS: tuple[RGB, ...] = (*RUN_COLORS[2:], (182, 90, 62), (204, 121, 167))  # of channels, in turn
 TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
@@ -245,7 +245,7 @@ def draw_chart_key(size: tuple[int, int] = CHART_PX) -> U8:
     """Draw what the marks of a chart mean, as large as a chart."""
     width, height = size
     image = blank(height, width, GROUND)
-    text = 1.1 * TEXT_SHARE * width
+    text = 0.95 * TEXT_SHARE * width
     under = round(BAR_SHARE * height)
     put_text(image, "what each channel costs the", 4, 0.3 * under, text, PALE)
     put_text(image, "reference; shorter is likelier", 4, 0.3 * under + 1.7 * text, text, PALE)

@@ -58,7 +58,7 @@ def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     """Lay out the cloud large; likelihoods, headings, ancestors and evidence beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(
-        closeup_view(paths, scene, ": moves pale, ancestors yellow, died red, new pink"),
+        closeup_view(paths, scene),
         words_view(paths),
         row_shares=[2.65, 1.0],
     )

@@ -39,7 +39,7 @@ def _many(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
     maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
     pictures = rrb.Horizontal(*shared.camera_views(runs))
     plots = rrb.Vertical(pictures, *_narrow_plots(runs, scene))
-    return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1.1, 1.2, 1])
+    return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1, 1.5, 0.9])
 
 
 def recorded_compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
@@ -101,11 +101,11 @@ def _spread(labels: Sequence[str], scene: SceneInfo) -> rrb.TimeSeriesView:
 def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     """Plot one quantity per panel, one line per run."""
     labels = [run.label for run in runs]
-    who = lines.who_is_who(labels)  # stands in the first title
+    who = lines.who_is_who(labels)  # stands in the first two titles
     columns = []
     if scene.has_truth:
         columns.append(rrb.Vertical(*lines.error_plots(labels, scene, who), *lines.truth_plots(labels)))
-    cloud = lines.cloud_plots(runs, scene, "" if scene.has_truth else who)
+    cloud = lines.cloud_plots(runs, scene, lines.NOBODY if scene.has_truth else who)
     columns.append(rrb.Vertical(*cloud, *lines.survival_plots(labels)))
     return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
 

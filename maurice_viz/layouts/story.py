@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import rerun.blueprint as rrb
 
+from ..drawing.keys import NARROW_FROM
 from ..entities import RunPaths
 from ..panels.belief import belief_view
 from ..panels.camera import camera_view
@@ -16,10 +17,10 @@ from ..panels.story import best_match_view, errors_plot, tour_view, verdict_view
 from ..scene import RunView, SceneInfo
 
 # shares of the height of a screen of 1600 x 1000, in hundreds of pixels
-MIDDLE = 4.9
-TEXTS = 1.8  # title, and four lines of the verdict, or those of the tour
-TELLS = 0.6  # of the width: the verdict; the rest is the tour
-LANES, LANE = 0.75, 0.38  # title and axis of the events, and each lane
+MIDDLE = 5.03
+TEXTS, LINE = 1.42, 0.2  # title and three lines of the verdict; each line more
+SEES = 0.42  # of the width beside the map: the camera; the rest is the tour
+LANES, LANE = 0.8, 0.38  # title and axis of the events, and each lane
 SCREEN = 9.0  # all below the tabs
 
 
@@ -38,16 +39,22 @@ def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
         matches = [best_match_view(runs[0], "The best match in the library")]
     else:
         arena, camera = all_runs_view(runs, scene), camera_views(runs)[0]
-        matches = [best_match_view(run, f"{run.label}: best match") for run in runs]
+        title = "{}: best match" if len(runs) < NARROW_FROM else "{}"
+        matches = [best_match_view(run, title.format(run.label)) for run in runs]
     brief = len(runs) > 1
     lanes = 1 + len(runs) * (1 if brief else 2)
     width, height = scene.arena.size_m
     wide = float(np.clip(width / height * MIDDLE / 16 + 0.06, 0.35, 0.7))
-    seen = rrb.Vertical(camera, rrb.Horizontal(*matches))
+    if len(runs) == 1:
+        seen = rrb.Vertical(rrb.Horizontal(camera, *matches), tour_view(), row_shares=[2, 1])
+    else:
+        now = rrb.Horizontal(camera, tour_view(), column_shares=[SEES, 1 - SEES])
+        seen = rrb.Vertical(now, rrb.Horizontal(*matches))
+    more = max(len(runs) - 2, 0)  # runs, each of which has a lane, and its part of the verdict
     return rrb.Vertical(
-        rrb.Horizontal(verdict_view(), tour_view(), column_shares=[TELLS, 1 - TELLS]),
+        verdict_view(),
         rrb.Horizontal(arena, seen, column_shares=[wide, 1 - wide]),
         events_view([run.label for run in runs], brief=brief),
         errors_plot(runs, scene),
-        row_shares=[TEXTS, MIDDLE - LANE * max(len(runs) - 2, 0), LANES + LANE * lanes, 1.5],
+        row_shares=[TEXTS + LINE * more, MIDDLE - (LANE + LINE) * more, LANES + LANE * lanes, 1.5],
     )

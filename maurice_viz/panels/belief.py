@@ -10,14 +10,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-from maurice_mcl.arrays import F32, F64, I32
+from maurice_mcl.arrays import F32, F64, I32, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, StepRecord
 
 from .. import entities
 from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_points_of
 from ..drawing.canvas import Extent, long_side
-from ..drawing.keys import WEIGHTS, weight_key
+from ..drawing.keys import WEIGHTS, highest, phase_keys
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import (
@@ -26,6 +26,7 @@ from ..style import (
     PALE,
     RGB,
     RUN_COLORS,
+    SETTLED,
     TRUTH,
     Scale,
     copy_colors,
@@ -34,14 +35,13 @@ from ..style import (
     packed,
     weight_colors,
 )
-from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
+from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 from .views import MAP, map_view, plane_view
 
 PARTICLE = 1.75  # radius in points of the screen
 COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
 MOST_COPIED = 9.0
 DEAD_PARTICLE = 0.9
-SETTLED: RGB = (120, 124, 134)  # all others, while the fresh ones are shown
 FRESH_PARTICLE = 2.5
 FEW = 300  # particles drawn in updates with less detail
 TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
@@ -57,8 +57,7 @@ SOME = 400  # particles, by weight, from which the extent of the cloud is estima
 MARGIN = 1.3  # of the view, over what it must hold
 ASIDE = 0.2  # of the frame: the frame follows a cloud farther from its middle
 LOOSE = 0.35  # of the frame: a smaller cloud makes the frame smaller
-KEY_WIDTH = 1.92  # of the key above, in frames (the frame is 2 wide)
-LEFT, TOP, BOTTOM = -0.96, -0.98, 0.93
+LEFT, BOTTOM = -0.96, 0.93
 
 
 class CloudPanel(Panel):
@@ -301,8 +300,6 @@ class CloseupPanel(Panel):
         # no labels yet: static ones would hide all later ones
         style = rr.Points2D([middle], colors=[PALE], radii=radius(0.1), show_labels=True, draw_order=70.0)
         rec.log(f"{self._path}/length", style, static=True)
-        key = weight_key(self._run.has_truth, self._run.color, not self._run.is_recorded)
-        place_drawing(rec, f"{self._path}/key", key, (LEFT, TOP), KEY_WIDTH / key.shape[1], 60.0)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         middle, reach_m = seen_whole(update.record.weighted, update.moment.truth)
@@ -338,15 +335,21 @@ def bar_for(needed: float, unit: str) -> float:
     return next((length for length in lengths if length >= needed), lengths[-1])
 
 
+def run_key(name: str, has_truth: bool) -> U8:
+    """Return the highest key of a map, in any run's color."""
+    return highest(phase_keys(has_truth, RUN_COLORS[0], False)[name])
+
+
 def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
-    contents = [*MAP, entities.NODES, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
+    contents = [*MAP, entities.NODES, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
     contents += [f"{entities.TRUTH}/**", paths.error_line] if scene.has_truth else []
-    return map_view(f"Belief: particles by weight, rings: modes ({scene.scale.units.name})", contents, scene)
+    name = f"Belief: particles by weight, rings: modes ({scene.scale.units.name})"
+    return map_view(name, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
 
 
-def closeup_view(paths: RunPaths, scene: SceneInfo, colors: str = "") -> rrb.Spatial2DView:
-    """Show the close-up of the cloud; `colors` explains colors in the title."""
+def closeup_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+    """Show the close-up of the cloud."""
     contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    return plane_view(f"Cloud close up{colors}", contents, Extent(-1, 1, -1, 1), origin=paths.closeup)
+    return plane_view("Cloud close up", contents, Extent(-1, 1, -1, 1), origin=paths.closeup)

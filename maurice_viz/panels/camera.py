@@ -117,7 +117,7 @@ class FilmstripPanel(Panel):
     def _column(self, record: StepRecord, at_truth: int | None, at_estimate: int) -> U8:
         frame = record.frame
         small = cv2.resize(frame.image, (CELL_PX, self._height), interpolation=cv2.INTER_AREA)
-        cells = [self._cell(np.asarray(small), f"step {frame.step}: seen", PALE)]
+        cells = [self._cell(np.asarray(small), f"step {frame.step}", PALE)]
         if self._has_truth:
             cells.append(self._reference(at_truth, ROWS[1], TRUTH))
         cells.append(self._reference(at_estimate, ROWS[2], self._run.color))

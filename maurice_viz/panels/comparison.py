@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -15,8 +15,8 @@ from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
 from .. import entities
-from ..drawing.canvas import jpeg
-from ..drawing.keys import COMPARED, belief_key, extent_with, key_extent, runs_key
+from ..drawing.canvas import jpeg, long_side
+from ..drawing.keys import COMPARED, belief_keys, extent_with, highest, runs_key
 from ..entities import Phase, RunPaths
 from ..playback import RunResult
 from ..scene import RunView, SceneInfo
@@ -25,9 +25,10 @@ from ..text.summary import NOT_YET, StepWords, result
 from .belief import PoseMarker, truth_marker
 from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
 from .events import EventLines, line_names
-from .panel import MARKDOWN, place_drawing, set_phase
+from .panel import MARKDOWN, set_phase, set_phase_only
 from .traces import LINE
 from .views import MAP, picture_view, plane_view, plot
+from .world import FAR, draw_keys, show_key
 
 LONGEST = 12  # letters of a label in a title of the shared column
 LONGEST_TITLE = 30  # letters for which a small map has room
@@ -41,13 +42,17 @@ class ComparisonDrawing:
     Of runs that replay another drive than the first one, camera and truth are drawn here.
     """
 
-    def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scale: Scale) -> None:
+    def __init__(
+        self, rec: rr.RecordingStream, runs: Sequence[RunView], scale: Scale, draws_fresh: bool = True
+    ) -> None:
         self._rec, self._runs, self._scale = rec, tuple(runs), scale
         self._labels = tuple(run.label for run in runs)
         self._other_drives = [run.label for run in runs if run.own_drive]
         self._clouds = {label: entities.cloud_of(label) for label in self._labels}
         self._truths: dict[str, PoseMarker] = {}  # of other drives
         self._words: StepWords | None = None
+        self._draws_fresh = draws_fresh and not all(run.is_recorded for run in runs)
+        self._far, self._key = 0.0, -1  # between the keys of all runs; the one that is shown
         self._events = EventLines()
         self._extents: dict[str, tuple[float, float]] = {}  # least and largest value, by plot
 
@@ -69,6 +74,7 @@ class ComparisonDrawing:
         if self._words is None:
             raise RuntimeError("begin() comes before see()")
         moment, _ = steps[self._labels[0]]
+        self._show_key(moment, (record for _, record in steps.values()))
         set_phase(self._rec, moment, Phase.WEIGHT)
         for label, (own, record) in steps.items():
             self._rec.log(self._clouds[label], rr.Points2D.from_fields(positions=self._dots(record)))
@@ -92,13 +98,24 @@ class ComparisonDrawing:
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _draw_keys(self, arena: Arena, has_truth: bool) -> None:
-        keys = {entities.RUNS_KEY: _key_of_all(self._runs, has_truth)}
+        self._far = FAR * long_side(arena, self._scale)
+        keys_of_all = _keys_of_all(self._runs, has_truth)
+        draw_keys(self._rec, entities.RUNS_KEY, keys_of_all, arena, self._scale)
         for run, color in zip(self._runs, RUN_COLORS, strict=False):
-            key = belief_key(len(self._runs), has_truth, color, not run.is_recorded)
-            keys[RunPaths(run.label).key(COMPARED)] = key
-        for path, key in keys.items():
-            extent = key_extent(key, arena, self._scale)
-            place_drawing(self._rec, path, key, (extent.left, extent.top), extent.width / key.shape[1], -5.0)
+            keys = belief_keys(has_truth, color, run.is_recorded, len(self._runs))
+            draw_keys(self._rec, RunPaths(run.label).phase_key(COMPARED), keys, arena, self._scale)
+
+    def _show_key(self, moment: Moment, records: Iterable[StepRecord]) -> None:
+        """Show the key with fresh particles in the phase in which some run draws them."""
+        if not self._draws_fresh:
+            return
+        if self._key != 0:
+            (set_phase if self._key < 0 else set_phase_only)(self._rec, moment, Phase.PREDICT)
+            show_key(self._rec, entities.RUNS_KEY, 0, self._far)
+        self._key = int(any(record.injected is not None for record in records))
+        if self._key:
+            set_phase_only(self._rec, moment, Phase.RESEED)
+            show_key(self._rec, entities.RUNS_KEY, 1, self._far)
 
     def _prepare_run(self, label: str, color: tuple[int, int, int]) -> None:
         points = rr.components.Radius.ui_points
@@ -154,9 +171,10 @@ class ComparisonDrawing:
         return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS), :2] + cloud.origin)
 
 
-def _key_of_all(runs: Sequence[RunView], has_truth: bool) -> U8:
-    has_fresh = not all(run.is_recorded for run in runs)
-    return runs_key([run.label for run in runs], has_truth, has_fresh)
+def _keys_of_all(runs: Sequence[RunView], has_truth: bool) -> list[U8]:
+    """Return the keys without and, unless all runs are recorded, with fresh particles."""
+    labels, recorded = [run.label for run in runs], all(run.is_recorded for run in runs)
+    return [runs_key(labels, has_truth, has_fresh) for has_fresh in (False, True)[: 1 if recorded else 2]]
 
 
 def by_weight(weights: F64, count: int) -> I32:
@@ -183,25 +201,25 @@ def first_label(runs: Sequence[RunView]) -> str:
 def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show one run's cloud; the title names the run's color in shared panels."""
     paths = RunPaths(run.label)
-    contents = [*MAP, entities.NODES, paths.key(COMPARED), f"{paths.at('belief')}/**"]
+    contents = [*MAP, entities.NODES, f"{paths.phase_key(COMPARED)}/**", f"{paths.at('belief')}/**"]
     contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     unit = scene.scale.units.name
     name = f"{run.label}, {COLOR_WORDS[number]}: belief ({unit})"
     if len(name) > LONGEST_TITLE:
         name = f"{run.label}, {COLOR_WORDS[number]} ({unit})"
-    key = belief_key(count, scene.has_truth, RUN_COLORS[number], not run.is_recorded)
+    key = highest(belief_keys(scene.has_truth, RUN_COLORS[number], run.is_recorded, count))
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
 
 
 def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
-    contents = [*MAP, entities.NODES, entities.RUNS_KEY]
+    contents = [*MAP, entities.NODES, f"{entities.RUNS_KEY}/**"]
     for run in runs:
         paths = RunPaths(run.label)
         contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses, paths.fresh]
         truth = f"{entities.truth_of(run.label, run.own_drive)}/**"
         contents += [truth, paths.error_line] if scene.has_truth else []
-    key = _key_of_all(runs, scene.has_truth)
+    key = highest(_keys_of_all(runs, scene.has_truth))
     name = f"All runs on one map ({scene.scale.units.name})"
     return plane_view(name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale))
 

@@ -30,7 +30,7 @@ SECTORS = 36  # of ten degrees
 RIM = 1.0  # radius of the rim; a sector's length is the root of its share, so that its area is
 ROSE_REACH = 1.42  # from the middle to the edge of the view, with the labels
 RIM_PX = 160.0  # radius of the rim in its drawing
-ROSE_TEXT_PX = 17.0
+ROSE_TEXT_PX = 20.0
 DIRECTIONS = ((0, "0"), (90, "90"), (180, "180"), (270, "270"))
 
 
@@ -122,9 +122,9 @@ TIMES = (
     (UPDATES_SEEN / 2, f"{UPDATES_SEEN // 2}"),
     (UPDATES_SEEN, "now"),
 )
-MODES_MARGIN = (6.0, 3.5, 1.5, 3.5)  # left, right, top, bottom of the drawing, in columns
+MODES_MARGIN = (9.0, 4.0, 2.0, 5.5)  # left, right, top, bottom of the drawing, in columns
 FRAME_PX = 16  # pixels a column of the frame's drawing
-MODES_TEXT_PX = 18.0
+MODES_TEXT_PX = 29.0
 RING_PT = 1.0
 AROUND = np.linspace(0, 2 * np.pi, 49)
 LEAST_RINGED = 0.1  # share of the weight; smaller modes are in the bands only

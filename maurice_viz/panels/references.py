@@ -22,10 +22,11 @@ from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of
 from ..drawing.canvas import QUICK, jpeg
 from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
-from ..drawing.keys import LIKELIHOOD, MATCHES, circle_key
+from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
+from .belief import run_key
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 from .views import MAP, map_view, picture_view
@@ -122,7 +123,9 @@ class BestReferencesPanel(Panel):
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the sheet; in the very first phase, before anything is compared, an empty one."""
-        if not update.whole:
+        if not update.whole:  # the best one is cheap, and part of the story
+            set_phase(rec, update.moment, Phase.MEASURE)
+            self._log_best(rec, self._sheet.draw(best_matches(update.record.sighting.comparison)[:1]))
             return
         if update.is_first:
             set_phase_only(rec, update.moment, Phase.PREDICT)
@@ -136,6 +139,9 @@ class BestReferencesPanel(Panel):
 
     def _log(self, rec: rr.RecordingStream, sheet: U8) -> None:
         draw_jpeg(rec, self._path, jpeg(sheet, SHEET_QUALITY))
+        self._log_best(rec, sheet)
+
+    def _log_best(self, rec: rr.RecordingStream, sheet: U8) -> None:
         draw_jpeg(rec, self._best, jpeg(np.ascontiguousarray(sheet[:, :CELL_PX]), SHEET_QUALITY))
 
 
@@ -216,9 +222,9 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 
 def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
-    contents = [*MAP, paths.key(MATCHES), *_circles_of(paths)]
+    contents = [*MAP, f"{paths.phase_key(MATCHES)}/**", *_circles_of(paths)]
     name = f"Match circles ({scene.scale.units.name})"
-    return map_view(name, contents, scene, paths.particles, circle_key())
+    return map_view(name, contents, scene, paths.particles, run_key(MATCHES, scene.has_truth))
 
 
 def _circles_of(paths: RunPaths) -> list[str]:
@@ -242,8 +248,9 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo)
     """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
-        contents = [*MAP, paths.key(LIKELIHOOD), paths.likelihood(channel), paths.particles, paths.fresh]
+        contents = [*MAP, f"{paths.phase_key(LIKELIHOOD)}/**", paths.likelihood(channel)]
+        contents += [paths.particles, paths.fresh]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else f"Likelihood: {channel} ({scene.scale.units.name})"
-        views.append(map_view(title, contents, scene, paths.particles))
+        views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene.has_truth)))
     return views

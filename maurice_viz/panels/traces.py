@@ -49,6 +49,8 @@ ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
 THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
 SHARES = {CONFIDENCE: 1.1, EFFECTIVE: 1.1, SURVIVORS: 1.1, ANCESTORS: 1.1}  # the ends of their scales
 # plots that begin at zero, and how many steps of a scale their smallest panel labels
+ABOVE_EVIDENCE = 0.1  # of its extent: the label of 0 is often at the top
+ABOVE_LABEL = 1.15  # of the last label, whose upper half would be cut off
 LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 
 
@@ -80,7 +82,7 @@ class TracesPanel(Panel):
         key = rr.EncodedImage(contents=png(line_key(lines)), media_type="image/png")
         rec.log(self._paths.line_key, key, static=True)
         unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
-        for quantity in LABELED_STEPS:
+        for quantity in (*LABELED_STEPS, EVIDENCE):
             rec.log(top_path(self._paths, quantity), unseen, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -113,6 +115,9 @@ class TracesPanel(Panel):
         for quantity, most in self._most.items():
             if quantity in LABELED_STEPS:
                 rec.log(top_path(self._paths, quantity), scalars(round_top(most, LABELED_STEPS[quantity])))
+        if EVIDENCE in self._most:
+            most, least = self._most[EVIDENCE], self._least[EVIDENCE]
+            rec.log(top_path(self._paths, EVIDENCE), scalars(most + ABOVE_EVIDENCE * (most - least)))
         self._draw_limits(rec)
         for quantity, (low, high) in self._extents().items():
             self._events.draw(rec, self._paths.trace(quantity), low, high)
@@ -178,11 +183,14 @@ def top_path(paths: RunPaths, quantity: str) -> str:
 
 
 def round_top(most: float, steps: float) -> float:
-    """Return the power of ten above a value of more than `steps` times the one below; else the value."""
+    """Return where a scale ends whose labels are powers of ten: above the value, and above the last label.
+
+    A value of more than `steps` times the power below it gets a label above it.
+    """
     if not 0 < most < np.inf:
         return 0.0
     below = 10.0 ** np.floor(np.log10(most))
-    return float(10 * below if most > steps * below else most)
+    return float(max(most, ABOVE_LABEL * (10 * below if most > steps * below else below)))
 
 
 def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
@@ -200,12 +208,16 @@ def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def error_plots(labels: Sequence[str], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
+Who = tuple[str, str]  # whose color is which, at the end of two titles
+NOBODY: Who = ("", "")
+
+
+def error_plots(labels: Sequence[str], scene: SceneInfo, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
     """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
     unit = scene.scale.units.name
     return [
-        plot_of_runs(POSITION_ERROR, f"Position error, 2 sigma ({unit}){who}", labels, None, TWO_SIGMA),
-        plot_of_runs(HEADING_ERROR, "Heading error (deg)", labels),
+        plot_of_runs(POSITION_ERROR, f"Position error, 2 sigma ({unit}){who[0]}", labels, None, TWO_SIGMA),
+        plot_of_runs(HEADING_ERROR, f"Heading error (deg){who[1]}", labels),
     ]
 
 
@@ -217,12 +229,12 @@ def truth_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def cloud_plots(runs: Sequence[RunView], scene: SceneInfo, who: str = "") -> list[rrb.TimeSeriesView]:
+def cloud_plots(runs: Sequence[RunView], scene: SceneInfo, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
     """Plot spread, confidence and effective sample size of some runs."""
     labels, near = [run.label for run in runs], scene.scale.say(runs[0].radii.confidence_m)
     return [
-        plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who}", labels),
-        plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near})", labels, top=1.1),
+        plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who[0]}", labels),
+        plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near}){who[1]}", labels, top=1.1),
         plot_of_runs(EFFECTIVE, "Effective sample size (share of particles)", labels, top=1.1),
     ]
 
@@ -235,11 +247,13 @@ def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def who_is_who(labels: Sequence[str]) -> str:
-    """Return the colors of several runs for a title; empty for one run."""
+def who_is_who(labels: Sequence[str]) -> Who:
+    """Return the colors of several runs for two titles, two runs each; empty for one run."""
     if len(labels) == 1:
-        return ""
-    return ": " + ", ".join(f"{label} {COLOR_WORDS[k]}" for k, label in enumerate(labels))
+        return NOBODY
+    said = [f"{label} {COLOR_WORDS[k]}" for k, label in enumerate(labels)]
+    first, second = (", ".join(some) for some in (said[:2], said[2:]))
+    return f": {first}", f": {second}" if second else ""
 
 
 def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
@@ -249,7 +263,7 @@ def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
 
 def evidence_key(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
     """Show the key of the evidence; a legend would cover lines of the plot."""
-    name = f"{title}key of the evidence" if title else "Key of the evidence: channels"
+    name = f"{title}key" if title else "Key of the evidence: channels"
     return picture_view(name, paths.line_key)
 
 

@@ -98,10 +98,11 @@ def test_labels_that_would_collide_are_refused(label):
 # A difference of 1 in CIELAB (CIE 1976) can just be seen; of 20, two marks are called by two names.
 LEAST_DIFFERENCE, LEAST_WITHOUT_GREEN = 20.0, 10.0
 TO_XYZ = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]])
-DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])  # Machado 2009
+# Machado, Oliveira and Fernandes, 2009
+DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
 
 
-def lab(color: style.RGB, seen=np.eye(3)) -> np.ndarray:
+def lab(color: style.RGB, seen: np.ndarray) -> np.ndarray:
     """Return L*, a*, b* (D65) of an sRGB color, as seen by an eye that mixes linear colors like this."""
     shares = np.array(color) / 255
     linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)

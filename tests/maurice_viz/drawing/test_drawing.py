@@ -22,7 +22,18 @@ from maurice_viz.drawing.canvas import (
     ticks,
 )
 from maurice_viz.drawing.indexed import LEVELS, IndexedColors, write
-from maurice_viz.style import FRESH, GROUND, OBSTACLE, PALE, RUN_COLORS, scale_for
+from maurice_viz.entities import Phase
+from maurice_viz.style import (
+    DEAD,
+    FAMILY,
+    FRESH,
+    GROUND,
+    MOVED,
+    OBSTACLE,
+    PALE,
+    RUN_COLORS,
+    scale_for,
+)
 
 
 @pytest.mark.parametrize(
@@ -73,21 +84,22 @@ def has_color(image, color) -> bool:
 
 @pytest.mark.parametrize("color", RUN_COLORS)
 def test_keys_show_the_estimate_in_its_runs_color_and_fresh_particles_where_they_are_drawn(color):
-    drawn = keys.keys_of(True, color, is_recorded=False)
-    for name in (keys.WEIGHTS, keys.LIKELIHOOD, keys.EXPLAINED):
-        assert has_color(drawn[name], color)
-    for name in (keys.WEIGHTS, keys.LIKELIHOOD, keys.MATCHES):
-        assert has_color(drawn[name], FRESH)
-    (recorded,) = keys.keys_of(True, color, is_recorded=True).values()
+    drawn = keys.phase_keys(True, color, is_recorded=False)
+    assert has_color(keys.explain_key(True, color), color)
+    for name, by_phase in drawn.items():
+        assert [has_color(key, FRESH) for key in by_phase] == [phase is Phase.RESEED for phase in keys.PHASES]
+        estimated = [phase >= Phase.WEIGHT for phase in keys.PHASES]
+        assert name == keys.MATCHES or [has_color(key, color) for key in by_phase] == estimated
+    for mark, phase in ((MOVED, Phase.PREDICT), (DEAD, Phase.RESAMPLE), (FAMILY, Phase.RESAMPLE)):
+        shown = [has_color(key, mark) for key in drawn[keys.WEIGHTS]]
+        assert shown == [other is phase for other in keys.PHASES]
+    ((recorded,),) = keys.phase_keys(True, color, is_recorded=True).values()
     assert has_color(recorded, color)
     assert not has_color(recorded, FRESH)
-    assert not has_color(keys.belief_key(2, True, color, has_fresh=False), FRESH)
     assert not has_color(keys.runs_key(["amcl", "nav2"], True, has_fresh=False), FRESH)
 
 
 def test_keys_and_tensors():
-    color = RUN_COLORS[0]
-    assert keys.weight_key(True, color, True).shape[1] > keys.weight_key(False, color, True).shape[1]
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
     first = tensor_of(np.array([1, 2], np.float32)).arrow()

@@ -17,7 +17,7 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import INCH_M
 from maurice_viz import entities
 from maurice_viz import entities as paths
-from maurice_viz.drawing.keys import belief_key, key_extent, runs_key
+from maurice_viz.drawing.keys import belief_keys, key_extent, runs_key
 from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
@@ -195,7 +195,7 @@ def test_titles_and_labels_are_short():
 @pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
 def test_keys_stand_above_the_map_and_hold_every_label(labels):
     where = shown()
-    for key in (runs_key(labels, True, True), belief_key(len(labels), True, RUN_COLORS[1], True)):
+    for key in (runs_key(labels, True, True), *belief_keys(True, RUN_COLORS[1], False, len(labels))):
         extent = key_extent(key, where.arena, where.scale)
         assert extent.bottom <= 0 - where.scale.length(where.arena.bounds[3]) + 1e-6  # y points down
         assert (key.max(axis=2) > 100).any()

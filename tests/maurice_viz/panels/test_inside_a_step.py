@@ -189,7 +189,8 @@ def test_full_and_light_do_not_wait(detail, whole):
 
 
 @pytest.mark.parametrize(
-    ("most", "top"), [(0.0, 0.0), (8.8, 10.0), (0.93, 1.0), (4.0, 4.0), (12.0, 12.0), (47.0, 100.0)]
+    ("most", "top"),
+    [(0.0, 0.0), (8.8, 11.5), (0.93, 1.15), (4.0, 4.0), (12.0, 12.0), (10.2, 11.5), (47.0, 115.0)],
 )
 def test_scales_reach_a_number_that_the_viewer_labels(most, top):
     assert round_top(most, 4.5) == pytest.approx(top)

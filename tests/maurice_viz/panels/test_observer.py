@@ -14,6 +14,7 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import contributions
 from maurice_viz import entities
+from maurice_viz.drawing.keys import MATCHES, PHASES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
@@ -26,6 +27,7 @@ from maurice_viz.viewer import sinks
 from maurice_viz.viewer.sinks import recording
 
 STEPS = 4
+MOVED = "Transform3D:translation"
 RUN = RunPaths("blended")
 
 
@@ -45,7 +47,13 @@ def test_every_entity_is_on_three_timelines(drawn):
     found = recordings.entities_of(drawn[0])
     charts = {RUN.histogram(c, k) for c in ("color", "edges") for k in ("sample", "reference", "difference")}
     traces = ("position_error", "heading_error", "spread", "confidence", "effective_sample")
-    world = {entities.FLOORS, entities.WALLS, entities.NODES, RUN.key("weights"), RUN.key("matches")}
+    world = {
+        entities.FLOORS,
+        entities.WALLS,
+        entities.NODES,
+        f"{RUN.phase_key(WEIGHTS)}/0",
+        f"{RUN.phase_key(MATCHES)}/4",
+    }
     expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
     expected |= {RUN.circles, RUN.best, RUN.contact_sheet} | charts | world | {RUN.trace(t) for t in traces}
     assert expected <= found
@@ -300,3 +308,20 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
         assert (np.abs(radii) > PARTICLE).sum() == record.injected.sum() == 40 * SHARE
         said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
         assert "**10 fresh** of 40 particles" in said
+
+
+def test_each_phase_shows_its_own_key(tmp_path):
+    session = fakes.make_session(fakes.make_library(), 2)
+    played, path = _records(session), tmp_path / "keys.rrd"
+    recordings.draw_run(path, session, "color", build_localizer(session.library, session), played)
+    moves = recordings.rows(path, RunPaths("color").phase_keys)
+    measured = entities.phase_number(1, Phase.MEASURE)
+    far = -next(row for row in moves if row.phase == measured).values[MOVED][0][1]
+    assert far > 100 * max(session.library.arena.size_m)
+    for step in (1, 2):
+        for number, phase in enumerate(PHASES):
+            at = [row for row in moves if row.phase == entities.phase_number(step, phase)]
+            assert at[-1].step is None
+            assert at[-1].values[MOVED][0][1] == pytest.approx(-number * far)
+    (elsewhere,) = [row for row in moves if row.step is not None]  # a step is seen weighted
+    assert elsewhere.values[MOVED][0][1] == pytest.approx(-PHASES.index(Phase.WEIGHT) * far)
