@@ -162,8 +162,12 @@ class RunPaths:
         return self.at("likelihood", channel)
 
     def film(self, column: int) -> str:
-        """One column of the filmstrip: one EncodedImage with a Transform3D."""
+        """One column of the filmstrip: one Transform3D."""
         return self.at("film", "columns", str(column))
+
+    def film_cell(self, column: int, row: int) -> str:
+        """One picture of the filmstrip, with its caption below it: an EncodedImage each."""
+        return self.at("film", "columns", str(column), str(row))
 
     @property
     def columns(self) -> str:
@@ -172,13 +176,12 @@ class RunPaths:
 
     @property
     def contact_sheet(self) -> str:
-        """The pictures of the best five entries: one EncodedImage."""
+        """All that shows the best five entries; nothing is logged there itself."""
         return self.at("match", "pictures")
 
-    @property
-    def best_match(self) -> str:
-        """The picture of the best entry: one EncodedImage."""
-        return self.at("match", "picture")
+    def match(self, rank: int) -> str:
+        """The picture of the entry of this rank, with its caption below it: an EncodedImage each."""
+        return self.at("match", "pictures", str(rank))
 
     @property
     def text(self) -> str:

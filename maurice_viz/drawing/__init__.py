@@ -2,7 +2,7 @@
 
 canvas         texts on pixel images, their encoding, and the ground of a map: floors, obstacles, ruler
 keys           legends, as strips above a map or beside a plot
-contact_sheet  the five best references as one picture
+contact_sheet  pictures and captions of references, such as the five best
 bars           bar charts of descriptors
 arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
 indexed        small drawings of palette colors, for what is drawn at every update

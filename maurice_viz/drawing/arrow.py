@@ -21,6 +21,7 @@ from maurice_mcl.arrays import F32
 
 _POINT = pa.field("item", pa.float32(), nullable=False)
 _PAIR = pa.list_(_POINT, 2)
+_TRIPLE = pa.list_(_POINT, 3)
 _STRIPS = pa.list_(pa.field("item", _PAIR, nullable=False))
 _BLOB = pa.list_(pa.field("item", pa.uint8(), nullable=False))
 
@@ -129,6 +130,11 @@ def points_of(places: ArrayLike) -> Values:
     return Values(_points, flat, len(flat) // 2, flat.nbytes)
 
 
+def places_of(place: ArrayLike) -> Values:
+    """Return a place or size (3,) in space: a part of a transform."""
+    return Values(_places, np.ascontiguousarray(place, np.float32).ravel(), 1, 12)
+
+
 def strips_of(lines: Sequence[F32] | F32) -> Values:
     """Return lines (M, K, 2), or M lines (K_i, 2)."""
     points = np.concatenate(lines) if len(lines) else np.zeros((0, 2), np.float32)
@@ -169,6 +175,10 @@ def _texts(rows: Sequence[Sequence[str]]) -> Any:
 def _points(rows: Sequence[Any]) -> Any:
     inner = _floats(rows)
     return pa.Array.from_buffers(_PAIR, len(inner) // 2, [None], children=[inner])
+
+
+def _places(rows: Sequence[Any]) -> Any:
+    return pa.Array.from_buffers(_TRIPLE, len(rows), [None], children=[_floats(rows)])
 
 
 def _strips(rows: Sequence[tuple[F32, list[int]]]) -> Any:

@@ -1,4 +1,8 @@
-"""The five best references as one image, with captions burnt in (thesis fig. 18)."""
+"""The five best references, each a picture over its caption (thesis fig. 18).
+
+A reference is encoded once: its picture comes back often. Captions are drawn at every update, in palette
+colors.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,9 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison
 
-from ..style import GROUND, MISSING, PALE, RANK, Scale
-from .canvas import blank, put_text, text_size
+from ..style import GROUND, MISSING, PALE, RANK, RGB, RUN_COLORS, TRUTH, Scale
+from .canvas import blank, jpeg, put_text, text_size
+from .indexed import IndexedColors, write
 
 BEST = 5
 CELL_PX = 144  # width of one picture; its height follows the pictures' own shape
@@ -27,7 +32,11 @@ WIDTH_OF_A_LETTER = 0.78  # in text heights, on average in a caption
 NOT_KEPT = "picture not kept"
 GAP_PX = 6
 TRIED = 16  # pictures that are tried before a usual shape is assumed
-KEPT = 640  # cells in memory, at most about 50 MB: matches come back, and reading one costs 0.5 ms
+KEPT = 640  # references in memory, at most about 40 MB: matches come back, and reading one costs 0.5 ms
+QUALITY = 70  # of their pictures
+
+CAPTIONS = IndexedColors()
+INKS: dict[RGB, int] = {color: CAPTIONS.ramp(GROUND, color) for color in (PALE, RANK, TRUTH, *RUN_COLORS)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,47 +57,48 @@ def best_matches(comparison: Comparison) -> tuple[Match, ...]:
 
 
 class ContactSheet:
-    """Draws sheets, and remembers the cells (all but rank and quality) of the last `KEPT` references."""
+    """Draws the pictures and captions of references."""
 
     def __init__(self, library: Library, scale: Scale) -> None:
         self.library, self.scale = library, scale
-        self._cells: dict[int, U8] = {}
-        self._height = cell_height(library.pictures)  # of a picture, in pixels
+        self.height = cell_height(library.pictures)  # of a picture, in pixels
 
-    def draw(self, matches: Sequence[Match]) -> U8:
-        """Draw one row, always five wide so that the sheet keeps its size: (H, W, 3) RGB."""
-        cells = [self._cell(match.entry) for match in matches]
-        cells += [_blank(self._height)] * (BEST - len(matches))
-        sheet = np.concatenate(cells, axis=1)
-        for column, match in enumerate(matches):
-            left, bases = column * (CELL_PX + GAP_PX), [self._height + line for line in LINES_PX]
-            put_text(sheet, f"{match.rank}", left + 2, bases[0], 15.0, RANK)
-            put_text(sheet, f"q {match.quality:.3f}", left + QUALITY_AT_PX, bases[2], TEXT_PX, PALE)
-        return sheet[:, :-GAP_PX]
+    def picture(self, entry: int) -> bytes:
+        """Return a reference's picture as a JPEG."""
+        return reference_jpeg(self.library.pictures[entry], self.height)
 
-    def _cell(self, entry: int) -> U8:
-        if entry not in self._cells:
-            if len(self._cells) >= KEPT:
-                self._cells.pop(next(iter(self._cells)))
-            self._cells[entry] = self._drawn(entry)
-        return self._cells[entry]
+    def caption(self, match: Match) -> bytes:
+        """Draw three lines as a PNG: rank and entry, place, heading and quality."""
+        image = np.full((CAPTION_PX, CELL_PX), INKS[PALE], np.uint8)
+        place, _, heading = self.scale.say_pose(self.library.poses[match.entry]).rpartition(", ")
+        first, second, third = LINES_PX
+        write(image, f"{match.rank}", 2, first, 15.0, INKS[RANK])
+        write(image, f"entry {match.entry}", ENTRY_AT_PX, first, TEXT_PX, INKS[PALE])
+        write(image, place, 2, second, _fitting(place), INKS[PALE])
+        write(image, heading, 2, third, TEXT_PX, INKS[PALE])
+        write(image, f"q {match.quality:.3f}", QUALITY_AT_PX, third, TEXT_PX, INKS[PALE])
+        return CAPTIONS.png(image)
 
-    def _drawn(self, entry: int) -> U8:
-        height = self._height
-        path = self.library.pictures[entry]
-        thumbnail = None if path is None else thumbnail_of(path, height)
-        cell = _blank(height)
-        if thumbnail is None:
-            width, _ = text_size(NOT_KEPT, TEXT_PX)
-            put_text(cell, NOT_KEPT, (CELL_PX - width) / 2, height / 2, TEXT_PX, PALE)
-        else:
-            cell[:height, :CELL_PX] = thumbnail
-        place, _, heading = self.scale.say_pose(self.library.poses[entry]).rpartition(", ")
-        entry_px, place_px, heading_px = (height + line for line in LINES_PX)
-        put_text(cell, f"entry {entry}", ENTRY_AT_PX, entry_px, TEXT_PX, PALE)
-        put_text(cell, place, 2, place_px, _fitting(place), PALE)
-        put_text(cell, heading, 2, heading_px, TEXT_PX, PALE)
-        return cell
+
+@lru_cache(maxsize=KEPT)
+def reference_jpeg(path: Path | None, height: int) -> bytes:
+    """Return a reference's picture in a cell's size as a JPEG; gray with words if it is not available."""
+    thumbnail = None if path is None else thumbnail_of(path, height)
+    return no_picture(height, NOT_KEPT) if thumbnail is None else jpeg(thumbnail, QUALITY)
+
+
+@lru_cache(maxsize=8)
+def no_picture(height: int, words: str = "") -> bytes:
+    """Return what stands in place of a picture, as a JPEG."""
+    gray = blank(height, CELL_PX, MISSING)
+    put_text(gray, words, (CELL_PX - text_size(words, TEXT_PX)[0]) / 2, height / 2, TEXT_PX, PALE)
+    return jpeg(gray, QUALITY)
+
+
+@lru_cache(maxsize=8)
+def no_caption(height: int) -> bytes:
+    """Return an empty caption, as a PNG."""
+    return CAPTIONS.png(np.full((height, CELL_PX), INKS[PALE], np.uint8))
 
 
 @lru_cache(maxsize=KEPT)
@@ -121,12 +131,6 @@ def read_picture(path: Path) -> U8 | None:
         return None
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
     return None if bgr is None else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
-
-
-def _blank(height: int) -> U8:
-    cell = blank(height + CAPTION_PX, CELL_PX + GAP_PX, GROUND)
-    cell[:height, :CELL_PX] = MISSING
-    return cell
 
 
 def _fitting(text: str) -> float:

@@ -46,7 +46,7 @@ def overview(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     )
     right = rrb.Vertical(
         rrb.Horizontal(camera_view(), edges_view()),
-        best_references_view(paths),
+        best_references_view(paths, scene),
         *others,
         row_shares=[1.3, 0.8] + [2 / len(others)] * len(others),
     )

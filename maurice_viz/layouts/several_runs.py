@@ -56,7 +56,7 @@ def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertic
     paths = RunPaths(run.label)
     return rrb.Vertical(
         rrb.Tabs(shared.run_belief_view(run, number, count, scene), circles_view(paths, scene)),
-        best_references_view(paths),
+        best_references_view(paths, scene),
         rrb.Tabs(*histogram_views(paths, run.channels, SHORT_LEGEND), active_tab=0),
         words_view(paths, f"{run.label}: What this step did"),
         row_shares=[2.5, 0.95, 1.2, 1.15],

@@ -13,7 +13,8 @@ from ..panels.belief import belief_view
 from ..panels.camera import camera_view
 from ..panels.comparison import all_runs_view, camera_views
 from ..panels.events import events_view
-from ..panels.story import best_match_view, errors_plot, tour_view, verdict_view
+from ..panels.references import best_match_view
+from ..panels.story import errors_plot, tour_view, verdict_view
 from ..scene import RunView, SceneInfo
 
 # shares of the height of a screen of 1600 x 1000, in hundreds of pixels
@@ -36,11 +37,11 @@ def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     """Lay out the verdict, one large map beside what was seen, and events over errors, full width."""
     if len(runs) == 1:
         arena, camera = belief_view(RunPaths(runs[0].label), scene), camera_view("The robot sees")
-        matches = [best_match_view(runs[0], "The best match in the library")]
+        matches = [best_match_view(RunPaths(runs[0].label), scene, "The best match in the library")]
     else:
         arena, camera = all_runs_view(runs, scene), camera_views(runs)[0]
         title = "{}: best match" if len(runs) < NARROW_FROM else "{}"
-        matches = [best_match_view(run, title.format(run.label)) for run in runs]
+        matches = [best_match_view(RunPaths(run.label), scene, title.format(run.label)) for run in runs]
     brief = len(runs) > 1
     lanes = 1 + len(runs) * (1 if brief else 2)
     width, height = scene.arena.size_m

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import lru_cache
+
 import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.arrays import U8
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.edges import edge_image
 
 from .. import entities
-from ..drawing.arrow import blob_of, row_of
+from ..drawing.arrow import blob_of, places_of, row_of
 from ..drawing.canvas import EDGE_GAIN, Extent, blank, brightened, jpeg, put_text, text_size
-from ..drawing.contact_sheet import CELL_PX, cell_height, thumbnail_of
+from ..drawing.contact_sheet import (
+    CAPTIONS,
+    CELL_PX,
+    GAP_PX,
+    INKS,
+    QUALITY,
+    cell_height,
+    no_picture,
+    reference_jpeg,
+)
+from ..drawing.indexed import write
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import GROUND, MISSING, PALE, RGB, TRUTH
@@ -67,10 +80,34 @@ def draw_jpeg(rec: rr.RecordingStream, path: str, data: bytes) -> None:
     rec.log(path, row_of(rr.EncodedImage, blob=blob_of(data)))
 
 
+@dataclass(slots=True)
+class CaptionedPicture:
+    """A picture in a cell, over its caption. Only what changed is logged."""
+
+    path: str
+    height: int  # of the picture, in pixels
+    _shown: dict[str, bytes] = field(default_factory=dict)  # by entity
+
+    def prepare(self, rec: rr.RecordingStream, left: float, top: float) -> None:
+        """Log where it is and what is drawn, static."""
+        for path, kind, at in (
+            (self.path, "image/jpeg", [left, top, 0]),
+            (f"{self.path}/caption", "image/png", [0, self.height, 0]),
+        ):
+            picture = rr.EncodedImage.from_fields(media_type=kind, draw_order=0.0)
+            rec.log(path, picture, rr.Transform3D(translation=at), static=True)
+
+    def draw(self, rec: rr.RecordingStream, picture: bytes, caption: bytes) -> None:
+        """Log a JPEG and a PNG."""
+        for path, data in ((self.path, picture), (f"{self.path}/caption", caption)):
+            if self._shown.get(path) != data:
+                rec.log(path, row_of(rr.EncodedImage, blob=blob_of(data)))
+                self._shown[path] = data
+
+
 COLUMNS = 6
-CAPTION_PX, GAP_PX, TEXT_PX = 22, 6, 12.5
+CAPTION_PX, TEXT_PX = 22, 12.5
 ROWS = ("seen", "at truth", "at estimate")
-FILM_QUALITY = 70
 
 
 class FilmstripPanel(Panel):
@@ -86,57 +123,65 @@ class FilmstripPanel(Panel):
         self._finder, self._has_truth = run.finder, run.has_truth
         self._drawn = 0  # columns so far
         self._height = cell_height(run.library.pictures)
+        rows = range(len(ROWS) if self._has_truth else len(ROWS) - 1)
+        self._cells = [
+            [CaptionedPicture(run.paths.film_cell(slot, row), self._height) for row in rows]
+            for slot in range(COLUMNS)
+        ]
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log the media type, and gray columns in place of updates to come."""
-        rows = len(ROWS) if self._has_truth else len(ROWS) - 1
-        gray = np.concatenate([self._cell(None, "", PALE)] * rows)
-        for slot in range(COLUMNS):
-            prepare_jpeg(rec, self._paths.film(slot), order=0.0)
+        """Log where cells are, and gray columns in place of updates to come."""
+        rows, cell = len(self._cells[0]), self._height + CAPTION_PX
+        gray = blank(rows * cell, CELL_PX, GROUND)
+        for row in range(rows):
+            gray[row * cell : row * cell + self._height] = MISSING
+        for slot, cells in enumerate(self._cells):
+            for row, one in enumerate(cells):
+                one.prepare(rec, 0, row * cell)
             picture = rr.EncodedImage(contents=jpeg(gray), media_type="image/jpeg", draw_order=-10.0)
             place = rr.Transform3D(translation=[slot * (CELL_PX + GAP_PX), 0, 0])
             rec.log(self._paths.at("film", "empty", str(slot)), picture, place, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        record, truth = update.record, update.moment.truth
-        if not update.whole or not len(record.sighting.comparison.quality):
+        if not update.whole or not len(update.record.sighting.comparison.quality):
             return
-        at_truth = None if truth is None else self._finder.entry_at(truth)
-        at_estimate = self._finder.entry_at(record.estimate.pose)
         set_phase(rec, update.moment, Phase.WEIGHT)
-        slot = self._drawn % COLUMNS
-        column = self._column(record, at_truth, at_estimate)
-        at = self._drawn * (CELL_PX + GAP_PX)
-        moved = rr.Transform3D.from_fields(translation=[at, 0, 0])
-        picture = row_of(rr.EncodedImage, blob=blob_of(jpeg(column, FILM_QUALITY)))
-        rec.log(self._paths.film(slot), picture, moved)
+        slot, at = self._drawn % COLUMNS, self._drawn * (CELL_PX + GAP_PX)
+        rec.log(self._paths.film(slot), row_of(rr.Transform3D, translation=places_of([at, 0, 0])))
+        self._draw_cells(rec, slot, update.record, update.moment.truth)
         shift = (COLUMNS - 1) * (CELL_PX + GAP_PX) - at
-        rec.log(self._paths.columns, rr.Transform3D.from_fields(translation=[shift, 0, 0]))
+        rec.log(self._paths.columns, row_of(rr.Transform3D, translation=places_of([shift, 0, 0])))
         self._drawn += 1
 
-    def _column(self, record: StepRecord, at_truth: int | None, at_estimate: int) -> U8:
-        frame = record.frame
-        small = cv2.resize(frame.image, (CELL_PX, self._height), interpolation=cv2.INTER_AREA)
-        cells = [self._cell(np.asarray(small), f"step {frame.step}", PALE)]
+    def _draw_cells(self, rec: rr.RecordingStream, slot: int, record: StepRecord, truth: F64 | None) -> None:
+        """Log what was seen and the references, one under the other."""
+        frame, cells = record.frame, self._cells[slot]
+        size = (CELL_PX, self._height)
+        small = np.asarray(cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        cells[0].draw(rec, jpeg(small, QUALITY), _caption(f"step {frame.step}", PALE))
         if self._has_truth:
-            cells.append(self._reference(at_truth, ROWS[1], TRUTH))
-        cells.append(self._reference(at_estimate, ROWS[2], self._run.color))
-        return np.concatenate(cells)
+            at_truth = None if truth is None else self._finder.entry_at(truth)
+            self._draw_reference(rec, cells[1], at_truth, ROWS[1], TRUTH)
+        at_estimate = self._finder.entry_at(record.estimate.pose)
+        self._draw_reference(rec, cells[-1], at_estimate, ROWS[2], self._run.color)
 
-    def _reference(self, entry: int | None, name: str, color: RGB) -> U8:
+    def _draw_reference(
+        self, rec: rr.RecordingStream, cell: CaptionedPicture, entry: int | None, name: str, color: RGB
+    ) -> None:
         if entry is None or entry < 0:
-            return self._cell(None, f"{name}: none", color)
-        path = self._library.pictures[entry]
-        thumbnail = None if path is None else thumbnail_of(path, self._height)
-        return self._cell(thumbnail, f"{name}: {entry}", color)
+            cell.draw(rec, no_picture(self._height), _caption(f"{name}: none", color))
+        else:
+            picture = reference_jpeg(self._library.pictures[entry], self._height)
+            cell.draw(rec, picture, _caption(f"{name}: {entry}", color))
 
-    def _cell(self, picture: U8 | None, caption: str, color: RGB) -> U8:
-        cell = blank(self._height + CAPTION_PX, CELL_PX, GROUND)
-        cell[: self._height] = MISSING if picture is None else picture
-        wide = text_size(caption, TEXT_PX)[0] if caption else 1
-        height = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(wide, 1))
-        put_text(cell, caption, 2, self._height + 17, height, color)
-        return cell
+
+@lru_cache(maxsize=256)
+def _caption(text: str, color: RGB) -> bytes:
+    image = np.full((CAPTION_PX, CELL_PX), INKS[color], np.uint8)
+    wide = text_size(text, TEXT_PX)[0]
+    height = min(TEXT_PX, TEXT_PX * (CELL_PX - 4) / max(wide, 1))
+    write(image, text, 2, 17, height, INKS[color])
+    return CAPTIONS.png(image)
 
 
 def camera_view(title: str = "") -> rrb.Spatial2DView:

@@ -20,23 +20,31 @@ from maurice_mcl.sensor.references import NearestReference
 
 from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of
-from ..drawing.canvas import QUICK, jpeg
-from ..drawing.contact_sheet import BEST, CELL_PX, ContactSheet, best_matches
+from ..drawing.canvas import QUICK, Extent
+from ..drawing.contact_sheet import (
+    BEST,
+    CAPTION_PX,
+    CELL_PX,
+    GAP_PX,
+    ContactSheet,
+    best_matches,
+    no_caption,
+    no_picture,
+)
 from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
 from .belief import run_key
-from .camera import draw_jpeg, prepare_jpeg
+from .camera import CaptionedPicture
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
-from .views import MAP, map_view, picture_view
+from .views import MAP, map_view, plane_view
 from .world import distinct_places
 
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
 LARGEST = 0.15  # radius of the best entry's circle, in node spacings
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
 SMALLEST = 0.012  # so that every entry is visible
-SHEET_QUALITY = 70
 MOST_PX = 120  # along the longer side of a map
 ALL_CHANNELS = "all"  # the map of all channels together
 
@@ -114,35 +122,34 @@ class BestReferencesPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._path, self._best = run.paths.contact_sheet, run.paths.best_match
         self._sheet = ContactSheet(run.library, run.scale)
+        paths = (run.paths.match(rank) for rank in range(1, BEST + 1))
+        self._cells = [CaptionedPicture(path, self._sheet.height) for path in paths]
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        prepare_jpeg(rec, self._path)
-        prepare_jpeg(rec, self._best)
+        for column, cell in enumerate(self._cells):
+            cell.prepare(rec, column * (CELL_PX + GAP_PX), 0)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log the sheet; in the very first phase, before anything is compared, an empty one."""
-        if not update.whole:  # the best one is cheap, and part of the story
-            set_phase(rec, update.moment, Phase.MEASURE)
-            self._log_best(rec, self._sheet.draw(best_matches(update.record.sighting.comparison)[:1]))
-            return
-        if update.is_first:
+        """Log the pictures; in the very first phase, before anything is compared, empty ones."""
+        if update.whole and update.is_first:
             set_phase_only(rec, update.moment, Phase.PREDICT)
             self.clear(rec)
         set_phase(rec, update.moment, Phase.MEASURE)
-        self._log(rec, self._sheet.draw(best_matches(update.record.sighting.comparison)))
+        matches = best_matches(update.record.sighting.comparison)
+        matches = matches if update.whole else matches[:1]  # the best one is cheap, and part of the story
+        for cell, match in zip(self._cells, matches, strict=False):
+            cell.draw(rec, self._sheet.picture(match.entry), self._sheet.caption(match))
+        self._empty(rec, len(matches))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         """Log an empty sheet."""
-        self._log(rec, self._sheet.draw(()))
+        self._empty(rec, 0)
 
-    def _log(self, rec: rr.RecordingStream, sheet: U8) -> None:
-        draw_jpeg(rec, self._path, jpeg(sheet, SHEET_QUALITY))
-        self._log_best(rec, sheet)
-
-    def _log_best(self, rec: rr.RecordingStream, sheet: U8) -> None:
-        draw_jpeg(rec, self._best, jpeg(np.ascontiguousarray(sheet[:, :CELL_PX]), SHEET_QUALITY))
+    def _empty(self, rec: rr.RecordingStream, first: int) -> None:
+        """Log cells without pictures, from this one on: a library may have fewer than five entries."""
+        for cell in self._cells[first:]:
+            cell.draw(rec, no_picture(self._sheet.height), no_caption(CAPTION_PX))
 
 
 class LikelihoodPanel(Panel):
@@ -230,18 +237,26 @@ def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
 def _circles_of(paths: RunPaths) -> list[str]:
     return [
         f"{paths.at('match')}/**",
-        f"- {paths.contact_sheet}",
-        f"- {paths.best_match}",
+        f"- {paths.contact_sheet}/**",
         paths.particles,
         paths.fresh,
     ]
 
 
-def best_references_view(
-    paths: RunPaths, title: str = "Five best references (q = match quality, 0 to 1)"
-) -> rrb.Spatial2DView:
+def best_references_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     """Show the five best references."""
-    return picture_view(title, paths.contact_sheet)
+    name = "Five best references (q = match quality, 0 to 1)"
+    return _cells_view(name, paths.contact_sheet, BEST, scene)
+
+
+def best_match_view(paths: RunPaths, scene: SceneInfo, title: str) -> rrb.Spatial2DView:
+    """Show the best reference."""
+    return _cells_view(title, paths.match(1), 1, scene)
+
+
+def _cells_view(name: str, path: str, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
+    width, height = count * (CELL_PX + GAP_PX) - GAP_PX, scene.picture_height + CAPTION_PX
+    return plane_view(name, f"{path}/**", Extent(0, width, 0, height), origin=path)
 
 
 def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo) -> list[rrb.Spatial2DView]:

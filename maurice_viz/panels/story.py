@@ -23,7 +23,7 @@ from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET, verdict_line
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
 from .traces import LINE, POSITION_ERROR, SPREAD, TWO_SIGMA
-from .views import Overrides, picture_view, plot
+from .views import Overrides, plot
 
 EVERY = 10  # updates between two points of the limits, which are straight lines
 LABELS_BESIDE = (
@@ -183,8 +183,3 @@ def errors_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView
     what = f"Position error thick, spread thin, shaded up to 2 sigma of the belief ({unit}){who}"
     limits = f"gray {say(radii.right_m)}: right below, red {say(radii.lost_m)}: lost above"
     return plot(f"{what}; {limits}", [*contents, LIMITS], overrides=styles)
-
-
-def best_match_view(run: RunView, title: str) -> rrb.Spatial2DView:
-    """Show the best reference."""
-    return picture_view(title, RunPaths(run.label).best_match)

@@ -9,6 +9,7 @@ from maurice_viz.drawing.arrow import (
     colors_of,
     doubles_of,
     floats_of,
+    places_of,
     points_of,
     row_of,
     scalars,
@@ -42,6 +43,10 @@ POINTS = rr.components.Radius.ui_points
         (
             row_of(rr.LineStrips2D, strips=strips_of(PLACES[:6].reshape(3, 2, 2))),
             rr.LineStrips2D.from_fields(strips=PLACES[:6].reshape(3, 2, 2)),
+        ),
+        (
+            row_of(rr.Transform3D, translation=places_of([1, 2, 3])),
+            rr.Transform3D.from_fields(translation=[1, 2, 3]),
         ),
         (row_of(rr.EncodedImage, blob=blob_of(b"picture")), rr.EncodedImage.from_fields(blob=b"picture")),
         (row_of(rr.TextDocument, text=text_of("0.5 m²")), rr.TextDocument.from_fields(text="0.5 m²")),

@@ -1,75 +1,79 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
+import pytest
 
 from helpers import viz_fakes as fakes
 from maurice_viz.drawing.contact_sheet import (
-    BEST,
     CAPTION_PX,
+    CAPTIONS,
     CELL_PX,
-    GAP_PX,
+    INKS,
     KEPT,
     ContactSheet,
     Match,
     best_matches,
+    no_caption,
+    no_picture,
+    reference_jpeg,
 )
-from maurice_viz.style import MISSING, UNITS, Scale
+from maurice_viz.style import MISSING, PALE, RANK, UNITS, Scale
 
 INCHES = Scale(UNITS["in"])
-WIDTH = BEST * (CELL_PX + GAP_PX) - GAP_PX
-FIVE = tuple(Match(rank, 3 * rank, 0.9) for rank in range(1, 6))
 
 
-def test_the_sheet_keeps_its_size(tmp_path):
-    sheet = ContactSheet(fakes.make_library(tmp_path), INCHES).draw(FIVE)
-    assert sheet.shape == (round(CELL_PX * 36 / 44) + CAPTION_PX, WIDTH, 3)
-    sheet = ContactSheet(fakes.make_library(tmp_path, 1, 1, 2), INCHES)
-    assert sheet.draw((Match(1, 0, 1.0), Match(2, 1, 0.5))).shape[1] == WIDTH
+def decoded(data: bytes) -> np.ndarray:
+    return cv2.cvtColor(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+
+
+def test_pictures_and_captions_keep_their_size(tmp_path):
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
-    drawn = sheet.draw(())
-    assert drawn.shape == sheet.draw(FIVE).shape
-    assert all((drawn[0, column * (CELL_PX + GAP_PX)] == MISSING).all() for column in range(5))
-    library = fakes.make_library(tmp_path)
-    sheet = ContactSheet(replace(library, pictures=(None, *library.pictures[1:])), INCHES)
-    sheet.draw((Match(1, 0, 1.0),))
-    mixed = sheet.draw((Match(1, 0, 1.0), Match(2, 1, 0.9)))
-    assert mixed.shape == sheet.draw(FIVE).shape
+    assert sheet.height == round(CELL_PX * 36 / 44)
+    for picture in (sheet.picture(3), no_picture(sheet.height)):
+        assert decoded(picture).shape == (sheet.height, CELL_PX, 3)
+    for caption in (sheet.caption(Match(1, 3, 0.9)), no_caption(CAPTION_PX)):
+        assert decoded(caption).shape == (CAPTION_PX, CELL_PX, 3)
 
 
 def test_the_pictures_shown_are_those_of_the_entries(tmp_path):
     library = fakes.make_library(tmp_path)
-    sheet = ContactSheet(library, INCHES).draw(FIVE)
-    for column, match in enumerate(FIVE):
-        left = column * (CELL_PX + GAP_PX)
-        shown = sheet[:100, left : left + CELL_PX].reshape(-1, 3).mean(axis=0)
-        taken = fakes.picture_at(library.poses[match.entry]).reshape(-1, 3).mean(axis=0)
+    sheet = ContactSheet(library, INCHES)
+    for entry in (3, 6, 9):
+        shown = decoded(sheet.picture(entry)).reshape(-1, 3).mean(axis=0)
+        taken = fakes.picture_at(library.poses[entry]).reshape(-1, 3).mean(axis=0)
         np.testing.assert_allclose(shown, taken, atol=8)
 
 
-def test_missing_and_broken_pictures_are_said_to_be(tmp_path):
+def test_a_caption_has_the_rank_in_its_color_over_three_lines(tmp_path):
+    sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
+    drawn = decoded(sheet.caption(Match(1, 3, 0.9)))
+    ranks, pale = ((drawn == color).all(axis=2) for color in (RANK, PALE))
+    assert ranks[:20, :20].any()
+    assert all(pale[first : first + 16].any() for first in (4, 23, 41))
+    assert (
+        sheet.caption(Match(2, 3, 0.9)) != sheet.caption(Match(1, 3, 0.9)) != sheet.caption(Match(1, 3, 0.8))
+    )
+    assert CAPTIONS.colors[INKS[PALE]].tolist() == drawn[0, 0].tolist()
+
+
+@pytest.mark.parametrize("name", ["broken.jpg", "empty.jpg", "gone.jpg", None])
+def test_missing_and_broken_pictures_are_said_to_be(tmp_path, name):
     (tmp_path / "broken.jpg").write_bytes(b"no picture")
     (tmp_path / "empty.jpg").write_bytes(b"")
     library = fakes.make_library()
-    paths = (tmp_path / "broken.jpg", tmp_path / "empty.jpg", tmp_path / "gone.jpg", *library.pictures[3:])
-    sheet = ContactSheet(replace(library, pictures=paths), INCHES)
-    drawn = sheet.draw([Match(entry + 1, entry, 0.5) for entry in range(5)])
-    assert drawn.shape == (CELL_PX * 3 // 4 + CAPTION_PX, WIDTH, 3)
-    assert all((drawn[0, column * (CELL_PX + GAP_PX)] == MISSING).all() for column in range(5))
+    path = None if name is None else tmp_path / name
+    sheet = ContactSheet(replace(library, pictures=(path, *library.pictures[1:])), INCHES)
+    drawn = decoded(sheet.picture(0))
+    assert drawn.shape == (CELL_PX * 3 // 4, CELL_PX, 3)
+    np.testing.assert_allclose(drawn[0, 0], MISSING, atol=3)
+    assert drawn.max() > 120, "words"
 
 
-def test_drawing_again_is_the_same_in_bounded_memory(tmp_path):
+def test_pictures_are_encoded_once_in_bounded_memory(tmp_path):
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
-    first = sheet.draw(FIVE)
-    kept = first.copy()
-    sheet.draw(tuple(Match(rank, rank, 0.1) for rank in range(1, 6)))
-    np.testing.assert_array_equal(first, kept)
-    np.testing.assert_array_equal(sheet.draw(FIVE), kept)
-    library = fakes.make_library(columns=10, rows=9)
-    assert library.size > KEPT
-    sheet = ContactSheet(library, INCHES)
-    for entry in range(library.size):
-        sheet.draw((Match(1, entry, 0.5),))
-    assert len(sheet._cells) <= KEPT
+    assert sheet.picture(3) is sheet.picture(3)
+    assert reference_jpeg.cache_info().maxsize == KEPT
 
 
 def test_matches_are_the_best_in_order():

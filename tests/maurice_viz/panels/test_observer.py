@@ -55,7 +55,7 @@ def test_every_entity_is_on_three_timelines(drawn):
         f"{RUN.phase_key(MATCHES)}/4",
     }
     expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
-    expected |= {RUN.circles, RUN.best, RUN.contact_sheet} | charts | world | {RUN.trace(t) for t in traces}
+    expected |= {RUN.circles, RUN.best, RUN.match(1)} | charts | world | {RUN.trace(t) for t in traces}
     assert expected <= found
     names = {n for chunk in RrdReader(drawn[0]).stream() for n in chunk.to_record_batch().schema.names}
     assert {"step", "session", "phase"} <= names
@@ -95,11 +95,24 @@ def test_phases_log_what_changes(drawn):
     found = [row for row in recordings.rows(drawn[0], RUN.estimate) if row.step is not None]
     so_far = [row.values["Points2D:positions"][0] for row in found]
     assert [place for strip in found[-1].values["LineStrips2D:strips"] for place in strip] == so_far
-    for entity in (entities.CAMERA, entities.EDGES, RUN.contact_sheet):
+    first_caption = f"{RUN.match(1)}/caption"
+    for entity, begin in (
+        (entities.CAMERA, b"\xff\xd8"),
+        (entities.EDGES, b"\xff\xd8"),
+        (first_caption, b"\x89P"),
+    ):
         rows = recordings.rows(drawn[0], entity)
         assert [row.step for row in rows] == [None, *range(1, STEPS + 1)]  # first: nothing taken yet
         assert rows[0].phase == entities.phase_number(1, Phase.PREDICT)
-        assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == b"\xff\xd8" for row in rows)
+        assert all(bytes(row.values["EncodedImage:blob"][0][:2]) == begin for row in rows)
+
+
+def test_a_best_matchs_picture_is_logged_when_it_changes(drawn):
+    path, played = drawn
+    best = [int(record.sighting.comparison.best(1)[0]) for _, record in played]
+    changes = [k for k, entry in enumerate(best) if k == 0 or entry != best[k - 1]]
+    rows = recordings.rows(path, RUN.match(1))
+    assert [row.step for row in rows] == [None, *(played[k][0].frame.step for k in changes)]
 
 
 def test_truth_and_estimate_are_drawn_with_y_down(drawn):
