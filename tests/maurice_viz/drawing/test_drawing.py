@@ -13,7 +13,9 @@ from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.bars import usual_difference
 from maurice_viz.drawing.canvas import (
     LONG_SIDE_PX,
+    MARGIN,
     MOST_TICKS,
+    TEXT,
     ascii_of,
     blank,
     draw_ground,
@@ -22,6 +24,7 @@ from maurice_viz.drawing.canvas import (
     ticks,
 )
 from maurice_viz.drawing.indexed import LEVELS, IndexedColors, write
+from maurice_viz.drawing.reference_chart import TEXT_SHARE
 from maurice_viz.entities import Phase
 from maurice_viz.style import (
     DEAD,
@@ -157,3 +160,14 @@ def test_palette_letters_are_those_of_the_canvas_also_at_the_edge(at):
     put_text(expected, "Agj 12.5", *at, 14.0, PALE)
     assert np.abs(palette.colors[image].astype(int) - expected).max() <= 255 / LEVELS
     assert (image != ink).any() == (expected != GROUND).any()
+
+
+CAPITALS_PX = 8.0  # of letters of 11 px
+MAP_PX, CHART_PX = 450, 220  # widths on a screen of 1600 x 1000: a map with its margins, a reference's chart
+
+
+def test_words_of_the_story_and_of_explanations_can_be_read():
+    assert keys.BELIEF_PX / keys.WIDTH_PX * MAP_PX >= CAPITALS_PX
+    assert keys.TEXT_PX / keys.ROWS_PX * MAP_PX >= CAPITALS_PX
+    assert TEXT / (1 + MARGIN["left"] + MARGIN["right"]) * MAP_PX >= CAPITALS_PX
+    assert 0.85 * TEXT_SHARE * CHART_PX >= CAPITALS_PX
