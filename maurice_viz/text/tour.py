@@ -38,11 +38,11 @@ DRAWS = {
     LIKELY: "draws new dots where the picture fits",
 }
 DOT = "**Dot**: a particle, one guess of the pose. **Weight**: how well it fits."
-RING = "**Ring**: a group of dots (mode); mode switch: another one became the heaviest."
+RING = "**Ring**: a group of dots (mode); mode switch: another is heaviest now."
 DIP = "**ESS dip**: few dots hold most of the weight."
 SIGMA = "**2 sigma**: an oval around most dots"
 BEYOND = "; 3 sigma: the truth is far outside it"
-MATCH = "**q**: likeness of two pictures, at most 1. **Fresh**: dots drawn anew (reseeded)."
+MATCH = "**q**: likeness of pictures, 0 to 1. **Fresh**: dots drawn anew (reseeded)."
 
 
 def words(runs: Sequence[RunView]) -> str:
@@ -118,8 +118,8 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
 def _troubled(moment: TourMoment, trouble: Trouble) -> str:
     if moment.kind == GONE:
         fits = trouble.why is not None and trouble.why.fits
-        later = " Later pictures fit the place of the disk better, but no dot is there to gain weight."
-        return f"Map: the last dots at the white disk (the truth) are gone.{later if fits else ''}"
+        later = " Later pictures fit there better, but no dot can gain by it."
+        return f"Map: none near the white disk.{later if fits else ''}"
     if moment.kind == LOST:
         return "Errors, at the bottom: above the red line (lost). The lane turns red after four such updates."
     if trouble.fresh:
