@@ -18,7 +18,7 @@ from maurice_viz.drawing.keys import MATCHES, PHASES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
-from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
@@ -338,3 +338,16 @@ def test_each_phase_shows_its_own_key(tmp_path):
             assert at[-1].values[MOVED][0][1] == pytest.approx(-number * far)
     (elsewhere,) = [row for row in moves if row.step is not None]  # a step is seen weighted
     assert elsewhere.values[MOVED][0][1] == pytest.approx(-PHASES.index(Phase.WEIGHT) * far)
+
+
+def test_with_little_detail_the_best_match_is_drawn(tmp_path, library):
+    session, path, run_paths = fakes.make_session(library, 3), tmp_path / "light.rrd", RunPaths("color")
+    played = _records(session)
+    layout = runs_blueprint(
+        [RunView("color", ())], SceneInfo(library.arena, scale_for("in", library.arena), True)
+    )
+    with sinks.to_file(path, "x", layout) as rec:
+        observer = RerunObserver(rec, "color", {"color": "hellinger"}, detail=Detail.LIGHT)
+        recordings.observe(observer, session.info, library, played)
+    drawn = {rank: recordings.rows(path, f"{run_paths.match(rank)}/**") for rank in (1, 2)}
+    assert len(drawn[1]) > len(drawn[2])
