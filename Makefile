@@ -30,7 +30,8 @@ difficulty: .venv/installed-dev
 
 # The results table on unseen arenas: hours, and it goes on where it stopped.
 results: .venv/installed-dev
-	$(BIN)/python benchmarks/results.py
+	$(BIN)/maurice-replay trials results -o .results --resume
+	$(BIN)/python benchmarks/results.py .results
 
 # 200,000 inputs for what reads session logs, CMUcam dumps and live sources: minutes, and it goes on where it stopped.
 # INPUTS=N for another number.

@@ -25,7 +25,8 @@ from ..tasks import TASKS, TEST, TIERS
 
 SHIPPED = Path(__file__).parent / "plans"
 MOST_DRIVES = len(TEST)  # seeds of drives that nothing was fitted on
-SPECIAL = ("preset", "feature")  # settings that stand for several keys of the configuration
+SPECIAL = ("preset", "feature", "control")  # settings that are no keys of the configuration
+SHUFFLED, MISJUDGED = "shuffled references", "motion constants +30 %"  # controls
 WANTED = "a plan has sessions, and settings, a grid or variants (docs/trials.md)"
 
 
@@ -192,6 +193,8 @@ def configuration_of(settings: Mapping[str, Any]) -> Configuration:
         raise ValueError(f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
     if feature is not None and feature not in FEATURES and feature not in CHANNELS:
         raise ValueError(f"feature: found {feature!r}, expected one of {', '.join((*FEATURES, *CHANNELS))}")
+    if settings.get("control") not in (None, SHUFFLED, MISJUDGED):
+        raise ValueError(f"control: found {settings['control']!r}, expected {SHUFFLED} or {MISJUDGED}")
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
     layers += [Layer("feature", {"sensor.weights": weights_of(feature)})] if feature else []
     own = {key: value for key, value in settings.items() if key not in SPECIAL}

@@ -6,7 +6,7 @@ import hashlib
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
@@ -23,6 +23,7 @@ from maurice_mcl.records import FilterState, StepRecord
 from maurice_mcl.sensor.ahead import compared_ahead
 from maurice_mcl.session import Moment
 
+from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
 from .plan import Plan, SessionSpec, configuration_of
 
@@ -194,9 +195,7 @@ def run_job(job: Job) -> list[Row]:
 
 
 def _begun(drive: Drive, asked: TrialRun) -> RunTally:
-    localizer = replace(drive.bench.localizer(dict(asked.settings)), seed=asked.seed).of_session(
-        drive.session
-    )
+    localizer = filter_for(drive, asked.settings, asked.seed)
     size_m = drive.bench.library.arena.size_m
     return RunTally(
         localizer, localizer.initialize(drive.start), SuccessJudge(size_m), drive.start is not None
