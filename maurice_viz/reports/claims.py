@@ -24,7 +24,7 @@ TOLERATED = 2.0  # inches a decade: an interval about 0 that reaches farther lea
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ClaimResult:
     """What trials show of a claim."""
 
     ours: str
@@ -38,15 +38,15 @@ class Claim:
     name: str
     section: str  # of the thesis
     stated: str
-    test: Callable[[Material], Finding]
+    test: Callable[[Material], ClaimResult]
     figures: tuple[int, ...] = ()
 
-    def check(self, material: Material) -> Finding:
+    def check(self, material: Material) -> ClaimResult:
         """Return what the trials show; not testable where they hold no runs for it."""
         try:
             return self.test(material)
         except NothingToDraw as problem:
-            return Finding(str(problem).partition(": ")[2] or str(problem), UNTESTABLE)
+            return ClaimResult(str(problem).partition(": ")[2] or str(problem), UNTESTABLE)
 
 
 def between(found: Interval, low: float, high: float) -> str:
@@ -67,15 +67,15 @@ def said(found: Interval, unit: str, factor: float = 1.0, digits: int = 1) -> st
     return f"{value:.{digits}f} {unit} ({low:.{digits}f} to {high:.{digits}f}, {found.count} runs)"
 
 
-def built_in(what: str) -> Callable[[Material], Finding]:
+def built_in(what: str) -> Callable[[Material], ClaimResult]:
     """Return the test of a number that the simulated robot was made with."""
     told = (
         f"{what}; the simulated robot is built with it, so finding it again shows only that calibration works"
     )
-    return lambda material: Finding(told, UNTESTABLE)
+    return lambda material: ClaimResult(told, UNTESTABLE)
 
 
-def best_quality(material: Material) -> Finding:
+def best_quality(material: Material) -> ClaimResult:
     """Compare qualities of the example drive's pictures with the thesis's best five and its bulk."""
     sensor = material.localizer(preset="thesis").sensor
     found = [
@@ -86,10 +86,10 @@ def best_quality(material: Material) -> Finding:
     middle = mean(best)
     best_said = said(middle, "", 1, 2).replace("runs", "pictures")
     ours = f"best entry {best_said}; {bulk:.0%} of entries from 0.3 to 0.7"
-    return Finding(ours, REPRODUCED if 0.8 <= middle.value <= 0.88 and bulk > 0.5 else NOT)
+    return ClaimResult(ours, REPRODUCED if 0.8 <= middle.value <= 0.88 and bulk > 0.5 else NOT)
 
 
-def critical_count(material: Material) -> Finding:
+def critical_count(material: Material) -> ClaimResult:
     """Find the smallest count from which runs are lost no more often than with the most particles."""
     rows = material.part("position-tracking")
     counts = sorted(rows["particles"].unique())
@@ -99,86 +99,86 @@ def critical_count(material: Material) -> Finding:
     first = min(count for count in counts if all(other in enough for other in counts if other >= count))
     least = f"{said(lost[counts[0]], '%', 100, 0)} lost with {counts[0]:,}"
     told = f"{least}; as few as with {counts[-1]:,} from {first:,} on"
-    return Finding(told, REPRODUCED if CRITICAL / AROUND <= first <= CRITICAL * AROUND else NOT)
+    return ClaimResult(told, REPRODUCED if CRITICAL / AROUND <= first <= CRITICAL * AROUND else NOT)
 
 
-def error_by_count(material: Material) -> Finding:
+def error_by_count(material: Material) -> ClaimResult:
     """Fit the error of runs that were not lost against the log of the count."""
     rows = material.part("position-tracking").filter(~pl.col("lost"))
     x, y = rows["particles"].to_numpy(), rows["error_m"].to_numpy() / INCH_M
     slope = log_fit(x, y, rows["seed"].to_numpy()).slope
     flat = not slope.excludes(0) and -TOLERATED <= slope.low <= slope.high <= TOLERATED
     verdict = REPRODUCED if flat else NOT if slope.excludes(0) else UNDECIDED
-    return Finding(f"{said(slope, 'in a decade', 1, 2)}, of runs that were not lost", verdict)
+    return ClaimResult(f"{said(slope, 'in a decade', 1, 2)}, of runs that were not lost", verdict)
 
 
-def error_a_thousand(material: Material) -> Finding:
+def error_a_thousand(material: Material) -> ClaimResult:
     """Compare the error per 1,000 in driven with 9 in, at the critical count and above."""
     rows = material.part("position-tracking").filter((pl.col("particles") >= CRITICAL) & ~pl.col("lost"))
     values = 1000 * rows["error_m"].to_numpy() / rows["distance_m"].to_numpy()
     found = mean(values, rows["arena"].to_numpy())
-    return Finding(said(found, "in per 1,000 in"), between(found, 9 / 1.5, 9 * 1.5))
+    return ClaimResult(said(found, "in per 1,000 in"), between(found, 9 / 1.5, 9 * 1.5))
 
 
-def hundred_particles(material: Material) -> Finding:
+def hundred_particles(material: Material) -> ClaimResult:
     """Look how far runs with 100 particles get."""
     rows = material.part("position-tracking", particles=100)
     reached = rate(int(rows["reached"].sum()), len(rows))
     best = float(rows["before_loss_m"].to_numpy().max()) / INCH_M
     ours = f"{said(reached, '%', 100, 0)} drive 1,000 in; the best {best:,.0f} in"
-    return Finding(ours, NOT if reached.low > 0.05 else UNDECIDED if reached.value > 0 else REPRODUCED)
+    return ClaimResult(ours, NOT if reached.low > 0.05 else UNDECIDED if reached.value > 0 else REPRODUCED)
 
 
-def impoverished(material: Material) -> Finding:
+def impoverished(material: Material) -> ClaimResult:
     """Count the failures of position tracking that had no particle near the truth."""
     failed = material.part("position-tracking").filter(pl.col("failure").is_not_null())
     found = rate(int((failed["failure"] == IMPOVERISHED).sum()), len(failed))
     if not len(failed):
-        return Finding("no run failed", UNTESTABLE)
-    return Finding(
+        return ClaimResult("no run failed", UNTESTABLE)
+    return ClaimResult(
         said(found, "% of failures", 100, 0),
         REPRODUCED if found.low > 0.5 else NOT if found.high < 0.5 else UNDECIDED,
     )
 
 
-def failures_of_many(material: Material) -> Finding:
+def failures_of_many(material: Material) -> ClaimResult:
     """Look what made runs fail that had more than the critical count."""
     rows = material.part("position-tracking").filter(pl.col("particles") > CRITICAL)
     failed = rows.filter(pl.col("failure").is_not_null())
     if failed.is_empty():
-        return Finding(f"none of {len(rows)} runs failed", UNTESTABLE)
+        return ClaimResult(f"none of {len(rows)} runs failed", UNTESTABLE)
     found = rate(int((failed["failure"] == MOVED_OTHERWISE).sum()), len(failed))
-    return Finding(
+    return ClaimResult(
         f"{len(failed)} of {len(rows)} failed; {said(found, '% by odometry', 100, 0)}",
         REPRODUCED if found.low > 0.5 else NOT if found.high < 1 else UNDECIDED,
     )
 
 
-def confidence(material: Material) -> Finding:
+def confidence(material: Material) -> ClaimResult:
     """Compare the confidence at the end of runs with 5,000 particles with 0.97."""
     rows = material.part("position-tracking", particles=5000)
     found = mean(rows["confidence_end"].to_numpy(), rows["arena"].to_numpy())
-    return Finding(said(found, "", 1, 2), between(found, 0.9, 1.0))
+    return ClaimResult(said(found, "", 1, 2), between(found, 0.9, 1.0))
 
 
 def difference(
     part: str, metric: str, key: str, first: str, other: str, session: str = ""
-) -> Callable[[Material], Finding]:
+) -> Callable[[Material], ClaimResult]:
     """Return the test that `other` has less of a metric (in inches) than `first`, on the same drives."""
 
-    def test(material: Material) -> Finding:
+    def test(material: Material) -> ClaimResult:
         rows = material.part(part).filter(pl.col(key).is_in([first, other]))
         rows = rows.filter(pl.col("session") == session) if session else rows
         rows = rows.sort(pl.col(key) != first)
         found = paired(rows, [key], metric)[0].figure if len(rows[key].unique()) == 2 else None
         if found is None:
             raise NothingToDraw(material.folder, f"holds no runs of {other}")
-        return Finding(said(found, "in", 1 / INCH_M) + f", {other} less {first}", below(found, 0))
+        return ClaimResult(said(found, "in", 1 / INCH_M) + f", {other} less {first}", below(found, 0))
 
     return test
 
 
-def recovery(material: Material) -> Finding:
+def recovery(material: Material) -> ClaimResult:
     """Compare how often kidnapped runs are right at the end, with fresh particles and without."""
     rows = material.part("recovery")
     ends = {name: _right(some) for (name,), some in rows.group_by(["recovery.strategy"], maintain_order=True)}
@@ -187,33 +187,33 @@ def recovery(material: Material) -> Finding:
     told = ", ".join(f"{name} {found.value:.0%}" for name, found in others.items())
     better = sum(found.low > none.high for found in others.values())
     ours = f"right at the end: without {said(none, '%', 100, 0)}; {told}"
-    return Finding(ours, REPRODUCED if better == len(others) else NOT if better == 0 else UNDECIDED)
+    return ClaimResult(ours, REPRODUCED if better == len(others) else NOT if better == 0 else UNDECIDED)
 
 
-def brightness(material: Material) -> Finding:
+def brightness(material: Material) -> ClaimResult:
     """Compare the error of color in brighter light with that in the survey's."""
     rows = material.part("brightness", feature="color").filter(pl.col("lights").is_in(["", "dim:1.3@1"]))
     pairs = rows.pivot("lights", index=["seed", "arena"], values="error_m").drop_nulls()
     apart = (pairs["dim:1.3@1"] - pairs[""]).to_numpy() / INCH_M
     found = mean(apart, pairs["arena"].to_numpy())
-    return Finding(
+    return ClaimResult(
         said(found, "in more at +30 %"), REPRODUCED if found.low > 0 else NOT if found.high < 0 else UNDECIDED
     )
 
 
-def update_cost(material: Material) -> Finding:
+def update_cost(material: Material) -> ClaimResult:
     """Look how the time of an update grows from 2,000 to 60,000 particles."""
     rows = material.timing.filter((pl.col("what") == "update") & (pl.col("feature") == "color"))
     took = dict(zip(rows["particles"], rows["median_s"], strict=True))
     grown = took[60_000] / took[2000]
-    return Finding(
+    return ClaimResult(
         f"{grown:.1f} times the time for 30 times the particles", REPRODUCED if 10 <= grown <= 45 else NOT
     )
 
 
-def never(why: str) -> Callable[[Material], Finding]:
+def never(why: str) -> Callable[[Material], ClaimResult]:
     """Return the test of what no simulation can show."""
-    return lambda material: Finding(why, UNTESTABLE)
+    return lambda material: ClaimResult(why, UNTESTABLE)
 
 
 def _lost(rows: pl.DataFrame) -> Interval:

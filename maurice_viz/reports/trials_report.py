@@ -37,7 +37,7 @@ CLASSES = {REPRODUCED: "yes", NOT: "no", UNDECIDED: "open", UNTESTABLE: "none"}
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class PageFigure:
     """A figure as the page holds it."""
 
     number: int
@@ -92,7 +92,7 @@ def page_of(material: Material, progress: Callable[[int, int], None] | None = No
     )
 
 
-def drawings(material: Material, progress: Callable[[int, int], None] | None = None) -> list[Shown]:
+def drawings(material: Material, progress: Callable[[int, int], None] | None = None) -> list[PageFigure]:
     """Return every figure that the folder has runs for."""
     drawn = []
     for done, one in enumerate(FIGURES):
@@ -104,7 +104,7 @@ def drawings(material: Material, progress: Callable[[int, int], None] | None = N
             continue
         held = io.BytesIO()
         made.savefig(held, format="png", dpi=100, metadata={"Software": None})
-        drawn.append(Shown(one.number, one.title, base64.b64encode(held.getvalue()).decode()))
+        drawn.append(PageFigure(one.number, one.title, base64.b64encode(held.getvalue()).decode()))
     return drawn
 
 
