@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check bench difficulty results fuzz soak docs clean
+.PHONY: demo test test-all check bench difficulty results fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -38,6 +38,12 @@ results: .venv/installed-dev
 INPUTS ?= 200000
 fuzz: .venv/installed-dev
 	$(BIN)/python tests/fuzz/fuzz_all.py --inputs $(INPUTS)
+
+# Commands stopped, killed or out of room at 120 random moments: half an hour, and it goes on where it stopped.
+# TRIALS=N for another number.
+TRIALS ?= 120
+stops: .venv/installed-dev
+	$(BIN)/python tests/fuzz/stop_all.py --trials $(TRIALS)
 
 # Two hours of robot time from a live source, drawn and recorded: does memory stay where it is?
 soak: .venv/installed-dev

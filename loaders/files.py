@@ -8,6 +8,7 @@ import math
 import os
 import re
 import shutil
+import tempfile
 import tomllib
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -139,17 +140,21 @@ def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json"
             shutil.rmtree(filling, ignore_errors=True)
 
 
-def begin_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> None:
-    """Make an empty folder to be readable after a kill; `force` empties it. InputError as `new_folder`."""
-    check_target(target, force, ours)
-    with writing(target):
-        if target.is_dir() and any(target.iterdir()):
-            discard(target)
-        target.mkdir(parents=True, exist_ok=True)
+@contextmanager
+def temporary_folder(name: str) -> Iterator[Path]:
+    """Return a folder among the system's temporary files; what killed processes left goes first."""
+    target = Path(tempfile.gettempdir()) / name
+    remove_leftovers(target)
+    folder = sibling(target, "part")
+    try:
+        folder.mkdir(mode=0o700)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def check_target(target: Path, force: bool, ours: str = "manifest.json") -> None:
-    """Raise InputError for a folder that `new_folder` and `begin_folder` would not fill."""
+    """Raise InputError for a folder that `new_folder` would not fill."""
     if not target.name:  # ".", which "" means as well, and "/" cannot be put in place
         raise InputError(target, "found no name for a new folder, expected one; name it")
     if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):

@@ -22,7 +22,7 @@ from maurice_mcl.records import Belief, Estimate, RecoveryTest, Sighting, StepRe
 from maurice_mcl.session import Frame, Moment
 
 from ..errors import InputError
-from ..files import begin_folder, check_target
+from ..files import check_target, new_folder
 from ..libraries.files import MANIFEST
 from ..session_log.header import arena_to_json
 from .manifest import (
@@ -51,16 +51,16 @@ class RunWriter:
         self, folder: Path, manifest: RunManifest, configuration: str, arena: Arena, *, force: bool = False
     ) -> None:
         check_run_target(folder, force=force)
-        begin_folder(folder, force=force)
         self._folder, self._manifest = folder, manifest
         self._schema = steps_schema(manifest.channels)
         self._waiting: list[StepRows] = []
         self._written = 0
-        for table in TABLES:
-            (folder / table).mkdir()
-        put(folder / CONFIGURATION, configuration.encode())
-        put(folder / MAP, to_bytes(arena_to_json(arena)))
-        write_manifest(folder, manifest)
+        with new_folder(folder, force=force) as begun:  # never without its manifest, by which it is known
+            for table in TABLES:
+                (begun / table).mkdir()
+            put(begun / CONFIGURATION, configuration.encode())
+            put(begun / MAP, to_bytes(arena_to_json(arena)))
+            write_manifest(begun, manifest)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Take in the next update."""
@@ -102,8 +102,8 @@ def _parquet(frame: pl.DataFrame) -> bytes:
 def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False) -> None:
     """Begin a folder with a folder for each run below it. Raises InputError as for `RunWriter`."""
     check_run_target(folder, force=force)
-    begin_folder(folder, force=force)
-    put(folder / MANIFEST, to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)}))
+    with new_folder(folder, force=force) as begun:
+        put(begun / MANIFEST, to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)}))
 
 
 def check_run_target(folder: Path, *, force: bool) -> None:

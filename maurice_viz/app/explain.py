@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 import shutil
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, temporary_folder, write_whole
 from maurice_mcl.analysis.explanation import Asked, StepExplanation, explain_step
 from maurice_mcl.arrays import F64
 from maurice_mcl.records import StepRecord
@@ -71,8 +70,8 @@ class Explanation:
         if path.suffix == ".rrd":
             self.record(path, force=force)
             return path
-        with tempfile.TemporaryDirectory(prefix="maurice-explain-") as folder:
-            recording = Path(folder) / "explain.rrd"
+        with temporary_folder("maurice-explain") as folder:
+            recording = folder / "explain.rrd"
             self.record(recording, force=False)
             with headless_viewer(recording, SIZE) as viewer:
                 write_whole(path, viewer.picture(STEP, self.step.step), force=force)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, toml_value, write_whole
+from maurice_loaders.files import expect_absent, temporary_folder, toml_value, write_whole
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
@@ -74,8 +73,8 @@ def build_library(
         spaced = None if every is None else read_every(every)
     except ValueError as problem:
         raise OptionError(str(problem)) from None
-    with TemporaryDirectory() as kept:
-        source = open_survey(survey, options, spaced, Path(kept), progress_of(listener, "choose pictures"))
+    with temporary_folder("maurice-library") as kept:
+        source = open_survey(survey, options, spaced, kept, progress_of(listener, "choose pictures"))
         built = measure(
             survey,
             keep_going=options.keep_going,

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import polars as pl
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import temporary_folder
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 
 from ..listener import SILENT
@@ -64,8 +64,8 @@ def show(
     path = Path(source)
     if path.suffix == ".rrd":
         return _widget(path, width, height)
-    with tempfile.TemporaryDirectory(prefix="maurice-notebook-") as folder:
-        recording = Path(folder) / "shown.rrd"
+    with temporary_folder("maurice-notebook") as folder:
+        recording = folder / "shown.rrd"
         if path.is_dir() or is_saved(path):
             draw_saved(path, recording, layout)
         else:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.files import expect_absent, temporary_folder, write_whole
 from maurice_loaders.runs.store import open_runs
 
 from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
@@ -203,7 +202,7 @@ def _recording_of(source: Path, listener: Listener) -> Iterator[Path]:
         _expect_recording(source)
         yield source
         return
-    with tempfile.TemporaryDirectory(prefix="maurice-snapshot-") as folder:
-        recording = Path(folder) / "run.rrd"
+    with temporary_folder("maurice-snapshot") as folder:
+        recording = folder / "run.rrd"
         draw_saved(source, recording, listener=listener)
         yield recording

@@ -8,7 +8,6 @@ the later one still wins.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Any
@@ -24,6 +23,7 @@ Timelines = tuple[str, ...]
 UPDATES = 32  # in a block
 MOST_BYTES = 16 << 20  # in a block: pictures may be large
 FILE_BATCH_S = 1.0  # of what is not in blocks
+GIVEN_UP_S = 1.0  # to wait after a block, once a disk has not taken one
 
 
 @dataclass(slots=True)
@@ -140,10 +140,10 @@ class BlockRecording(rr.RecordingStream):
         self._rows.clear()
         self._columns.clear()
         self._updates = self._bytes = 0
-        with suppress(
-            RuntimeError, OSError, ValueError
-        ):  # reported at the end, with all that could be written
+        try:
             super().flush(timeout_sec=self._patience_s)
+        except (RuntimeError, OSError, ValueError):  # reported at the end, with all that could be written
+            self._patience_s = min(self._patience_s, GIVEN_UP_S)
 
     def _send_entity(self, entity: str) -> None:
         for rows in self._rows[entity].values():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shlex
+import shutil
 import socket
 import subprocess
 import time
@@ -51,10 +52,19 @@ def address(port: int) -> str:
 
 
 def start_viewer(
-    port: int, options: Sequence[str], environment: Mapping[str, str] | None = None
+    port: int,
+    options: Sequence[str],
+    environment: Mapping[str, str] | None = None,
+    *,
+    ends_with_us: bool = False,
 ) -> subprocess.Popen[bytes]:
-    """Start a viewer in a session of its own, so that neither our end nor our Ctrl-C ends it. OSError."""
-    command = [str(viewer_binary()), "--hide-welcome-screen", "--bind", HOST, "--port", str(port), *options]
+    """Start a viewer in a session of its own, so that neither our end nor our Ctrl-C ends it. OSError.
+
+    With `ends_with_us` Linux ends it when this process ends, even when that was killed.
+    """
+    tied = ["setpriv", "--pdeathsig", "TERM"] if ends_with_us and shutil.which("setpriv") else []
+    command = [*tied, str(viewer_binary()), "--hide-welcome-screen"]
+    command += ["--bind", HOST, "--port", str(port), *options]
     quiet = subprocess.DEVNULL
     return subprocess.Popen(
         command,

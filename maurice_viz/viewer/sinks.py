@@ -10,6 +10,7 @@ import errno
 import os
 import shutil
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -36,12 +37,14 @@ from .web import WebViewer
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
+GIVE_UP_S = 5.0  # for closing what could not be written
 CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE = "use --rrd FILE.rrd, and open it where there is a screen"
 SERVED = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
+PROBE = 1 << 18  # bytes that are written to try the disk
 
 
 Remark = Callable[[str], None]  # receives a line for people
@@ -91,12 +94,16 @@ def to_file(
     _check_target(path, force)
     part = part_of(path)
     rec = _named(BlockRecording(APPLICATION, patience_s=FLUSH_S), name) if serve is None else recording(name)
-    if serve is None:
-        rec.save(part, default_blueprint=blueprint)
-    else:
-        server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED)
-        # A footer lists every chunk, and is held in memory until the end, which may never come.
-        rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
+    try:
+        if serve is None:
+            rec.save(part, default_blueprint=blueprint)
+        else:
+            server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED)
+            # A footer lists every chunk, and is held in memory until the end, which may never come.
+            rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
+    except CANNOT_WRITE as error:
+        part.unlink(missing_ok=True)
+        raise SinkError(part, f"cannot be written ({error}); choose another folder") from error
     try:
         yield rec
     except BaseException:
@@ -148,20 +155,35 @@ def _check_target(path: Path, force: bool) -> None:
     if path.exists() and not force:
         raise SinkError(path, "exists already; use --force to replace it or --rrd to choose another name")
     remove_leftovers(path)
+    part = part_of(path)
     try:
-        part_of(path).open("wb").close()
+        part.write_bytes(bytes(PROBE))  # on a full disk opening the recording would never end
     except OSError as error:
+        part.unlink(missing_ok=True)
         raise SinkError(path, f"cannot be written ({error.strerror}); choose another folder") from error
 
 
 def _close(rec: rr.RecordingStream) -> bool:
+    """Write what is left and close the recording; False if not all could be written."""
+    flushed = False
     try:
         rec.flush(timeout_sec=FLUSH_S)
-        return True
+        flushed = True
     except CANNOT_WRITE:
-        return False
+        pass
     finally:
-        rec.disconnect()
+        closed = _disconnect(rec, FLUSH_S if flushed else GIVE_UP_S)
+    return flushed and closed
+
+
+def _disconnect(rec: rr.RecordingStream, patience_s: float) -> bool:
+    """Close a recording; False if that takes too long, as after the disk ran full: its writer may be dead."""
+    closing = threading.Thread(target=rec.disconnect, daemon=True)
+    closing.start()
+    closing.join(patience_s)
+    if closing.is_alive():
+        rr.unregister_shutdown()  # at the end of the process, which would wait as well
+    return not closing.is_alive()
 
 
 def _check_written(part: Path, flushed: bool) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import copy
 import json
 import subprocess
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -20,6 +19,7 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import temporary_folder
 
 from ..entities import PHASE, STEP
 from .open_viewers import address, free_port, start_viewer
@@ -190,9 +190,9 @@ def headless_viewer(
     Raises InputError without a driver, when the viewer ends, or when nothing is loaded in time.
     """
     driver = expect_driver(recording)
-    with tempfile.TemporaryDirectory(prefix="maurice-viewer-", ignore_cleanup_errors=True) as home:
+    with temporary_folder("maurice-viewer") as home:
         port = free_port()
-        process = _start(recording, size, driver, Path(home), port)
+        process = _start(recording, size, driver, home, port)
         try:
             yield _connect(recording, process, address(port), patience_s)
         except ConnectionError as problem:  # it died, or it does not answer
@@ -213,9 +213,10 @@ def _start(
     settings.mkdir(parents=True)
     (settings / "analytics.json").write_text(json.dumps({"analytics_enabled": False}))
     drawn_by = {"VK_ICD_FILENAMES": str(driver), "VK_DRIVER_FILES": str(driver)}
-    place = {"HOME": str(home), "XDG_RUNTIME_DIR": str(home), "XDG_CONFIG_HOME": str(home / ".config")}
+    place = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "TMPDIR"), str(home))
+    place["XDG_CONFIG_HOME"] = str(home / ".config")
     options = ["--headless", "--window-size", f"{size[0]}x{size[1]}", str(recording)]
-    return start_viewer(port, options, drawn_by | place | {"RUST_LOG": "error"})
+    return start_viewer(port, options, drawn_by | place | {"RUST_LOG": "error"}, ends_with_us=True)
 
 
 def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patience_s: float) -> Viewer:

@@ -86,11 +86,11 @@ def fuzz(name: str, wanted: int, folder: Path, progress: Progress, state: Path) 
         progress.found.append(f"{name}: memory grew by {(resident() - first) // 2**20} MiB")
 
 
-def try_one(name: str, number: int, folder: Path) -> None:
-    """Try the input of a number."""
+def try_one(name: str, number: int, folder: Path) -> str:
+    """Try the input of a number; return what was refused."""
     made = TARGETS[name].make(Random(f"{name} {number}"))
     with in_time():
-        TARGETS[name].read(made, folder)
+        return TARGETS[name].read(made, folder)
 
 
 def _mutated(name: str, begin: int, count: int, folder: Path, *, traced: bool) -> list[str]:

@@ -215,7 +215,7 @@ def try_drawn(name: str, number: int, count: int) -> int:
 
 
 Make = Callable[[Random], Any]
-Read = Callable[[Any, Path], None]
+Read = Callable[[Any, Path], str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,15 +223,15 @@ class Target:
     """Something that reads what others wrote."""
 
     make: Make  # an input
-    read: Read  # with a folder for files; raises for what must not happen
+    read: Read  # with a folder for files; what was refused, in one line; raises for what must not happen
 
 
-def read_log(data: bytes, folder: Path) -> None:
+def read_log(data: bytes, folder: Path) -> str:
     """Read a file as a session or survey log, to its end, and once more where every problem is an error."""
     path = folder / "fuzz.log"
     path.write_bytes(data)
     _refused(lambda: _go_through(SessionLog(path, keep_going=True)))
-    _refused(lambda: _go_through(SessionLog(path)))
+    return _refused(lambda: _go_through(SessionLog(path)))
 
 
 def _go_through(log: SessionLog) -> None:
@@ -252,7 +252,7 @@ def _go_through(log: SessionLog) -> None:
     assert len(times) <= updates <= pictures
 
 
-def read_dump(data: bytes, folder: Path) -> None:
+def read_dump(data: bytes, folder: Path) -> str:
     """Read bytes as a CMUcam's dump, in memory and from a file."""
     end = 0
     for frame in frames(data):
@@ -269,7 +269,7 @@ def read_dump(data: bytes, folder: Path) -> None:
     path = folder / "fuzz.dump"
     path.write_bytes(data)
     looks_like_dump(path)
-    _refused(lambda: _all_pictures(path))
+    return _refused(lambda: _all_pictures(path))
 
 
 def _all_pictures(path: Path) -> None:
@@ -281,14 +281,15 @@ def _all_pictures(path: Path) -> None:
                 continue
 
 
-def _refused(read: Callable[[], None]) -> None:
-    """Read; what is refused must be refused in one line."""
+def _refused(read: Callable[[], None]) -> str:
+    """Read; return what is refused, which must be one line, or nothing."""
     said = ""
     try:
         read()
     except InputError as problem:
         said = str(problem)
     assert "\n" not in said
+    return said
 
 
 def make_stream(random: Random) -> tuple[bytes, list[int]]:
@@ -298,25 +299,26 @@ def make_stream(random: Random) -> tuple[bytes, list[int]]:
     return data, [random.randint(1, largest) for _ in range(5)]
 
 
-def read_stream(cut: tuple[bytes, list[int]], folder: Path) -> None:
+def read_stream(cut: tuple[bytes, list[int]], folder: Path) -> str:
     """Take in a stream as a live source's."""
-    _listen(lambda: Scripted([cut[0]], cut[1]))
+    return _listen(lambda: Scripted([cut[0]], cut[1]))
 
 
-def read_bridge(subprotocol: str | None, talk: Conversation, folder: Path) -> None:
+def read_bridge(subprotocol: str | None, talk: Conversation, folder: Path) -> str:
     """Take in what a bridge says."""
     connection: Any = ScriptedConnection(subprotocol, talk)
-    _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions()))
+    said = _listen(lambda: WebsocketStream("ws://robot:1", connection, connection.close, ReadingOptions()))
     assert connection.sent < 10_000 * len(talk)
+    return said
 
 
-def _listen(connect: Callable[[], Any]) -> None:
+def _listen(connect: Callable[[], Any]) -> str:
     stop = threading.Event()
     source = LiveSource("peer", connect, peer=True, once=True)
     intake = Intake(
         source, Listening(source, stop, Patience(60)), ReadingNotes(keep_going=True), lambda text: None
     )
-    _refused(lambda: _check(iter(intake)))
+    return _refused(lambda: _check(iter(intake)))
 
 
 def _check(heard: Iterator[Received | None]) -> None:

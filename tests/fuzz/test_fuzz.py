@@ -38,8 +38,8 @@ def topics(name: str) -> str:
 @pytest.mark.parametrize("name", TARGETS)
 def test_wrong_inputs_are_refused_in_one_line(name: str, tmp_path: Path) -> None:
     prepare(tmp_path)
-    for number in range(COUNT):
-        fuzz_all.try_one(name, number, tmp_path)
+    refused = [fuzz_all.try_one(name, number, tmp_path) for number in range(COUNT)]
+    assert [line for line in refused if "\n" in line] == []
 
 
 @pytest.mark.parametrize("name", ARGUMENTS)
@@ -93,8 +93,8 @@ FOUND_ONCE: dict[str, tuple[str, list[str]]] = {
 def test_what_was_found_once_is_not_found_again(name: str, tmp_path: Path) -> None:
     target, messages = FOUND_ONCE[name]
     talk = ROSBRIDGE[0] if target == "rosbridge" else FOXGLOVE[0]
-    TARGETS[target].read([*talk[:2], *messages, *talk[2:]], tmp_path)
-    TARGETS[target].read([*messages, None], tmp_path)
+    for heard in ([*talk[:2], *messages, *talk[2:]], [*messages, None]):
+        assert "\n" not in TARGETS[target].read(heard, tmp_path)
 
 
 def test_what_hangs_or_hogs_is_caught() -> None:
@@ -114,12 +114,13 @@ def planted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """A target that fails at one input, and cannot be gone through at once."""
     tried: list[int] = []
 
-    def read(number: int, folder: Path) -> None:
+    def read(number: int, folder: Path) -> str:
         tried.append(number)
         if len(tried) == 700:
             raise KeyboardInterrupt
         if number == made(42):
             raise ZeroDivisionError("planted")
+        return ""
 
     def made(number: int) -> int:
         return fuzz_all.Random(f"planted {number}").randrange(2**60)

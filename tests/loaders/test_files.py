@@ -11,7 +11,7 @@ import platformdirs
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import cache_root, discard, new_folder, write_whole
+from maurice_loaders.files import cache_root, discard, new_folder, temporary_folder, write_whole
 
 
 def fill(target: Path, text: str = "new", *, force: bool = False) -> None:
@@ -165,3 +165,16 @@ def test_what_a_killed_process_left_goes_with_the_next_writing_and_no_others(
     with new_folder(tmp_path / "drive") as filling:
         assert not folder.exists()
         assert filling.name.endswith(f".{os.getpid()}.part")
+
+
+def test_a_temporary_folder_goes_and_takes_with_it_what_a_killed_process_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    code = "from maurice_loaders.files import *; kept = temporary_folder('x'); kept.__enter__(); os._exit(9)"
+    subprocess.run([sys.executable, "-c", code], env=os.environ | {"TMPDIR": str(tmp_path)}, check=False)
+    assert len(list(tmp_path.iterdir())) == 1
+    with temporary_folder("x") as folder:
+        assert list(tmp_path.iterdir()) == [folder]
+        assert folder.stat().st_mode & 0o077 == 0
+    assert list(tmp_path.iterdir()) == []

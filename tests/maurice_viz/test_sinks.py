@@ -1,4 +1,6 @@
+import os
 import subprocess
+import threading
 from pathlib import Path
 
 import pytest
@@ -140,3 +142,35 @@ def test_a_disk_that_fails_meanwhile_is_told_at_the_end(tmp_path, monkeypatch):
     monkeypatch.setattr(rr.RecordingStream, "flush", fail)
     with pytest.raises(sinks.SinkError, match="could not be written to the end"):
         write(tmp_path / "a.rrd")
+
+
+def test_a_writer_that_never_answers_is_not_waited_for(tmp_path, monkeypatch):
+    """What Rerun's writer does at times, after the disk ran full."""
+    forever = threading.Event()
+    unregistered: list[bool] = []
+
+    def fail(self: rr.RecordingStream, **how: float) -> None:
+        raise RuntimeError("Flush timed out")
+
+    monkeypatch.setattr(sinks, "GIVE_UP_S", 0.1)
+    monkeypatch.setattr(rr, "unregister_shutdown", lambda: unregistered.append(True))
+    monkeypatch.setattr(rr.RecordingStream, "flush", fail)
+    monkeypatch.setattr(rr.RecordingStream, "disconnect", lambda self: forever.wait())
+    with pytest.raises(sinks.SinkError, match="could not be written to the end"):
+        write(tmp_path / "a.rrd")
+    forever.set()
+    assert unregistered == [True]
+    assert not (tmp_path / "a.rrd").exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="limits are of Unix")
+def test_a_disk_that_is_full_from_the_start_is_told_at_once(tmp_path):
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(sinks.SinkError, match="cannot be written"):
+            write(tmp_path / "a.rrd")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []

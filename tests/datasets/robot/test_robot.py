@@ -1,5 +1,7 @@
 """The laws of the robot's errors, on many draws: means and deviations within four standard errors."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -23,10 +25,14 @@ def lucks() -> list[Luck]:
     return [draw_luck(rng) for _ in range(DRAWS)]
 
 
-def check_normal(values: np.ndarray, mean: float, sd: float) -> None:
-    n = len(values)
-    assert values.mean() == pytest.approx(mean, abs=4 * sd / np.sqrt(n))
-    assert values.std() == pytest.approx(sd, abs=4 * sd / np.sqrt(2 * n))
+def mean_and_sd(values: np.ndarray) -> list[float]:
+    return [float(values.mean()), float(values.std())]
+
+
+def normal(mean: float, sd: float, n: int) -> list[Any]:
+    """Return what `mean_and_sd` gives for that many draws of a normal distribution."""
+    of_mean = pytest.approx(mean, abs=4 * sd / np.sqrt(n))
+    return [of_mean, pytest.approx(sd, abs=4 * sd / np.sqrt(2 * n))]
 
 
 @pytest.mark.parametrize("told_deg", [90.0, -40.0, 0.0, 170.0])
@@ -35,7 +41,7 @@ def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg
     actual = wrap(np.array([m.path[-1, 2] - START[2] for m in moves]) - np.radians(told_deg))
     measured = np.array([m.measured[2] for m in moves])
     residual = np.degrees(actual) + told_deg - np.degrees(measured) / 1.3695
-    check_normal(residual, 0.2681, 4.916)
+    assert mean_and_sd(residual) == normal(0.2681, 4.916, DRAWS)
     assert (np.array([m.path[-1, :2] for m in moves]) == START[:2]).all()
 
 
@@ -43,7 +49,7 @@ def test_a_turn_is_measured_over_the_gain_plus_the_residual_of_figure_8(told_deg
 def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in):
     moves = [drive_by(START, told_in * INCH_M, luck, plain("wood"), CHASSIS) for luck in lucks()[:1000]]
     length = [np.linalg.norm(np.diff(m.path[:, :2], axis=0), axis=1).sum() for m in moves]
-    check_normal(np.array(length) / INCH_M - told_in, -0.6978, 0.6356)
+    assert mean_and_sd(np.array(length) / INCH_M - told_in) == normal(-0.6978, 0.6356, len(moves))
     assert {float(m.measured[0]) for m in moves} == {told_in * INCH_M}
     assert all(m.measured[2] == 0 for m in moves)
 
@@ -55,7 +61,8 @@ def test_heading_drifts_by_floor_in_proportion_to_distance(floor, bias_deg, sd_d
         told = yards * 36 * INCH_M - CHASSIS.straight_bias_m  # so that it really goes that far
         lucky = [Luck(0, 0, luck.drift, (0, 0)) for luck in lucks()[:1000]]
         ends = np.array([drive_by(START, told, luck, plain(floor), CHASSIS).path[-1] for luck in lucky])
-        check_normal(np.degrees(ends[:, 2] - START[2]), bias_deg * yards, sd_deg * yards)
+        turned = np.degrees(ends[:, 2] - START[2])
+        assert mean_and_sd(turned) == normal(bias_deg * yards, sd_deg * yards, len(lucky))
 
 
 def test_drift_pulls_left_and_sums_over_floors():

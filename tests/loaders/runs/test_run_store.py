@@ -1,6 +1,8 @@
 """Saved runs on disk: what is read back is what was written, damage is one line, differences are named."""
 
+import errno
 import gc
+import os
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import fields, is_dataclass, replace
@@ -15,7 +17,14 @@ from polars.testing import assert_frame_equal
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.tables import ExportStep, table_row
 from maurice_loaders.runs import writer as writing
-from maurice_loaders.runs.manifest import library_hash, put, read_manifest, source_of, write_manifest
+from maurice_loaders.runs.manifest import (
+    RunManifest,
+    library_hash,
+    put,
+    read_manifest,
+    source_of,
+    write_manifest,
+)
 from maurice_loaders.runs.store import first_difference, open_runs, same
 from maurice_mcl.library import Library
 
@@ -180,6 +189,24 @@ def test_a_folder_is_replaced_only_with_force_and_only_when_it_is_a_run(
         with pytest.raises(InputError, match="remove it yourself"):
             writing.RunWriter(other, manifest, "", run_library.arena, force=True)
         assert (other / name).read_text() == text
+
+
+def test_a_run_that_cannot_be_begun_leaves_no_folder(
+    save_run: Save, run_library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder without a manifest would not be replaced with --force."""
+    folder, _ = save_run()
+    manifest = read_manifest(folder)
+
+    def full(folder: Path, manifest: RunManifest) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder))
+
+    monkeypatch.setattr(writing, "write_manifest", full)
+    for target in (tmp_path / "new", folder):
+        with pytest.raises(OSError, match="No space left"):
+            writing.RunWriter(target, manifest, "", run_library.arena, force=True)
+    assert read_manifest(folder) == manifest
+    assert [file for file in tmp_path.iterdir() if "new" in file.name] == []
 
 
 def test_the_runs_of_a_comparison_are_opened_in_order(save_run: Save, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import socket
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -257,24 +258,26 @@ for _data in (bytes(range(256)), b"\x00\x01\x02\n", b"\x89PNG\r\n\x1a\n"):
     )
 
 
-def refuse(path: Path, told: str) -> None:
-    with pytest.raises(InputError, match=told) as caught:
+def refusal(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
         read_header(path)
-    assert "\n" not in str(caught.value)
+    return str(caught.value)
 
 
 @pytest.mark.parametrize("name", NO_LOGS)
 def test_what_is_no_log_at_all(tmp_path: Path, name: str) -> None:
     make, told = NO_LOGS[name]
     make(tmp_path / "a.log")
-    refuse(tmp_path / "a.log", told)
+    found = refusal(tmp_path / "a.log")
+    assert re.search(told, found)
+    assert "\n" not in found
 
 
 def test_devices_sockets_and_folders_with_a_log(write_log: WriteLog, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_log()
-    refuse(path.parent, f"found a folder, expected a log file; did you mean {path}")
-    refuse(Path("/dev/zero"), "^/dev/zero: found no regular file, expected a log")
+    assert f"found a folder, expected a log file; did you mean {path}" in refusal(path.parent)
+    assert refusal(Path("/dev/zero")).startswith("/dev/zero: found no regular file, expected a log")
     monkeypatch.chdir(path.parent)  # a socket's path is short
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind("a.log")
-        refuse(Path("a.log"), "a.log: found no regular file, expected a log")
+        assert "a.log: found no regular file, expected a log" in refusal(Path("a.log"))
