@@ -1,5 +1,7 @@
 """The demo's drives, from the user's cache. The simulator is imported only when they are not there."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Finished folders, marked by a checksum, and a cache of such folders."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 import os

@@ -1,5 +1,7 @@
 """The live robot: drives, takes pictures, and sends a session log line by line to its readers."""
 
+from __future__ import annotations
+
 import base64
 import errno
 import json

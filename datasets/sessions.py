@@ -1,5 +1,7 @@
 """Simulated sessions: with their survey as files in a folder, or rendered as they are asked for."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,5 +1,7 @@
 """A simulated session, planned and set up: which world, which task, what changes, and what the robot does."""
 
+from __future__ import annotations
+
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

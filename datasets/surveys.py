@@ -3,6 +3,8 @@
 References are placed by hand, so a little off; they are labeled with where they should have been.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

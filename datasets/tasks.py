@@ -4,6 +4,8 @@ A tier sets what the world looks like and what happens during the session. Its n
 docs/arena.md has what they do to the filter.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path

@@ -4,6 +4,8 @@ N particles, L library entries, C channels, D descriptor length, M movements in 
 H x W picture rows and columns. A pose is (x_m, y_m, heading_rad), heading counter-clockwise from +x.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The error that bad input raises, in every package: one line that a person can act on."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 

@@ -1,5 +1,7 @@
 """A library and a drive small enough to be made in memory in an instant: for examples."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 

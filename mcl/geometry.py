@@ -3,6 +3,8 @@
 Headings are radians, counter-clockwise from +x (REP-103); poses are (..., 3): x_m, y_m, heading_rad.
 """
 
+from __future__ import annotations
+
 import math
 from typing import Any, TypeVar
 

@@ -1,5 +1,7 @@
 """The library: reference poses with what each channel measured there. It is the filter's map."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,12 +22,12 @@ class ChannelIndex:
     relevance: F32  # (D,) per-bin maximum over the library (thesis fig. 15)
 
     @cached_property
-    def centered(self) -> "Centered":
+    def centered(self) -> Centered:
         """The references about their mean, for distances by products."""
         return Centered.of(self.references)
 
     @cached_property
-    def centered_roots(self) -> "Centered":
+    def centered_roots(self) -> Centered:
         """Square roots of the references, about their mean."""
         return Centered.of(np.sqrt(self.references))
 
@@ -39,7 +41,7 @@ class Centered:
     squared: F32  # (L,) squared lengths of the rows
 
     @classmethod
-    def of(cls, values: F32) -> "Centered":
+    def of(cls, values: F32) -> Centered:
         """Center values (L, D)."""
         middle = values.mean(axis=0, dtype=np.float64).astype(np.float32)
         rows = values - middle

@@ -5,6 +5,8 @@ correctly when the most similar one elsewhere is a neighbor with nearly its head
 one is more similar than its neighbors.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """Randomness by address: every draw can be repeated on its own from the seed, the step and the purpose."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from enum import IntEnum

@@ -1,5 +1,7 @@
 """The values of the filter: belief, recovery state, filter state, and the record of one update."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -122,12 +124,12 @@ class Comparison:
         return np.append(self.log_likelihood, self.virtual)
 
     @cached_property
-    def explained(self) -> "EntryLikelihood":
+    def explained(self) -> EntryLikelihood:
         """How well each entry explains the picture, of all channels together, (1, L)."""
         return EntryLikelihood.of(self.cost[None])
 
     @cached_property
-    def channels_explained(self) -> "EntryLikelihood":
+    def channels_explained(self) -> EntryLikelihood:
         """The same of each channel alone, (C, L)."""
         return EntryLikelihood.of(self.channel_cost)
 
@@ -156,7 +158,7 @@ class EntryLikelihood:
     top: F64  # (...,) log of what was divided by
 
     @classmethod
-    def of(cls, cost: F32) -> "EntryLikelihood":
+    def of(cls, cost: F32) -> EntryLikelihood:
         """Take costs (..., L) in nats."""
         nats = -cost.astype(np.float64)
         top = nats.max(axis=-1, keepdims=True)

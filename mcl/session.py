@@ -1,5 +1,7 @@
 """What a robot saw and did: frames for the filter, and moments, which also hold the truth."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

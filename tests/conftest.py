@@ -1,5 +1,7 @@
 """What holds for all tests: nothing of the tester's own; and a small session."""
 
+from __future__ import annotations
+
 import os
 import signal
 from collections.abc import Iterator

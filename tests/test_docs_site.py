@@ -1,5 +1,7 @@
 """The documentation builds as a site: strictly, without a network."""
 
+from __future__ import annotations
+
 import importlib.util
 import subprocess
 import sys

@@ -1,5 +1,7 @@
 """Everything that the front pages export has a docstring, and an example in it that runs."""
 
+from __future__ import annotations
+
 import doctest
 import importlib
 import inspect

@@ -3,6 +3,8 @@
 Every import counts: at the top of a file, inside a function, and under TYPE_CHECKING.
 """
 
+from __future__ import annotations
+
 import ast
 import re
 import tomllib

@@ -1,5 +1,7 @@
 """Our folders hide nobody's packages: `datasets` is HuggingFace's, and stays theirs."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

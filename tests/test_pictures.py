@@ -3,6 +3,8 @@
 `MAURICE_REMAKE_PICTURES=1 .venv/bin/python -m pytest tests/test_pictures.py` makes the stored pictures anew.
 """
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 

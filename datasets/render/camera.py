@@ -5,6 +5,8 @@ texture coordinates of a face are three planes over the picture; a depth buffer 
 the faces that can be seen are warped in with OpenCV.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cached_property
 

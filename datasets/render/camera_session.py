@@ -3,6 +3,8 @@
 Pictures are pure functions of number and pose. The light of the two worlds baked last is kept.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

@@ -3,6 +3,8 @@
 `parse_lights` reads the notation of `--lights`, described in docs/conditions.md.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

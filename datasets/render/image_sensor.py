@@ -1,5 +1,7 @@
 """The image sensor: lens faults, exposure, tone curve, noise, and slow drift of gain and white balance."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import cv2

@@ -4,6 +4,8 @@ A coarse grid of points on every face asks which lamps it sees past the boxes. L
 so a lamp that goes out takes its light and its shadows with it, at the cost of one sum.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

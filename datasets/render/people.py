@@ -3,6 +3,8 @@
 A figure stands at the origin and looks along +x; all is in meters. A pose only decides where there is room.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import lru_cache
 

@@ -3,6 +3,8 @@
 This is the thesis's hybrid control (3.5, appendix B): small behaviors that know nothing of each other.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol

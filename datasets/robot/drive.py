@@ -4,6 +4,8 @@ The robot gets the bearing of the next point on the path to its goal; everything
 proximity sensors. Every update is a turn of any size, a straight, and a picture.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

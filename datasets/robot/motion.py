@@ -4,6 +4,8 @@ Turning is over-read by a gain and scatters once per turn, straights fall short 
 drifts with distance, by floor (thesis 3.2, 3.3). Where a floor ends the robot may slip (3.6).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import Any
 

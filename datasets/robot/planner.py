@@ -1,5 +1,7 @@
 """Path planning: free space on a raster, and the next point on the path to a goal."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

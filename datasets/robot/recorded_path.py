@@ -1,5 +1,7 @@
 """A path that a real robot drove, with its real odometry: read, and moved into an arena's free space."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

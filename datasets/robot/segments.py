@@ -1,5 +1,7 @@
 """What happens between two pictures, with its times: what a session log is made of."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,5 +1,7 @@
 """From a plan and a seed to a world: everything that a file leaves to the seed is drawn here."""
 
+from __future__ import annotations
+
 import math
 from importlib.resources import files
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Drawing what a plan leaves to the seed: numbers, words, colors, and the paints that world files name."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache, partial

@@ -3,6 +3,8 @@
 A piece stands with its back to local +y and its front to local -y; sizes are inches.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,5 +1,7 @@
 """What hangs on walls: prints, boards, doors, radiators, sockets, windows with their curtains."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

@@ -1,5 +1,7 @@
 """Doors and windows: which rooms a door joins, and where things may be on a wall."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import combinations
 

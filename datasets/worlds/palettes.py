@@ -1,5 +1,7 @@
 """Colors that rooms are made of: paints, dyes, woods. Linear reflectance, red, green, blue."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import numpy as np

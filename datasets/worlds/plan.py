@@ -1,5 +1,7 @@
 """The content of a world file (docs/worlds.md) before anything is drawn, in inches: a dataclass per table."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """From a TOML file to a `WorldPlan`: every key checked, nothing drawn."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,5 +1,7 @@
 """Moving furniture for real after the survey: the map's obstacles follow, the references do not."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
 

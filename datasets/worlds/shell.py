@@ -1,5 +1,7 @@
 """The shell of a building: walls with their skirting, door frames, ceilings, floors, and what is solid."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import partial
 

@@ -1,5 +1,7 @@
 """From boxes to faces, in inches: the geometry that furniture and walls are made of."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 

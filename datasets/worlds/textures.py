@@ -4,6 +4,8 @@ Every painter takes a generator, a size in pixels and a base color, and gives li
 in 0.02 to 0.95.
 """
 
+from __future__ import annotations
+
 import cv2
 import numpy as np
 

@@ -1,5 +1,7 @@
 """Distinctive things on walls: posters, boards, rows of books, door panels, windows. Drawn, never loaded."""
 
+from __future__ import annotations
+
 import cv2
 import numpy as np
 

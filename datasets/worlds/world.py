@@ -4,6 +4,8 @@ Renderer, surveyor and robot take a `World` as an argument and know nothing of h
 is in meters; z points up and the floor is z = 0. Colors are linear (not gamma-coded) RGB.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

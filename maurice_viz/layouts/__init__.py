@@ -9,6 +9,8 @@ explanation_screen  one update explained at full size, as a recording of its own
 """
 
 # names on their own: the command line lists them without importing Rerun
+from __future__ import annotations
+
 LAYOUT_NAMES = ("story", "overview", "inside-a-step", "explain", "compare", "traces")
 RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

@@ -3,6 +3,8 @@
 Each kind has one precise definition (docs/events.md); what only later updates show is reported when known.
 """
 
+from __future__ import annotations
+
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -5,6 +5,8 @@ from which most of its weight descends; of equal weights the older identity, in 
 first.
 """
 
+from __future__ import annotations
+
 from collections import deque
 from dataclasses import dataclass, field
 

@@ -4,6 +4,8 @@ Errors within a drive are not independent, so blocks of neighbors are drawn (Kue
 divided by its own standard error (Goetze and Kuensch 1996). The interval is for this drive (docs/compare.md).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 from typing import TypeAlias
 

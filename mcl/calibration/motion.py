@@ -15,6 +15,8 @@ Segments of more movements are left out. Errors of the truth count fully: 1 cm i
 drift.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

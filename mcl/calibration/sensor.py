@@ -5,6 +5,8 @@ of a picture is the log of the probability that it alone gives the reference nea
 uniform prior. Pictures come from drives, or from the library itself, each left out in turn.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice

@@ -1,5 +1,7 @@
 """Numbers with their 95 % confidence intervals: means, standard deviations, slopes through the origin."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """From a configuration to a localizer. Every name is looked up here and nowhere else."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -4,6 +4,8 @@
 values, with the name of its origin.
 """
 
+from __future__ import annotations
+
 import difflib
 import typing
 from collections.abc import Callable, Iterable, Mapping

@@ -4,6 +4,8 @@ The drive is cut into segments by the truth, the odometry of a segment is combin
 counts is the share of the true movement that it leaves unexplained.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,6 +5,8 @@ at earlier or later poses. Without it, a short localization is run under each re
 numbers.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

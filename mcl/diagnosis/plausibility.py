@@ -1,5 +1,7 @@
 """Whether times and numbers can be what they are called: without pictures, a library or a comparison."""
 
+from __future__ import annotations
+
 import numpy as np
 
 from ..arrays import F64

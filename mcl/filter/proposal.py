@@ -6,6 +6,8 @@ with p the predicted density and q that of the sampled poses. Densities are per 
 nearest to it. So that sampled poses count where p would be zero, p includes a small uniform share.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

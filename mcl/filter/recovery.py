@@ -3,6 +3,8 @@
 A strategy uses its state and the evidence of the picture, the log of the mean of exp(-cost) over the cloud.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -3,6 +3,8 @@
 Every scheme is unbiased: the expected number of copies of particle i is n * w_i.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -4,6 +4,8 @@ A separate thread reads, measures and compares the next few pictures while the f
 OpenCV and numpy let both run at once. Every picture is compared alone: the numbers are those without it.
 """
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor

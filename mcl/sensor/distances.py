@@ -4,6 +4,8 @@ Every function takes a sample (D,) and a channel's index of L references and ret
 0 for a reference equal to the sample. Those of one channel can be compared between pictures.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 
 import numpy as np

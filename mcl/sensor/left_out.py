@@ -5,6 +5,8 @@ probability that it alone assigns to the stand-in, the entry of similar heading 
 under a uniform prior. Intervals are by place, as the errors of pictures at one place are correlated.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,6 +5,8 @@ scales (C,), and returns a fused distance (L,) and its quality (L,) in [0, 1], 1
 last step depends on the particles: the cost of comparing does not grow with their number.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -7,6 +7,8 @@
   headings. Averaging likelihoods cannot: the mean of two poor matches is poor.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol

@@ -1,5 +1,7 @@
 """Worlds that several tests look at; made once."""
 
+from __future__ import annotations
+
 import pytest
 
 from maurice_datasets.render.camera import LitScene

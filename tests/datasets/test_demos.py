@@ -1,5 +1,7 @@
 """The demo's drives come from the cache without the simulator."""
 
+from __future__ import annotations
+
 import json
 import subprocess
 import sys

@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 import pytest
 
 from maurice_datasets.tasks import DEMO, FITTING, TASKS, TEST, for_fitting, for_testing

@@ -1,5 +1,7 @@
 """Chromium without a window, driven through the pipe of its DevTools."""
 
+from __future__ import annotations
+
 import base64
 import json
 import os

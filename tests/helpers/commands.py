@@ -1,5 +1,7 @@
 """The command, as a person types it where there is no display: in this process, or in one of its own."""
 
+from __future__ import annotations
+
 import json
 import os
 import subprocess

@@ -7,6 +7,8 @@ HOW is what it speaks: cdr, json, cdr-tf, proto, proto-raw, proto-tf, proto-vide
 Prints the port when it listens; drives when somebody has subscribed, COUNT pictures, then waits.
 """
 
+from __future__ import annotations
+
 import base64
 import json
 import math

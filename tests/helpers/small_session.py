@@ -1,5 +1,7 @@
 """A small session and survey on disk, quick to make, whose pictures are a formula of the pose."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Small logs and pictures, made on the spot."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Trials of a robot's odometry from sessions and tables, and pictures of a covered lens."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import cv2

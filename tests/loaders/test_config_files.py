@@ -1,5 +1,7 @@
 """Options of reading, and a robot's motion, in TOML files."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import pytest

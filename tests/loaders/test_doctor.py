@@ -1,5 +1,7 @@
 """Sessions of the simulator, broken on purpose: each way is named, and healthy ones are left alone."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """Files and folders appear whole or not at all, and nobody's are deleted."""
 
+from __future__ import annotations
+
 import os
 import shutil
 import subprocess

@@ -1,5 +1,7 @@
 """What inspect says is what is there; broken lines are told, not raised."""
 
+from __future__ import annotations
+
 import json
 import os
 from dataclasses import asdict

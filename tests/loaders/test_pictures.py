@@ -1,5 +1,7 @@
 """Pictures come out as they went in, and never half."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import cv2

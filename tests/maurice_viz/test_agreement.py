@@ -1,5 +1,7 @@
 """Every panel, text, trace and score of a kidnapped drive is what its step records say, phase by phase."""
 
+from __future__ import annotations
+
 import re
 from collections import defaultdict
 from dataclasses import dataclass

@@ -1,5 +1,7 @@
 """Whatever is recorded is drawn without an exception, and the entities that every screen needs are there."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice

@@ -1,5 +1,7 @@
 """The public functions: the same numbers as the commands, nothing printed, nothing heavy imported."""
 
+from __future__ import annotations
+
 import json
 import pkgutil
 import subprocess

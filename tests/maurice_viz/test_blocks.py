@@ -1,5 +1,7 @@
 """A recording written in blocks holds the rows of one written call by call."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

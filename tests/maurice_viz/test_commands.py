@@ -1,5 +1,7 @@
 """The commands as a person runs them: what they print, what they write, how they fail."""
 
+from __future__ import annotations
+
 import json
 import os
 import signal

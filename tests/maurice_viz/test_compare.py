@@ -1,5 +1,7 @@
 """`maurice-replay compare`, as a person types it: what may differ, what is refused, what is said."""
 
+from __future__ import annotations
+
 import json
 import shutil
 from dataclasses import replace

@@ -1,5 +1,7 @@
 """One value of a saved run replaced at a time: every command goes on, or ends in one line that says why."""
 
+from __future__ import annotations
+
 import math
 import os
 import shutil

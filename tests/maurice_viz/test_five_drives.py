@@ -1,5 +1,7 @@
 """Five drives on which a localizer goes wrong, each for another reason: the verdict says which."""
 
+from __future__ import annotations
+
 import re
 
 import pytest

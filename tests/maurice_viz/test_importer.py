@@ -1,5 +1,7 @@
 """`rerun-importer-maurice`: what it takes, what it gives back, what Rerun makes of it."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

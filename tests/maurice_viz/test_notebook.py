@@ -1,5 +1,7 @@
 """What notebooks call: frames of a saved run, the run in Rerun's widget, and the notebook in docs."""
 
+from __future__ import annotations
+
 import importlib.util
 import json
 import os

@@ -1,5 +1,7 @@
 """A user's own channel: the example of docs/channels.md, installed and used by name."""
 
+from __future__ import annotations
+
 import json
 import re
 import tomllib

@@ -1,5 +1,7 @@
 """`--run` of recordings that are no session logs: what is saved is shown and verified as it was read."""
 
+from __future__ import annotations
+
 import json
 import shutil
 from collections.abc import Sequence

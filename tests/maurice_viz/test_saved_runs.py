@@ -1,5 +1,7 @@
 """`--run`, replay of what it wrote, and `verify`, as a person uses them."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil

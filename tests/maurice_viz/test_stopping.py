@@ -1,5 +1,7 @@
 """A request to stop waits for the end of an update, and no longer; other failures are one line."""
 
+from __future__ import annotations
+
 import errno
 import json
 import os

@@ -1,5 +1,7 @@
 """Fixtures of the tests of localization: a small world, made once."""
 
+from __future__ import annotations
+
 import pytest
 
 from helpers.filter_world import World, make_world

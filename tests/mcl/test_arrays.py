@@ -1,5 +1,7 @@
 """Scalar products do not depend on the number of threads."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

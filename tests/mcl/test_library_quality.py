@@ -1,5 +1,7 @@
 """A library that cannot tell two places apart is found out; one that can is left alone."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Blurred color: the color histogram of a blurred picture. The other reading of "smoothing" (thesis 4.1)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

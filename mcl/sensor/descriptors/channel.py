@@ -1,5 +1,7 @@
 """What every channel does, and the CMUcam2's histogram, which many of them use."""
 
+from __future__ import annotations
+
 from typing import Any, Protocol
 
 import cv2

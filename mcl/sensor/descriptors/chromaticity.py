@@ -1,5 +1,7 @@
 """Chromaticity: how red and how green the pixels are, whatever their brightness (Swain and Ballard 1991)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

@@ -1,5 +1,7 @@
 """Color: the histogram of the picture's red, green and blue values (thesis 3.3)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from ...arrays import F32, U8

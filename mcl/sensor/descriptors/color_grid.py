@@ -1,5 +1,7 @@
 """Color grid: a coarse color histogram of each part of the picture (Lazebnik, Schmid and Ponce 2006)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

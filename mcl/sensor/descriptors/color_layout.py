@@ -1,5 +1,7 @@
 """Color layout: colors on a coarse raster, normalized by brightness (after Kasutani and Yamada 2001)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

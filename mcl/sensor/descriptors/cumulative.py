@@ -3,6 +3,8 @@
 Very likely the thesis's "summation histogram" (figure 43); differences add up to the earth mover's distance.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Edge color: the colors of the pixels that lie on an edge (the other reading of thesis 4.2.2, figure 52)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

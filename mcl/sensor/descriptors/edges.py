@@ -3,6 +3,8 @@
 After a light blur, pixels with almost no gradient stay below 16 and so out of the histogram.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

@@ -4,6 +4,8 @@ The gray-world assumption (Buchsbaum 1980; Finlayson, Schiele and Crowley 1998):
 cancel.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

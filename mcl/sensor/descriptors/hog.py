@@ -1,5 +1,7 @@
 """HOG: in which directions edges run, in each part of the picture (Dalal and Triggs 2005)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

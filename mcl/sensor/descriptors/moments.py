@@ -1,5 +1,7 @@
 """Color moments: mean, spread and skew of each plane (Stricker and Orengo 1995). Nine numbers per picture."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

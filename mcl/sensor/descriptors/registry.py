@@ -3,6 +3,8 @@
 A package adds a channel by an entry point in the group "maurice_replay.channels" (docs/channels.md).
 """
 
+from __future__ import annotations
+
 import json
 import re
 from collections.abc import Iterable, Mapping

@@ -3,6 +3,8 @@
 A little more light moves pixels into the next bin. The thesis's kernel is not known.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Tiny image: a few pixels, brightness and contrast removed (Torralba, Fergus and Freeman 2008)."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import cv2

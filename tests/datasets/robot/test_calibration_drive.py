@@ -1,5 +1,7 @@
 """The simulated robot's constants come back from its own trials, as often as the intervals say."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 
 import numpy as np

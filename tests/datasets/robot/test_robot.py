@@ -1,5 +1,7 @@
 """The laws of the robot's errors, on many draws: means and deviations within four standard errors."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

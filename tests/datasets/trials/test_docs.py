@@ -1,5 +1,7 @@
 """docs/trials.md lists the columns that rows have."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from maurice_datasets.trials.plan import shipped_plans

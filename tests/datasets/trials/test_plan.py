@@ -1,5 +1,7 @@
 """Plans as TOML: which runs they hold, and what is refused in one line."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import pytest

@@ -1,5 +1,7 @@
 """Intervals by hand and by chance: coverage within four standard errors."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 

@@ -1,5 +1,7 @@
 """Runs of a plan: each as if alone, on any engine, after any kill; errors are rows."""
 
+from __future__ import annotations
+
 import os
 import signal
 import subprocess

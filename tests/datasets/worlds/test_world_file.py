@@ -1,5 +1,7 @@
 """World files: the example of the documentation loads, and bad ones are refused in one line."""
 
+from __future__ import annotations
+
 import re
 from pathlib import Path
 

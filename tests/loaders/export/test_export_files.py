@@ -1,5 +1,7 @@
 """Paths, tables and evo's results of a saved run: what other programs read out of them."""
 
+from __future__ import annotations
+
 import csv
 import json
 import os

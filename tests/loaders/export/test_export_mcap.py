@@ -1,5 +1,7 @@
 """MCAP with ROS 2 messages, read back by an independent reader, and without the extra."""
 
+from __future__ import annotations
+
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

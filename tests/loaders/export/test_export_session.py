@@ -1,5 +1,7 @@
 """Any session as MCAP or a native log: what is read back is what the filter was given before."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace

@@ -1,5 +1,7 @@
 """A folder of pictures and a table become two logs that stand alone and say what they are."""
 
+from __future__ import annotations
+
 import os
 import shutil
 from collections.abc import Callable

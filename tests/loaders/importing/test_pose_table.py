@@ -1,5 +1,7 @@
 """Tables of poses and text files of walls: read strictly, complaints name row and column."""
 
+from __future__ import annotations
+
 import itertools
 import math
 import os

@@ -1,5 +1,7 @@
 """A drive becomes a library: spaced, turned, sharp, each picture with its own pose."""
 
+from __future__ import annotations
+
 import base64
 import json
 import math

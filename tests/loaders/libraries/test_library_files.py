@@ -1,5 +1,7 @@
 """A library folder stands alone, comes back exactly, and says so when it is damaged."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil

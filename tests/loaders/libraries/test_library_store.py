@@ -1,5 +1,7 @@
 """Libraries hold what their channels measure; the cache builds them once, by content, for two at once."""
 
+from __future__ import annotations
+
 import re
 import subprocess
 import sys

@@ -1,5 +1,7 @@
 """What was computed from files is computed again exactly when one of them has changed."""
 
+from __future__ import annotations
+
 import os
 import time
 from collections.abc import Callable

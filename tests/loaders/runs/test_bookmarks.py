@@ -1,5 +1,7 @@
 """Bookmarks: what is added is there, what is broken is said and stays, what is removed is gone."""
 
+from __future__ import annotations
+
 import json
 import os
 import sys

@@ -1,5 +1,7 @@
 """Saved runs on disk: what is read back is what was written, damage is one line, differences are named."""
 
+from __future__ import annotations
+
 import errno
 import gc
 import os

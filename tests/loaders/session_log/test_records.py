@@ -1,5 +1,7 @@
 """Headers and lines: everything comes back, and every way of being wrong is named with its line."""
 
+from __future__ import annotations
+
 import json
 import os
 import re

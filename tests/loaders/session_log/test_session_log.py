@@ -1,5 +1,7 @@
 """The reader's contract: what comes out, lazily, again and again."""
 
+from __future__ import annotations
+
 import base64
 import json
 from pathlib import Path

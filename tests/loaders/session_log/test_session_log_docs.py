@@ -1,5 +1,7 @@
 """The documented format is the one that is read and written."""
 
+from __future__ import annotations
+
 import json
 import re
 from pathlib import Path

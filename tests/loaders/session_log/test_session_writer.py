@@ -1,5 +1,7 @@
 """What is written is what is read; nothing is overwritten, nothing impossible is written."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 from typing import Any

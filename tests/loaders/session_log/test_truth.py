@@ -1,5 +1,7 @@
 """The truth at a picture's time: exact, interpolated over at most 1 s, or unknown."""
 
+from __future__ import annotations
+
 import itertools
 
 import numpy as np

@@ -1,5 +1,7 @@
 """How many threads numpy and OpenCV use changes no result."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """Ready-made rows are the rows that Rerun would have made."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 import rerun as rr

@@ -1,5 +1,7 @@
 """Drawn on pixels or as bars: grounds of maps, keys, texts, histograms and their tensors."""
 
+from __future__ import annotations
+
 import cv2
 import numpy as np
 import pytest

@@ -1,5 +1,7 @@
 """A drive that no library goes with is shown by itself: every log opens."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

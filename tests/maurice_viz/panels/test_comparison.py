@@ -1,5 +1,7 @@
 """What runs share in a recording, read back; and the layout that shows it."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

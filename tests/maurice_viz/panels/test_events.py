@@ -1,5 +1,7 @@
 """The lanes of events in a recording: read back, they say what the detector said."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The panel of explanations, read back from recordings."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

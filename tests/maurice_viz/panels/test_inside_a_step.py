@@ -1,5 +1,7 @@
 """What is drawn of the inside of an update, read back from recordings."""
 
+from __future__ import annotations
+
 import io
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,7 @@
 """What lies on the map: match circles of references, library nodes, walls."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """What is drawn is what the records say: read back from the file."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The map of expected ambiguity shows the walls, and its lines end at the dots."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

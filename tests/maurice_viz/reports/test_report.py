@@ -1,5 +1,7 @@
 """`maurice-replay report`: one page that stands alone, in a parser and in a real browser."""
 
+from __future__ import annotations
+
 import re
 import subprocess
 from html.parser import HTMLParser

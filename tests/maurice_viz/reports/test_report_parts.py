@@ -1,5 +1,7 @@
 """The parts that a report is made of: charts, paths on the map, the choice of pictures."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,5 +1,7 @@
 """The sentences, the table and the names say what the explanation holds."""
 
+from __future__ import annotations
+
 import json
 import math
 

@@ -1,5 +1,7 @@
 """Movies: read back, they hold the pictures that were put in; a broken one is not there at all."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys

@@ -1,5 +1,7 @@
 """Which viewers are open: ours, alive, the last one first; nothing ever fails because of these files."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil

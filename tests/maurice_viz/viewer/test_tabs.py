@@ -1,5 +1,7 @@
 """Arranging a viewer: which tab is in front, which view fills the window."""
 
+from __future__ import annotations
+
 import copy
 from typing import Any
 

@@ -1,5 +1,7 @@
 """`--web`: the page comes up on this machine alone, a browser gets the recording, Ctrl-C ends it."""
 
+from __future__ import annotations
+
 import re
 import shutil
 import signal

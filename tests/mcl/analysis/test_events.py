@@ -1,5 +1,7 @@
 """Each kind of event happens exactly where its definition says, once."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

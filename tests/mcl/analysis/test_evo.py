@@ -1,5 +1,7 @@
 """Trajectory errors against independent code: the commands `evo_ape` and `evo_rpe` of evo (Grupp 2017)."""
 
+from __future__ import annotations
+
 import json
 import os
 import subprocess

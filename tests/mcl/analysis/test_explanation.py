@@ -1,5 +1,7 @@
 """Explanations add up to what the filter used, and rank as sorting ranks."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

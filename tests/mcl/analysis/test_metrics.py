@@ -1,5 +1,7 @@
 """Scores of steps and runs, and success as the thesis defines it."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from types import SimpleNamespace
 

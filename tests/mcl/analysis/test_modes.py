@@ -1,5 +1,7 @@
 """Modes followed from step to step, and the ancestry of particles."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from types import SimpleNamespace
 

@@ -1,5 +1,7 @@
 """Runs against the first one: differences, where they part, and what is said over the whole drive."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,3 +1,5 @@
+from __future__ import annotations
+
 from maurice_mcl.analysis.ambiguity import Ambiguity
 from maurice_mcl.analysis.causes import CARRIED, Cause
 from maurice_mcl.analysis.near_truth import MOVED, Vanishing

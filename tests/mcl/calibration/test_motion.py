@@ -1,5 +1,7 @@
 """The fits give the known constants back: unbiased, and within their intervals as often as these say."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,5 +1,7 @@
 """Scales and weights against pictures whose right answer is known by construction."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Everything that can be chosen about a filter, put together by name and run."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

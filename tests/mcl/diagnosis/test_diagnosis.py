@@ -1,5 +1,7 @@
 """Odometry that is wrong in one way is told from odometry that is merely noisy."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from types import SimpleNamespace
 

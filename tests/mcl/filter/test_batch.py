@@ -1,5 +1,7 @@
 """A batch of runs finds what every run finds alone, to the last bit."""
 
+from __future__ import annotations
+
 from dataclasses import fields, replace
 
 import numpy as np

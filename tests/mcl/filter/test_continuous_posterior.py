@@ -5,6 +5,8 @@ and the grid is itself checked against plain samples without resampling. Compare
 regions that have an entry each nearest. Motion model, tables and filter are the real ones.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

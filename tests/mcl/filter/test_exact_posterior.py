@@ -5,6 +5,8 @@ exactly. Everything but the lattice's motion is the real code: `Localizer.step` 
 color channel, sensor model, weighing, resamplers and policies.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import numpy as np

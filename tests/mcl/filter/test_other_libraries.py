@@ -1,5 +1,7 @@
 """Resampling, effective sample size and weighing against independent code: filterpy and dynesty."""
 
+from __future__ import annotations
+
 import dynesty.utils
 import filterpy.monte_carlo.resampling as theirs
 import numpy as np

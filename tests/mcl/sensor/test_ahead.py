@@ -1,5 +1,7 @@
 """Pictures compared ahead: the same numbers, in order, with errors where they happened."""
 
+from __future__ import annotations
+
 import threading
 from dataclasses import replace
 

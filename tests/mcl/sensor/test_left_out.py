@@ -1,5 +1,7 @@
 """Places that cannot be told apart are found out, and the scales widened; a dense library is left alone."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Fusion of channels, and likelihoods from fused distances."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,5 +1,7 @@
 """Channels that other packages bring along: small packages in a folder, found as installed ones are."""
 
+from __future__ import annotations
+
 import subprocess
 import sys
 from importlib.metadata import EntryPoint, entry_points

@@ -1,5 +1,7 @@
 """The configuration as commands show and check it, and as docs/configuration.md lists it."""
 
+from __future__ import annotations
+
 import json
 import os
 import re

@@ -1,5 +1,7 @@
 """`export` and `convert` as a person runs them."""
 
+from __future__ import annotations
+
 import json
 import re
 from pathlib import Path

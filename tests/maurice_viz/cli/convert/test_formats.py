@@ -1,5 +1,7 @@
 """Recordings of other formats on the command line: replayed as the session log of the same drive is."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """A library with few places says so wherever it is used, and each channel is shown in its own unit."""
 
+from __future__ import annotations
+
 import json
 
 import numpy as np

@@ -1,5 +1,7 @@
 """`library tune` as a person runs it, on the small session and survey."""
 
+from __future__ import annotations
+
 import json
 import shutil
 

@@ -1,5 +1,7 @@
 """`maurice-replay calibrate` as a person types it: what it prints, writes and refuses."""
 
+from __future__ import annotations
+
 import json
 import sys
 import tomllib

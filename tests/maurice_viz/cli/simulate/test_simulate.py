@@ -1,5 +1,7 @@
 """The command itself, in processes of its own: what it prints, refuses, and how it ends."""
 
+from __future__ import annotations
+
 import json
 import os
 import signal

@@ -1,5 +1,7 @@
 """`maurice-replay survey`: a log one can build a library from, a sheet, and refusals in one line."""
 
+from __future__ import annotations
+
 import json
 from pathlib import Path
 

@@ -1,5 +1,7 @@
 """The session doctor and the library check on the command line."""
 
+from __future__ import annotations
+
 import json
 import math
 import re

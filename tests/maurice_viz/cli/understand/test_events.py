@@ -1,5 +1,7 @@
 """`events` and `jump` as a person types them."""
 
+from __future__ import annotations
+
 import json
 import os
 import shutil

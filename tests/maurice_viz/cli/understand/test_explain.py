@@ -1,5 +1,7 @@
 """`maurice-replay explain` as a person uses it."""
 
+from __future__ import annotations
+
 import json
 import shutil
 from pathlib import Path

@@ -1,5 +1,7 @@
 """`maurice-replay snapshot`, as a person types it; with the real viewer where a renderer is there."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 import cv2
