@@ -12,22 +12,13 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import check_target
 
 from . import over_particles as counts
-from .calibration import expect_matplotlib, save
-from .material import Material, NothingToDraw
+from .calibration import INK, expect_matplotlib, save
+from .material import Material, NothingToDraw, ThesisFigure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg", "pdf")
-
-
-@dataclass(frozen=True, slots=True)
-class ThesisFigure:
-    """A figure: its number in the thesis, our title, and how it is drawn from trials."""
-
-    number: int
-    title: str
-    draw: Callable[[Material], Figure]
 
 
 TRAVEL = "Driven before it was lost, against the number of particles"
@@ -126,9 +117,17 @@ def draw_figures(
                 raise
             left.append((one.number, str(problem)))
             continue
-        made.axes[0].set_title(f"{one.number}. {one.title}", loc="left", fontsize=12)
+        _entitle(made, f"{one.number}. {one.title}")
         for name in formats:
             file = folder / f"figure-{one.number:02}.{name}"
             save(made, file, force=force)
             files.append(file)
     return Drawn(tuple(files), tuple(left))
+
+
+def _entitle(made: Figure, title: str) -> None:
+    """Write the title over the only axes of a figure, or over all of them."""
+    if len(made.axes) == 1:
+        made.axes[0].set_title(title, loc="left", fontsize=12, color=INK)
+    else:
+        made.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import polars as pl
 
+from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive, open_drive
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.rows import read_plan_of
@@ -21,11 +22,23 @@ from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 EXAMPLE = SessionSpec("global", task="global", updates=60)  # of figures about one drive: seed 0, not chosen
 
 
 class NothingToDraw(InputError):
     """The folder does not hold what a figure needs; the text says which plan makes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class ThesisFigure:
+    """A figure: its number in the thesis, our title, and how it is drawn from trials."""
+
+    number: int
+    title: str
+    draw: Callable[[Material], Figure]
 
 
 @dataclass(frozen=True)
@@ -98,8 +111,7 @@ class Material:
                 if part["name"] == row["part"] and session["label"] == row["session"]:
                     drive = open_drive(SessionSpec(**session), row["seed"])
                     settings = settings_of(part, row["variant"])
-                    localizer = replace(drive.bench.localizer(settings), seed=row["seed"])
-                    return steps_of(localizer.of_session(drive.session), drive)
+                    return steps_of(filter_for(drive, settings, row["seed"]), drive)
         raise NothingToDraw(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
 
 
