@@ -32,6 +32,7 @@ class IndexedColors:
 
     def __init__(self) -> None:
         self._colors: list[RGB] = []
+        self._table = b""  # the colors as a PNG has them
 
     def flat(self, color: RGB) -> int:
         """Add a color; return its number."""
@@ -44,6 +45,7 @@ class IndexedColors:
         for red, green, blue in (low + shares[:, None] * (high - low)).round().astype(int).tolist():
             self._colors.append((red, green, blue))
         assert len(self._colors) <= MOST_COLORS
+        self._table = _chunk(b"PLTE", self.colors.tobytes())
         return first
 
     @property
@@ -60,17 +62,16 @@ class IndexedColors:
         np.subtract(image[1:], image[:-1], out=rows[1:, 1:])
         packer = zlib.compressobj(1, zlib.DEFLATED, 15, 9, zlib.Z_RLE)
         size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
-        parts = [
-            (b"IHDR", size + BY_PALETTE),
-            (b"PLTE", bytes(part for color in self._colors for part in color)),
-            (b"IDAT", packer.compress(rows.data) + packer.flush()),
-            (b"IEND", b""),
-        ]
-        return SIGNATURE + b"".join(_chunk(kind, data) for kind, data in parts)
+        header = _chunk(b"IHDR", size + BY_PALETTE)
+        pixels = _chunk(b"IDAT", packer.compress(rows.data) + packer.flush())
+        return b"".join([SIGNATURE, header, self._table, pixels, END])
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
     return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(data, zlib.crc32(kind)).to_bytes(4, "big")
+
+
+END = _chunk(b"IEND", b"")
 
 
 def fill(image: U8, where: Bool, number: int) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 
-import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -16,7 +15,7 @@ from maurice_mcl.sensor.descriptors.edges import edge_image
 
 from .. import entities
 from ..drawing.arrow import blob_of, places_of, row_of
-from ..drawing.canvas import EDGE_GAIN, Extent, blank, brightened, jpeg, put_text, text_size
+from ..drawing.canvas import EDGE_GAIN, Extent, blank, brightened, jpeg, put_text, shrunk, text_size
 from ..drawing.contact_sheet import (
     CAPTIONS,
     CELL_PX,
@@ -156,8 +155,7 @@ class FilmstripPanel(Panel):
     def _draw_cells(self, rec: rr.RecordingStream, slot: int, record: StepRecord, truth: F64 | None) -> None:
         """Log what was seen and the references, one under the other."""
         frame, cells = record.frame, self._cells[slot]
-        size = (CELL_PX, self._height)
-        small = np.asarray(cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA), np.uint8)
+        small = shrunk(frame.image, CELL_PX, self._height)
         cells[0].draw(rec, jpeg(small, QUALITY), _caption(f"step {frame.step}", PALE))
         if self._has_truth:
             at_truth = None if truth is None else self._finder.entry_at(truth)

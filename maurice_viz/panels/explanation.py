@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -32,7 +31,7 @@ from maurice_mcl.sensor.model import SensorModel
 from .. import entities
 from .. import style as look
 from ..drawing.arrow import blob_of, points_of, row_of, text_of
-from ..drawing.canvas import blank, brightened, jpeg, png, put_text, text_size
+from ..drawing.canvas import blank, brightened, jpeg, png, put_text, shrunk, text_size
 from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
 from ..drawing.heat import CHART
 from ..drawing.keys import EXPLAINED, explain_key
@@ -195,7 +194,7 @@ def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
 
 
 def _card(image: U8, height: int) -> bytes:
-    picture = np.asarray(cv2.resize(image, (CARD_PX, max(height, 1)), interpolation=cv2.INTER_AREA), np.uint8)
+    picture = shrunk(image, CARD_PX, max(height, 1))
     return jpeg(_stacked(picture, brightened(edge_image(picture))), CARD_QUALITY)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 
 import cv2
@@ -17,10 +16,11 @@ from maurice_mcl.records import Belief, StepRecord
 
 from .. import style
 from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars, strips_of, texts_of
-from ..drawing.canvas import Extent, blank, png, put_text, text_size
+from ..drawing.canvas import Extent, put_text, text_size
+from ..drawing.indexed import IndexedColors
 from ..entities import Phase, RunPaths
 from ..style import Scale, heading_vector
-from .belief import copies_of, positions
+from .belief import copies_of
 from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 from .views import plane_view, plot
 
@@ -128,6 +128,9 @@ MODES_TEXT_PX = 29.0
 RING_PT = 1.0
 AROUND = np.linspace(0, 2 * np.pi, 49)
 LEAST_RINGED = 0.1  # share of the weight; smaller modes are in the bands only
+BANDS = IndexedColors()
+NO_MODE = BANDS.flat(style.EMPTY)
+MODE_INKS = {color: BANDS.flat(color) for color in style.MODE_COLORS}
 CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 
 
@@ -136,7 +139,7 @@ class ModesPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        self._past: deque[tuple[TrackedMode, ...]] = deque(maxlen=UPDATES_SEEN)
+        self._bands = np.full((ROWS, UPDATES_SEEN), NO_MODE, np.uint8)  # the latest update at the right
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         left, _, top, _ = MODES_MARGIN
@@ -148,14 +151,15 @@ class ModesPanel(Panel):
         rec.log(self._paths.mode_rings, rings, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        self._past.append(update.modes)
+        self._bands[:, :-1] = self._bands[:, 1:]
+        self._bands[:, -1] = column(update.modes)
         if update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
             rec.log(self._paths.mode_rings, rings_of((), self._scale))
         set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale))
-        picture = blob_of(png(bands(self._past), quick=True))
-        rec.log(f"{self._paths.modes}/bands", row_of(rr.EncodedImage, blob=picture))
+        picture = row_of(rr.EncodedImage, blob=blob_of(BANDS.png(self._bands)))
+        rec.log(f"{self._paths.modes}/bands", picture)
 
 
 def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
@@ -196,15 +200,13 @@ def frame() -> U8:
     return image
 
 
-def bands(past: Sequence[tuple[TrackedMode, ...]]) -> U8:
-    """Draw the bands (ROWS, UPDATES_SEEN, 3) RGB, the latest update at the right."""
-    image = blank(ROWS, UPDATES_SEEN, style.EMPTY)
-    for ago, modes in enumerate(reversed(past)):
-        mass = 0.0
-        for mode in sorted(modes, key=lambda mode: mode.identity):
-            base, mass = mass, mass + mode.estimate.mass
-            rows = slice(ROWS - round(mass * ROWS), ROWS - round(base * ROWS))
-            image[rows, UPDATES_SEEN - 1 - ago] = style.mode_color(mode.identity)
+def column(modes: Sequence[TrackedMode]) -> U8:
+    """Draw one update's part of the bands (ROWS,), in colors of `BANDS`."""
+    image, mass = np.full(ROWS, NO_MODE, np.uint8), 0.0
+    for mode in sorted(modes, key=lambda mode: mode.identity):
+        base, mass = mass, mass + mode.estimate.mass
+        rows = slice(ROWS - round(mass * ROWS), ROWS - round(base * ROWS))
+        image[rows] = MODE_INKS[style.mode_color(mode.identity)]
     return image
 
 
@@ -271,7 +273,7 @@ class AncestryPanel(Panel):
         rec.log(self._paths.families, _NO_LINES)
         if before is not None and before.size == after.size:  # else particles have no single parent
             some = spread_over(after.size, MOST_MOVES)
-            ends = np.stack([positions(before, self._scale)[some], positions(after, self._scale)[some]], 1)
+            ends = np.stack([self._scale.screen(b.poses[some, :2] + b.origin) for b in (before, after)], 1)
             rec.log(self._paths.moves, row_of(rr.LineStrips2D, strips=strips_of(ends)))
         set_phase_only(rec, update.moment, Phase.MEASURE)
         rec.log(self._paths.moves, _NO_LINES)

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from scipy.spatial import cKDTree
 
-from maurice_mcl.arrays import F32, F64, U8
+from maurice_mcl.arrays import F32, F64
 from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.references import NearestReference
 
 from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of
-from ..drawing.canvas import QUICK, Extent
+from ..drawing.canvas import Extent
 from ..drawing.contact_sheet import (
     BEST,
     CAPTION_PX,
@@ -31,6 +30,7 @@ from ..drawing.contact_sheet import (
     no_caption,
     no_picture,
 )
+from ..drawing.indexed import IndexedColors
 from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
@@ -211,15 +211,15 @@ class LikelihoodMaps:
         """Draw log-likelihoods (L,) as a PNG: bright where likely, nothing where a robot cannot be."""
         best = np.maximum.reduceat(log_likelihood[self.entries], self.first)
         share = 1 + (best - best.max()) / DEEPEST
-        colors = _BGR[np.clip(share * 255, 0, 255).astype(np.uint8)]
-        image = np.concatenate([colors, _OUTSIDE])[self.place_of_pixel]  # -1 is the last
-        ok, data = cv2.imencode(".png", image, QUICK)
-        assert ok
-        return data.tobytes()
+        inks = np.append(np.clip(share * _BRIGHTEST, 0, _BRIGHTEST), _OUTSIDE).astype(np.uint8)
+        return _LIKELIHOODS.png(inks[self.place_of_pixel])  # -1 is the last
 
 
-_BGR: U8 = np.stack([LUT >> 8 & 255, LUT >> 16 & 255, LUT >> 24], axis=1).astype(np.uint8)
-_OUTSIDE: U8 = np.array([MISSING[::-1]], np.uint8)
+_LIKELIHOODS = IndexedColors()
+for _color in LUT[:-1].tolist():  # all but one: a color is left for what is outside
+    _LIKELIHOODS.flat((_color >> 24, _color >> 16 & 255, _color >> 8 & 255))
+_BRIGHTEST = len(LUT) - 2
+_OUTSIDE = _LIKELIHOODS.flat(MISSING)
 
 
 def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from maurice_mcl.map import Arena
 
 from .. import entities
 from ..drawing import keys
+from ..drawing.arrow import places_of, row_of
 from ..drawing.canvas import draw_ground, long_side, map_extent
 from ..entities import Phase
 from ..style import CARRIED, NODE, WALL, Scale
@@ -86,7 +87,7 @@ def draw_keys(rec: rr.RecordingStream, path: str, drawn: Sequence[U8], arena: Ar
 
 def show_key(rec: rr.RecordingStream, path: str, number: int, far: float) -> None:
     """Log the transform that moves the key of this number, and all others with it."""
-    rec.log(path, rr.Transform3D.from_fields(translation=[0.0, -number * far, 0.0]))
+    rec.log(path, row_of(rr.Transform3D, translation=places_of([0.0, -number * far, 0.0])))
 
 
 def phases_of(update: StepUpdate) -> list[Phase]:

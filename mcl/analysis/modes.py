@@ -115,16 +115,18 @@ class Ancestry:
         """Count the particles, `depth` updates back or fresh since, from which all descend."""
         if not self._past:
             return 0
-        alive = np.ones(self._size(), bool)  # which particles of a generation have descendants now
+        some = np.arange(self._size())  # the particles of a generation that have descendants now
         fresh = 0
         for generation in reversed(self._past):
             if generation.parents is None:
                 continue
-            parents = generation.parents[alive]
-            fresh += int((parents < 0).sum())
+            parents = generation.parents[some]  # soon few
+            known = parents[parents >= 0]
+            fresh += len(parents) - len(known)
             alive = np.zeros(len(generation.poses), bool)
-            alive[parents[parents >= 0]] = True
-        return fresh + int(alive.sum())
+            alive[known] = True
+            some = np.flatnonzero(alive)
+        return fresh + len(some)
 
     def lines(self, count: int) -> list[F64]:
         """Return paths (K, 2), latest first, of some particles' ancestors back to where each was drawn."""

@@ -22,7 +22,7 @@ from maurice_viz.panels.belief import seen_whole
 from maurice_viz.panels.camera import COLUMNS
 from maurice_viz.panels.observer import AROUND, Detail, DetailFilter, expected_bytes
 from maurice_viz.panels.panel import EntryFinder, StepUpdate
-from maurice_viz.panels.population import ANCESTORS, MOST_FAMILIES, ROWS, UPDATES_SEEN, bands, outline, shares
+from maurice_viz.panels.population import ANCESTORS, BANDS, MOST_FAMILIES, ROWS, column, outline, shares
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
     EVIDENCE,
@@ -109,13 +109,13 @@ def _mode(identity: int, mass: float) -> TrackedMode:
 
 
 def test_modes_are_stacked_and_detail_needs_room():
-    image = bands([(_mode(1, 1.0),), (_mode(2, 0.5), _mode(1, 0.25))])
-    assert image.shape == (ROWS, UPDATES_SEEN, 3)
-    assert (image[:, UPDATES_SEEN - 2] == MODE_COLORS[1]).all()
-    assert (image[-ROWS // 4 :, UPDATES_SEEN - 1] == MODE_COLORS[1]).all()
-    assert (image[ROWS // 4 : -ROWS // 4, UPDATES_SEEN - 1] == MODE_COLORS[2]).all()
-    assert (image[: ROWS // 4, UPDATES_SEEN - 1] == EMPTY).all()
-    assert (image[:, 0] == EMPTY).all()
+    one, two = column((_mode(1, 1.0),)), column((_mode(2, 0.5), _mode(1, 0.25)))
+    assert one.shape == two.shape == (ROWS,)
+    drawn = BANDS.colors[two]
+    assert (BANDS.colors[one] == MODE_COLORS[1]).all()
+    assert (drawn[-ROWS // 4 :] == MODE_COLORS[1]).all()
+    assert (drawn[ROWS // 4 : -ROWS // 4] == MODE_COLORS[2]).all()
+    assert (drawn[: ROWS // 4] == EMPTY).all()
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
