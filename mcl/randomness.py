@@ -134,16 +134,22 @@ def normals(rng: np.random.Generator, n: int) -> F32:
     is the generator's bits; no value is beyond 5.8.
     """
     drawn = np.empty((3, n), np.float32)
-    whole, uniform = np.empty((4, min(n, ROWS)), np.uint32), np.empty((4, min(n, ROWS)), np.float32)
+    room = room_for_normals(n)
     for first in range(0, n, ROWS):
-        _normals_into(drawn[:, first : first + ROWS], rng, whole[:, : n - first], uniform[:, : n - first])
+        some = drawn[:, first : first + ROWS]
+        normals_of(rng.bit_generator.random_raw(2 * some.shape[1]), some, room)
     return drawn.T
 
 
-def _normals_into(drawn: F32, rng: np.random.Generator, whole: U32, uniform: F32) -> None:
-    """Fill columns (3, n), with room (4, n) for the uniforms."""
-    bits = rng.bit_generator.random_raw(2 * drawn.shape[1]).view(np.uint32)  # as `rng.integers` of all 64
-    np.right_shift(bits.reshape(-1, 4).T, np.uint32(8), out=whole)
+def room_for_normals(n: int) -> tuple[U32, F32]:
+    """Return what `normals_of` works in, for n rows at a time, at most ROWS."""
+    return np.empty((4, min(n, ROWS)), np.uint32), np.empty((4, min(n, ROWS)), np.float32)
+
+
+def normals_of(bits: U64, drawn: F32, room: tuple[U32, F32]) -> None:
+    """Fill columns (3, n) from random bits (2 n,); `rng.integers` over all 64 bits are the same ones."""
+    whole, uniform = (part[:, : drawn.shape[1]] for part in room)
+    np.right_shift(bits.view(np.uint32).reshape(-1, 4).T, np.uint32(8), out=whole)
     np.copyto(uniform, whole.view(np.int32), casting="unsafe")  # below 2**24: exact
     uniform += 1  # never 0, which has no logarithm
     far, angle = uniform[:2], uniform[2:]

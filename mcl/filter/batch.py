@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,9 @@ from ..records import Comparison, Estimate, StepRecord
 from ..sensor.ahead import Compared, compared_ahead
 from ..sensor.model import SensorModel
 from ..session import Moment
+from .batch_step import Batch, Runs, can_batch
 from .estimate import CIRCLE_M, share_within
-from .localizer import Localizer
+from .localizer import RESAMPLED, Localizer
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,9 +93,12 @@ def run_batch(
     if comparisons is None:
         comparisons = compared_once(localizer.sensor, moments)
     places = [starts] * len(seeds) if starts is None or isinstance(starts, np.ndarray) else starts
-    numbers = _Numbers.make(len(seeds), len(moments))
-    for run, (seed, start) in enumerate(zip(seeds, places, strict=True)):
-        _alone(replace(localizer, seed=seed), moments, start, comparisons, numbers, run)
+    numbers = _Numbers.make(len(seeds), len(moments), localizer.particles)
+    if len(seeds) and can_batch(localizer):
+        _together(Batch.begin(localizer, seeds, places), moments, comparisons, numbers)
+    else:
+        for run, (seed, start) in enumerate(zip(seeds, places, strict=True)):
+            _alone(replace(localizer, seed=seed), moments, start, comparisons, numbers, run)
     return numbers.traces(seeds, localizer.radii, moments)
 
 
@@ -108,18 +113,19 @@ class _Numbers:
 
     columns: dict[str, NDArray[Any]]  # (R, U, ...) by the fields of a trace
     events: list[list[tuple[str, ...]]]  # (R, U)
+    particles: int  # of a run, where nothing changes it
 
     @classmethod
-    def make(cls, runs: int, updates: int) -> _Numbers:
+    def make(cls, runs: int, updates: int, particles: int) -> _Numbers:
         """Return R runs of U updates, all zero."""
         names = [f.name for f in fields(RunTrace) if f.name not in WITHOUT_NUMBERS]
         columns = {
             name: np.zeros((runs, updates, *SIZES.get(name, ())), "int32" if name in COUNTS else "float64")
             for name in names
         }
-        return cls(columns, [[()] * updates for _ in range(runs)])
+        return cls(columns, [[()] * updates for _ in range(runs)], particles)
 
-    def put(self, run: int, update: int, record: StepRecord) -> None:
+    def put(self, update: int, run: int, record: StepRecord) -> None:
         """Keep the numbers of a record."""
         scored, mean, parents = record.estimate, record.mean_estimate, record.parents
         own = record.belief.size if parents is None else len(np.unique(parents[parents >= 0]))
@@ -144,6 +150,15 @@ class _Numbers:
             column[run, update] = values[name]
         self.events[run][update] = record.events
 
+    def put_some(self, update: int, runs: Runs, found: dict[str, NDArray[Any]]) -> None:
+        """Keep the numbers of an update in which nothing out of the ordinary happened to some runs."""
+        self.columns["particles"][runs, update] = self.particles
+        for name, column in self.columns.items():
+            if name in found:
+                column[runs, update] = found[name]
+        for run, resampled in zip(runs.tolist(), found["resampled"].tolist(), strict=True):
+            self.events[run][update] = (RESAMPLED,) if resampled else ()
+
     def traces(self, seeds: Sequence[int], radii: Radii, moments: Sequence[Moment]) -> tuple[RunTrace, ...]:
         """Return the runs one by one."""
         steps = np.array([moment.frame.step for moment in moments], np.int32)
@@ -161,6 +176,15 @@ class _Numbers:
         )
 
 
+def _together(
+    batch: Batch, moments: Sequence[Moment], comparisons: Sequence[Comparison], numbers: _Numbers
+) -> None:
+    """Run all filters of a batch side by side, update by update."""
+    for update, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True)):
+        put, put_record = partial(numbers.put_some, update), partial(numbers.put, update)
+        batch.advance(moment.frame, comparison, put, put_record)
+
+
 def _alone(
     localizer: Localizer,
     moments: Sequence[Moment],
@@ -173,4 +197,4 @@ def _alone(
     state = localizer.initialize(start)
     for update, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True)):
         state, record = localizer.step(state, moment.frame, Compared(comparison, 0.0))
-        numbers.put(run, update, record)
+        numbers.put(update, run, record)

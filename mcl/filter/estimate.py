@@ -145,7 +145,7 @@ def _amid_most(x: F64, y: F64, weights: F64, reach_m: float) -> Point:
     row *= columns
     cell += row
     raster = np.bincount(cell, weights, rows * columns).reshape(rows, columns)
-    held = cv2.filter2D(raster, -1, _disc(reach_m / side), borderType=cv2.BORDER_CONSTANT)
+    held = cv2.filter2D(raster, -1, disc(reach_m / side), borderType=cv2.BORDER_CONSTANT)
     fullest_row, fullest_column = divmod(first_heaviest(held), columns)
     right -= side * (fullest_column + 0.5)
     down -= side * (fullest_row + 0.5)
@@ -157,7 +157,7 @@ def _amid_most(x: F64, y: F64, weights: F64, reach_m: float) -> Point:
 
 
 @lru_cache(16)
-def _disc(radius: float) -> F64:
+def disc(radius: float) -> F64:
     """Return the cells (K, K) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
     reach = np.arange(-int(radius), int(radius) + 1)
     return np.asarray(reach**2 + reach[:, None] ** 2 <= radius**2, np.float64)

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -224,21 +224,42 @@ class InterpolatedReference:
         cell, heading = self.nearest.bins_of(poses, origin)
         return self.nearest.entries_at(cell, heading), self._values_at(log_likelihood, cell, heading)
 
-    def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> F32:
+    def pays_for(self, poses: int) -> bool:
+        """Return whether so many poses look up more values than `at_headings` computes."""
+        return poses * len(self.places) > self.before.size
+
+    def at_headings(self, log_likelihood: F32) -> F32:
+        """Return the log-likelihood (P * HEADING_BINS,) at every place and heading."""
+        values = log_likelihood.take(self.before.ravel())
+        apart = log_likelihood.take(self.after.ravel())
+        apart -= values
+        apart *= self.share.ravel()
+        values += apart
+        return values
+
+    def among_places(self, value_at: Callable[[I32], F32], cell: I32, heading: I32) -> F32:
+        """Return what `at` does, (N,), from the values at places and headings, for cells and bins (N,)."""
         total = np.zeros(len(cell), np.float32)
         for place, weight in zip(self.places, self.weights, strict=True):
             at = place.take(cell)
             at *= np.int32(HEADING_BINS)
             at += heading
+            value = value_at(at)
+            value *= weight.take(cell)
+            total += value
+        np.copyto(total, np.float32(-np.inf), where=self.nearest.place_of_cell.take(cell) < 0)
+        return total
+
+    def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> F32:
+        def value_at(at: I32) -> F32:
             value = log_likelihood.take(self.before.take(at))
             apart = log_likelihood.take(self.after.take(at))
             apart -= value
             apart *= self.share.take(at)
             value += apart
-            value *= weight.take(cell)
-            total += value
-        np.copyto(total, np.float32(-np.inf), where=self.nearest.place_of_cell.take(cell) < 0)
-        return total
+            return value
+
+        return self.among_places(value_at, cell, heading)
 
 
 def interpolated_reference(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import astuple, fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ import maurice_mcl as mcl
 from maurice_mcl.analysis.trace_score import score_trace
 from maurice_mcl.filter.batch import CIRCLE_M, compared_once, run_batch
 from maurice_mcl.filter.estimate import share_within
-from maurice_mcl.filter.localizer import run
+from maurice_mcl.filter.localizer import LEFT_MAP, Localizer, run
+from maurice_mcl.radii import Radii
 
 SETTINGS = {
     "as it comes": {},
@@ -46,10 +48,14 @@ SETTINGS = {
 }
 
 
-def _localizer(world, settings, particles):
-    features = settings if "sensor.weights" in settings else {"sensor.weights": {"color": 1.0}} | settings
-    made = mcl.make_localizer(world.library, settings=features | {"particles": particles})
-    return made.of_session(world.drive)
+@pytest.fixture(scope="module")
+def localizer_of(world):
+    @cache
+    def made(name):
+        settings = {"sensor.weights": {"color": 1.0}} | SETTINGS[name]
+        return mcl.make_localizer(world.library, settings=settings).of_session(world.drive)
+
+    return lambda name, particles: replace(made(name), particles=particles)
 
 
 def _alone(localizer, world, seed, start):
@@ -76,8 +82,8 @@ def _same(trace, steps):
 
 @pytest.mark.parametrize("name", SETTINGS)
 @pytest.mark.parametrize(("particles", "seeds"), [(60, (0, 7, 4_000_000_000)), (1, (5,)), (257, range(6))])
-def test_every_run_is_the_same_as_alone(world, name, particles, seeds):
-    localizer = _localizer(world, SETTINGS[name], particles)
+def test_every_run_is_the_same_as_alone(world, localizer_of, name, particles, seeds):
+    localizer = localizer_of(name, particles)
     moments = world.drive.all_moments
     starts = [world.start if k % 2 else None for k in range(len(seeds))]
     traces = run_batch(localizer, moments, seeds, starts)
@@ -87,8 +93,34 @@ def test_every_run_is_the_same_as_alone(world, name, particles, seeds):
         _same(trace, _alone(localizer, world, seed, start))
 
 
-def test_comparisons_may_be_given(world):
-    localizer = _localizer(world, {}, 50)
+USUAL = ("as it comes", "thesis", "refined", "outliers", "seldom", "every third", "nearest", "blind")
+
+
+@pytest.mark.parametrize("name", USUAL)
+def test_what_nearly_always_happens_is_done_for_all_runs_at_once(world, localizer_of, name, monkeypatch):
+    monkeypatch.setattr(Localizer, "step", None)
+    traces = run_batch(localizer_of(name, 300), world.drive.all_moments, range(40), world.start)
+    assert len(traces) == 40
+
+
+def test_a_cloud_beyond_a_hundred_radii_takes_its_step_alone(world, localizer_of):
+    localizer = localizer_of("as it comes", 80)
+    localizer = replace(localizer, radii=Radii(*(radius / 100 for radius in astuple(localizer.radii))))
+    for trace in run_batch(localizer, world.drive.all_moments, range(3)):
+        _same(trace, _alone(localizer, world, trace.seed, None))
+
+
+def test_runs_that_leave_the_map_take_their_step_alone(world, localizer_of):
+    localizer, far = localizer_of("as it comes", 40), np.array([3.95, 2.95, 0.8])
+    starts = [far, world.start, far, far]
+    traces = run_batch(localizer, world.drive.all_moments, range(4), starts)
+    assert any(LEFT_MAP in events for trace in traces for events in trace.events)
+    for trace, start in zip(traces, starts, strict=True):
+        _same(trace, _alone(localizer, world, trace.seed, start))
+
+
+def test_comparisons_may_be_given(world, localizer_of):
+    localizer = localizer_of("as it comes", 50)
     moments = world.drive.all_moments
     given = compared_once(localizer.sensor, moments)
     with_them = run_batch(localizer, moments, (1, 2), comparisons=given)
@@ -98,12 +130,12 @@ def test_comparisons_may_be_given(world):
             assert np.array_equal(getattr(a, field.name), getattr(b, field.name)) or field.name == "radii"
 
 
-def test_a_batch_of_no_runs_is_empty(world):
-    assert run_batch(_localizer(world, {}, 50), world.drive.all_moments, ()) == ()
+def test_a_batch_of_no_runs_is_empty(world, localizer_of):
+    assert run_batch(localizer_of("as it comes", 50), world.drive.all_moments, ()) == ()
 
 
-def test_a_trace_is_scored_as_its_records(world):
-    localizer = _localizer(world, {}, 200)
+def test_a_trace_is_scored_as_its_records(world, localizer_of):
+    localizer = localizer_of("as it comes", 200)
     moments, arena = world.drive.all_moments, world.library.arena
     for trace in run_batch(localizer, moments, (1, 2, 3), world.start):
         steps = _alone(localizer, world, trace.seed, world.start)

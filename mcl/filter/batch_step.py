@@ -1,0 +1,234 @@
+"""R independent runs of one filter, all of N particles, stepped as one array.
+
+A run-step that is out of the ordinary (all weights zero, fresh particles, a cloud of a hundred radii) is
+taken alone, by `Localizer.step`: batches are made of what nearly always happens. Clouds go through a step in
+groups that fit a core's cache.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import repeat
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import F32, F64, I32, U64, Bool
+from ..randomness import (
+    ROWS,
+    Domain,
+    Purpose,
+    address_words,
+    generator,
+    normals_of,
+    room_for_normals,
+)
+from ..records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
+from ..sensor.ahead import Compared
+from ..sensor.references import InterpolatedReference
+from ..session import Frame
+from .batch_estimate import Clouds, are_wide, batch_estimates
+from .localizer import Localizer
+from .motion import with_outliers
+from .resampling import Resampler, systematic
+
+MOST_PARTICLES = 4096  # of a run: with more, its own passes cost more than numpy's calls
+STEPS = 64  # whose addresses are made at once
+
+Runs = NDArray[np.intp]  # (r,) some of the R runs, by number
+Put = Callable[[Runs, dict[str, NDArray[Any]]], None]  # runs, and what was found in each
+PutRecord = Callable[[int, StepRecord], None]
+
+
+def can_batch(localizer: Localizer) -> bool:
+    """Return whether every choice of a filter is one that batches know."""
+    resampling = localizer.resampling
+    known = localizer.mixture is None and resampling.kld is None and resampling.roughening <= 0
+    return known and localizer.particles <= MOST_PARTICLES and localizer.motion is not None
+
+
+@dataclass(slots=True, eq=False)
+class Batch:
+    """The states of R runs, column by column, and the seeds they are drawn from."""
+
+    localizer: Localizer
+    seeds: Sequence[int]
+    poses: F32  # (3, R, N)
+    log_weights: F64  # (R, N)
+    recovery: list[RecoveryState]  # (R,)
+    step: int = 0  # of the last frame
+    addresses: dict[tuple[int, int | None], tuple[int, U64]] = field(default_factory=dict)
+
+    @classmethod
+    def begin(cls, localizer: Localizer, seeds: Sequence[int], starts: Sequence[F64 | None]) -> Batch:
+        """Initialize every run as it would alone."""
+        states = [replace(localizer, seed=s).initialize(at) for s, at in zip(seeds, starts, strict=True)]
+        poses = np.stack([state.belief.poses.T for state in states], axis=1)
+        log_weights = np.stack([state.belief.log_weights for state in states])
+        return cls(localizer, seeds, poses, log_weights, [state.recovery for state in states])
+
+    def advance(self, frame: Frame, comparison: Comparison, put: Put, put_record: PutRecord) -> None:
+        """Process one frame in every run, and hand over what was found."""
+        count, particles = self.log_weights.shape
+        references, values = self.localizer.sensor.references, None
+        if isinstance(references, InterpolatedReference) and references.pays_for(self.log_weights.size):
+            values = references.at_headings(comparison.of_references)
+        group = max(ROWS // particles, 1)
+        for first in range(0, count, group):
+            runs = np.arange(first, min(first + group, count))
+            self._advance_some(runs, frame, comparison, values, put, put_record)
+        self.step = frame.step
+
+    def _advance_some(
+        self,
+        runs: Runs,
+        frame: Frame,
+        comparison: Comparison,
+        values: F32 | None,
+        put: Put,
+        put_record: PutRecord,
+    ) -> None:
+        """Process one frame in some runs (r,): the textbook's order, a row a run."""
+        moved = self._moved(runs, frame)
+        entries, found = self._looked_up(moved, comparison, values)
+        posterior = self.log_weights[runs] + found
+        usual = np.isfinite(posterior.max(axis=1))
+        if not usual.all():
+            self._alone(runs[~usual], frame, comparison, put_record)
+            runs, moved, entries, posterior = runs[usual], moved[:, usual], entries[usual], posterior[usual]
+        if not len(runs):
+            return
+        evidence = self._evidence(np.exp(self.log_weights[runs]), entries, comparison)
+        log_evidence = _normalize(posterior)
+        clouds = Clouds.of(moved, np.exp(posterior), self.localizer.library.origin)
+        acts, states = self._recoveries(runs, evidence)
+        odd = acts | are_wide(clouds, self.localizer.radii.cluster_m)
+        if odd.any():
+            self._alone(runs[odd], frame, comparison, put_record)
+            usual, clouds = ~odd, clouds.some(~odd)
+            runs, moved, posterior = runs[usual], moved[:, usual], posterior[usual]
+            evidence, log_evidence = evidence[usual], log_evidence[usual]
+            states = [state for state, one in zip(states, odd, strict=True) if not one]
+        if len(runs):
+            numbers = batch_estimates(clouds, self.localizer.radii)
+            numbers |= {"log_evidence": log_evidence, "calibrated_evidence": evidence}
+            numbers["effective_sample_size"] = 1.0 / np.exp(2 * posterior).sum(axis=1)
+            numbers |= self._resampled(runs, moved, posterior, clouds.weights, frame.step)
+            for run, state in zip(runs.tolist(), states, strict=True):
+                self.recovery[run] = state
+            put(runs, numbers)
+
+    def _moved(self, runs: Runs, frame: Frame) -> F32:
+        """Return the poses (3, r, N) after every movement of a frame."""
+        localizer, particles = self.localizer, self.log_weights.shape[1]
+        assert localizer.motion is not None, "see can_batch"
+        poses: F32 = self.poses[:, runs].reshape(3, -1).T
+        for number, motion in enumerate(frame.motions):
+            noise = np.empty((3, len(runs) * particles), np.float32)
+            words = self._words(frame.step, Purpose.MOTION, number)[runs]
+            bits = [generator(one).bit_generator.random_raw(2 * particles) for one in words]
+            normals_of(np.concatenate(bits), noise, room_for_normals(noise.shape[1]))
+            if localizer.outliers.share > 0:
+                rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[runs])
+                rows = noise.T.reshape(len(runs), particles, 3)
+                noise = np.concatenate(list(map(with_outliers, rows, repeat(localizer.outliers), rngs))).T
+            poses = localizer.motion.move(poses, localizer.library.origin, motion, noise.T)
+        return poses.T.reshape(3, len(runs), particles)
+
+    def _looked_up(self, moved: F32, comparison: Comparison, values: F32 | None) -> tuple[I32, F32]:
+        """Return the nearest entry and the log-likelihood of every particle, (r, N) each."""
+        references, nearest = self.localizer.sensor.references, self.localizer.reference
+        poses, shape = moved.reshape(3, -1).T, moved.shape[1:]
+        if values is None or not isinstance(references, InterpolatedReference):
+            entries, found = references.look(comparison.of_references, poses, self.localizer.library.origin)
+        else:
+            cell, heading = nearest.bins_of(poses, self.localizer.library.origin)
+            entries = nearest.entries_at(cell, heading)
+            found = references.among_places(values.take, cell, heading)
+        return entries.reshape(shape), found.reshape(shape)
+
+    def _evidence(self, prior: F64, entries: I32, comparison: Comparison) -> F64:
+        """Return the calibrated evidence (r,): `log_mean_likelihood` of every row."""
+        bins = len(comparison.cost) + 1
+        row = np.arange(len(entries))[:, None] * bins
+        held = np.bincount((entries + 1 + row).ravel(), prior.ravel(), len(entries) * bins)
+        explained = comparison.explained
+        with np.errstate(divide="ignore"):
+            mean = np.log(np.vecdot(explained.relative[0], held.reshape(-1, bins)[:, 1:]))
+        return np.asarray(mean + explained.top, np.float64)
+
+    def _recoveries(self, runs: Runs, evidence: F64) -> tuple[Bool, list[RecoveryState]]:
+        """Return in which runs recovery acts, and its next states."""
+        particles = self.log_weights.shape[1]
+        found = [
+            self.localizer.recovery.strategy(one, self.recovery[run])
+            for run, one in zip(runs.tolist(), evidence.tolist(), strict=True)
+        ]
+        acts = [recovery.expand or round(recovery.share * particles) > 0 for recovery in found]
+        return np.array(acts, bool), [recovery.state for recovery in found]
+
+    def _resampled(
+        self, runs: Runs, moved: F32, posterior: F64, weights: F64, step: int
+    ) -> dict[str, NDArray[Any]]:
+        """Resample the runs whose policy asks for it, and keep all as what the next step begins with."""
+        particles, resampling = self.log_weights.shape[1], self.localizer.resampling
+        origin, beliefs = self.localizer.library.origin, range(len(runs))
+        asked = [resampling.when(Belief(moved[:, k].T, posterior[k], origin), step) for k in beliefs]
+        copied, parents = np.array(asked, bool), np.full(len(runs), particles, np.int32)
+        if not copied.all():
+            kept = runs[~copied]
+            self.poses[:, kept], self.log_weights[kept] = moved[:, ~copied], posterior[~copied]
+        if copied.any():
+            words = self._words(step, Purpose.RESAMPLE)[runs[copied]]
+            of = _parents(resampling.scheme, weights[copied], [generator(one) for one in words])
+            at = of + np.flatnonzero(copied)[:, None] * particles
+            self.poses[:, runs[copied]] = moved.reshape(3, -1).take(at, axis=1)
+            self.log_weights[runs[copied]] = uniform_log_weights(particles)
+            parents[copied] = 1 + np.count_nonzero(np.diff(of, axis=1), axis=1)
+        return {"parents": parents, "resampled": copied}
+
+    def _alone(self, runs: Runs, frame: Frame, comparison: Comparison, put_record: PutRecord) -> None:
+        """Take one step of some runs by the filter itself."""
+        for run in runs.tolist():
+            belief = Belief(self.poses[:, run].T, self.log_weights[run], self.localizer.library.origin)
+            state = FilterState(self.step, belief, self.recovery[run])
+            localizer = replace(self.localizer, seed=self.seeds[run])
+            state, record = localizer.step(state, frame, Compared(comparison, 0.0))
+            self.poses[:, run], self.log_weights[run] = state.belief.poses.T, state.belief.log_weights
+            self.recovery[run] = state.recovery
+            put_record(run, record)
+
+    def _words(self, step: int, purpose: int, child: int | None = None) -> U64:
+        """Return what begins the generators (R, 4) of all runs at an address."""
+        block, key = step // STEPS, (purpose, child)
+        if self.addresses.get(key, (None,))[0] != block:
+            steps = np.arange(block * STEPS, (block + 1) * STEPS)
+            self.addresses[key] = block, address_words(Domain.FILTER, self.seeds, steps, purpose, child)
+        return self.addresses[key][1][:, step % STEPS]
+
+
+def _normalize(log_weights: F64) -> F64:
+    """Normalize rows (r, N) in place; return the logs of their sums (r,)."""
+    top = log_weights.max(axis=1)
+    total = top + np.log(np.exp(log_weights - top[:, None]).sum(axis=1))
+    log_weights -= total[:, None]
+    return np.asarray(total, np.float64)
+
+
+def _parents(scheme: Resampler, weights: F64, rngs: Sequence[np.random.Generator]) -> NDArray[np.intp]:
+    """Return the parents (r, N) in every row that a scheme finds for the row alone."""
+    particles = weights.shape[1]
+    if scheme is not systematic:
+        rows = [scheme(row, particles, rng) for row, rng in zip(weights, rngs, strict=True)]
+        return np.stack(rows).astype(np.intp)
+    cumulative = weights.cumsum(axis=1)
+    cumulative /= cumulative[:, -1:]
+    ends = cumulative * particles
+    ends -= np.array([rng.random() for rng in rngs])[:, None]
+    ends = np.ceil(ends, out=ends).astype(np.int32)
+    np.copyto(ends, np.int32(particles), where=cumulative >= 1.0)
+    copies = np.diff(ends, axis=1, prepend=np.int32(0))
+    of = np.repeat(np.tile(np.arange(particles), len(weights)), copies.ravel())
+    return of.reshape(weights.shape)
