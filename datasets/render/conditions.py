@@ -18,6 +18,7 @@ from ..worlds.world import World
 from .light import LightPart, windows_of
 
 DIM_SHARE = 0.6  # of the light that `dim` leaves by default
+BRIGHTEST = 2.0  # times the survey's light, the most that `dim` gives
 DRIFT_SHARE = 0.2  # largest change of gain of `drift` by default, as in tier hard
 TINT_SHARE = 0.5  # white balance drifts by this share of what the gain does
 GAINS = ("fixed", "auto")
@@ -31,7 +32,7 @@ class LightChange:
     kind: str  # "dim", "off", "on", "daylight" or "drift"
     update: int = 1  # the first update that has it; the beginning for drift
     until: int | None = None  # daylight: the update at which it stops moving
-    amount: float | None = None  # dim: share of the light that is left; drift: largest change of gain
+    amount: float | None = None  # dim: share of the light, over 1: brighter; drift: largest change of gain
     source: str = ""  # off: the lamp, "" for the first; on: the lamp, "" for everything
 
 
@@ -98,7 +99,7 @@ def _read_daylight(text: str, what: str, when: str) -> LightChange:
 
 READERS: dict[str, Callable[[str, str, str], LightChange]] = {
     "dim": lambda text, what, when: LightChange(
-        "dim", _read_update(text, when), amount=_read_share(text, what, DIM_SHARE)
+        "dim", _read_update(text, when), amount=_read_share(text, what, DIM_SHARE, BRIGHTEST)
     ),
     "off": lambda text, what, when: LightChange("off", _read_update(text, when), source=what),
     "on": lambda text, what, when: LightChange("on", _read_update(text, when), source=what),
@@ -115,15 +116,15 @@ def _read_update(text: str, number: str) -> int:
     return int(digits)
 
 
-def _read_share(text: str, what: str, default: float) -> float:
+def _read_share(text: str, what: str, default: float, most: float = 1.0) -> float:
     if not what:
         return default
     try:
         share = float(what)
     except ValueError:
         share = math.nan
-    if not 0 <= share <= 1:
-        raise _complaint(text, "a share from 0 to 1 after the colon")
+    if not 0 <= share <= most:
+        raise _complaint(text, f"a share from 0 to {most:g} after the colon")
     return share
 
 
@@ -212,7 +213,8 @@ def events_at(lights: tuple[LightChange, ...], number: int) -> tuple[str, ...]:
 
 def _told(change: LightChange) -> str:
     if change.kind == "dim":
-        return f"lights dim to {_left_by(change):.0%}"
+        share = _left_by(change)
+        return f"lights {'dim' if share <= 1 else 'brighten'} to {share:.0%}"
     if change.kind == "daylight":
         return "lights daylight moves"
     return f"lights {change.kind} {change.source}".rstrip()

@@ -133,9 +133,10 @@ def test_nothing_is_no_change(text):
         ("dim@-4", "integer from 1"),
         ("dim@²", "integer from 1"),
         ("off@" + "9" * 30, "integer from 1"),
-        ("dim:1.5@4", "share from 0 to 1"),
-        ("dim:nan@4", "share from 0 to 1"),
-        ("dim:much@4", "share from 0 to 1"),
+        ("dim:2.5@4", "share from 0 to 2"),
+        ("drift:1.5", "share from 0 to 1"),
+        ("dim:nan@4", "share from 0 to 2"),
+        ("dim:much@4", "share from 0 to 2"),
         ("daylight@20", "daylight@FIRST-LAST"),
         ("daylight:0.5@20-30", "daylight@FIRST-LAST"),
         ("daylight@30-20", "last update comes after its first"),
@@ -164,3 +165,9 @@ def test_a_tier_and_the_user_both_count_and_the_stronger_drift_wins():
 def test_senseless_conditions_are_refused(bad):
     with pytest.raises(ValueError, match="expected"):
         Conditions(**bad)  # type: ignore[arg-type]  # that is the point
+
+
+def test_lights_can_get_brighter_than_the_survey():
+    lights = parse_lights("dim:1.15@3")
+    assert [brightness_at(lights, number) for number in (2, 3)] == [1, 1.15]
+    assert events_at(lights, 3) == ("lights brighten to 115%",)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from maurice_datasets.sessions import simulation_plan
 from maurice_datasets.trials.plan import configuration_of, read_plan, shipped_plans
 from maurice_datasets.trials.runs import jobs_of
 from maurice_loaders.errors import InputError
@@ -102,3 +103,11 @@ def test_what_is_no_plan_is_said_in_one_line(tmp_path: Path, text: str, said: st
 def test_a_plan_that_is_not_there_names_those_that_come_along() -> None:
     with pytest.raises(InputError, match="position-tracking"):
         read_plan("nothing")
+
+
+@pytest.mark.parametrize("name", shipped_plans())
+def test_every_session_of_a_shipped_plan_can_be_simulated(name: str) -> None:
+    for part in read_plan(name).parts:
+        for spec in part.sessions:
+            settings = {"lights": spec.lights, "slip_at": spec.slip_at, "kidnap_at": spec.kidnap_at}
+            assert simulation_plan(spec.task, tier=spec.tier, updates=spec.updates, **settings)
