@@ -67,7 +67,8 @@ def draw_reference_chart(
     """Draw (H, W) what a reference loses, in colors of the palette `CHART`; empty without a reference."""
     if entry is None:
         return np.full(size[::-1], GROUND_INK, np.uint8)
-    image = _ground(tuple((c.channel, len(c.sample)) for c in entry.channels), size).copy()
+    channels = tuple((c.channel, len(c.sample)) for c in entry.channels)
+    image = _with_axis(channels, size, scale.nats).copy()
     _draw_bar(image, entry, scale.nats, size)
     for number, place in enumerate(_places(len(entry.channels), size)):
         _draw_channel(image[place], entry.channels[number], number, scale, TEXT_SHARE * size[0])
@@ -118,7 +119,7 @@ def _bar_place(size: tuple[int, int]) -> tuple[int, int, float]:
 
 
 def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, int]) -> None:
-    """Draw the nats of all channels end to end, over an axis."""
+    """Draw the nats of all channels end to end, over the axis."""
     text = TEXT_SHARE * size[0]
     low, high, end = _bar_place(size)
     at = 4.0
@@ -134,6 +135,13 @@ def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, 
         at = after
     total = sum(channel.loses for channel in entry.channels)
     write(image, f"{total:.1f}", at + 4, high - 0.6 * text, text, TEXT_INK)
+
+
+@lru_cache(maxsize=2)
+def _with_axis(channels: tuple[tuple[str, int], ...], size: tuple[int, int], most: float) -> U8:
+    """Draw what all charts of an update share: their ground, and the marks of the axis of the bars."""
+    image, text = _ground(channels, size).copy(), TEXT_SHARE * size[0]
+    _, high, end = _bar_place(size)
     step = next((t for t in TICKS if most / t <= MOST_MARKS), TICKS[-1])
     marks = np.arange(0, most + 1e-9, step).tolist()
     for mark in marks:
@@ -141,6 +149,7 @@ def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, 
         image[high + 2 : high + 6, round(x) : round(x) + 1] = PALE_INK
         said = f"{mark:g} nats" if mark == marks[-1] else f"{mark:g}"
         write(image, said, max(x - 0.4 * text, 0), high + 7 + 0.9 * text, 0.85 * text, TEXT_INK)
+    return image
 
 
 @lru_cache(maxsize=1024)

@@ -20,7 +20,7 @@ from ..drawing.arrow import ReadyComponent, Values, joined, ready
 from ..entities import STEP
 
 Timelines = tuple[str, ...]
-UPDATES = 32  # in a block
+UPDATES = 64  # in a block
 MOST_BYTES = 16 << 20  # in a block: pictures may be large
 FILE_BATCH_S = 1.0  # of what is not in blocks
 GIVEN_UP_S = 1.0  # to wait after a block, once a disk has not taken one
@@ -33,20 +33,21 @@ class Rows:
     times: dict[str, list[Any]]
     columns: dict[Any, list[Any]] = field(default_factory=dict)  # by descriptor; None: not in that row
     count: int = 0
+    seen: set[tuple[str, Any]] = field(default_factory=set)  # timelines and times of all rows
 
-    def add(self, times: Mapping[str, Any], components: Mapping[Any, Any]) -> None:
+    def add(self, times: Mapping[str, Any], components: Mapping[Any, Values]) -> None:
         """Append a row."""
         for name, value in times.items():
             self.times[name].append(value)
+        self.seen.update(times.items())
         for descriptor, values in components.items():
-            column = self.columns.setdefault(descriptor, [])
-            column.extend([None] * (self.count - len(column)))
+            column = self.columns.get(descriptor)
+            if column is None:
+                column = self.columns[descriptor] = []
+            if len(column) < self.count:
+                column.extend([None] * (self.count - len(column)))
             column.append(values)
         self.count += 1
-
-    def holds(self, times: Mapping[str, Any]) -> bool:
-        """Return whether a row is at one of these times."""
-        return any(at in self.times.get(name, ()) for name, at in times.items())
 
     def filled(self) -> Iterator[tuple[Any, list[Any]]]:
         """Yield every column with its descriptor, as long as there are rows."""
@@ -111,19 +112,23 @@ class BlockRecording(rr.RecordingStream):
             self.send_rows()
             self._log_now(entity_path, entity, *extra, static=static, **how)
             return
-        components = {
-            descriptor: values for part in (entity, *extra) for descriptor, values in _components_of(part)
-        }
-        for values in components.values():
-            self._bytes += values.size
+        components: dict[Any, Values] = {}
+        for part in (entity, *extra):
+            for descriptor, values in _components_of(part):
+                components[descriptor] = values
+                self._bytes += values.size
         self._rows_of(str(entity_path)).add(self._times, components)
 
     def _rows_of(self, entity: str) -> Rows:
         """Return where rows at this time go; rows at this time on other timelines go out before them."""
         timelines, blocks = tuple(self._times), self._rows.setdefault(entity, {})
-        if any(rows.holds(self._times) for other, rows in blocks.items() if other != timelines):
-            self._send_entity(entity)
-        return blocks.setdefault(timelines, Rows({name: [] for name in timelines}))
+        if len(blocks) > 1 or timelines not in blocks:
+            others = [rows for other, rows in blocks.items() if other != timelines]
+            if not all(rows.seen.isdisjoint(self._times.items()) for rows in others):
+                self._send_entity(entity)
+        if timelines not in blocks:
+            blocks[timelines] = Rows({name: [] for name in timelines})
+        return blocks[timelines]
 
     def _log_now(self, entity_path: Any, entity: Any, *extra: Any, **how: Any) -> None:
         super().reset_time()

@@ -13,7 +13,7 @@ from maurice_viz.entities import PHASE, SESSION, STEP
 from maurice_viz.viewer import blocks
 from maurice_viz.viewer.blocks import BlockRecording
 
-STEPS = 70  # two blocks and a part of one
+STEPS = 2 * blocks.UPDATES + 6  # two blocks and a part of one
 
 
 def draw(rec: rr.RecordingStream) -> None:
