@@ -17,7 +17,7 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from . import filter_step, growth, libraries, pictures, replays
+from . import filter_step, growth, libraries, many_runs, pictures, replays
 from .measure import Table, machine
 from .peers import install
 
@@ -29,6 +29,7 @@ SECTIONS: Mapping[str, Callable[[bool], Table]] = {
     "one-picture": pictures.one_picture,
     "pictures": pictures.pictures,
     "replays": replays.replays,
+    "trials": many_runs.runs_a_second,
     "recordings": replays.recordings,
     "commands": replays.commands,
     "libraries": libraries.libraries,

@@ -133,24 +133,25 @@ def normals(rng: np.random.Generator, n: int) -> F32:
     Each row takes four 24-bit uniforms. This is twice as fast as the generator's own method, and half of it
     is the generator's bits; no value is beyond 5.8.
     """
+    return normals_of(rng.bit_generator.random_raw(2 * n))  # the bits of `rng.integers` over all 64
+
+
+def normals_of(bits: U64) -> F32:
+    """Return rows of three standard normals (n, 3) from random bits (2 n,), some thousand rows at a time."""
+    words = bits.view(np.uint32).reshape(-1, 4).T
+    n = words.shape[1]
     drawn = np.empty((3, n), np.float32)
-    room = room_for_normals(n)
+    whole, uniform = np.empty((4, min(n, ROWS)), np.uint32), np.empty((4, min(n, ROWS)), np.float32)
     for first in range(0, n, ROWS):
-        some = drawn[:, first : first + ROWS]
-        normals_of(rng.bit_generator.random_raw(2 * some.shape[1]), some, room)
+        some, room = slice(first, first + ROWS), slice(n - first)
+        np.right_shift(words[:, some], np.uint32(8), out=whole[:, room])
+        np.copyto(uniform[:, room], whole[:, room].view(np.int32), casting="unsafe")  # below 2**24: exact
+        _box_muller(uniform[:, room], drawn[:, some])
     return drawn.T
 
 
-def room_for_normals(n: int) -> tuple[U32, F32]:
-    """Return what `normals_of` works in, for n rows at a time, at most ROWS."""
-    return np.empty((4, min(n, ROWS)), np.uint32), np.empty((4, min(n, ROWS)), np.float32)
-
-
-def normals_of(bits: U64, drawn: F32, room: tuple[U32, F32]) -> None:
-    """Fill columns (3, n) from random bits (2 n,); `rng.integers` over all 64 bits are the same ones."""
-    whole, uniform = (part[:, : drawn.shape[1]] for part in room)
-    np.right_shift(bits.view(np.uint32).reshape(-1, 4).T, np.uint32(8), out=whole)
-    np.copyto(uniform, whole.view(np.int32), casting="unsafe")  # below 2**24: exact
+def _box_muller(uniform: F32, drawn: F32) -> None:
+    """Fill columns (3, n) from whole numbers (4, n) below 2**24, which are overwritten."""
     uniform += 1  # never 0, which has no logarithm
     far, angle = uniform[:2], uniform[2:]
     far *= 2**-24

@@ -107,17 +107,12 @@ def _amid_most(clouds: Clouds, reach_m: float) -> F64:
 
 def _fullest(held: F64, firsts: Ints, rows: Ints, columns: Ints) -> tuple[Ints, Ints]:
     """Return row and column of the first fullest cell of each raster (R,), within the raster."""
-    width = held.shape[1]
-    if columns.min() < width:
-        of_row = np.repeat(columns, np.diff(np.append(firsts, len(held))))
-        held[np.arange(width) >= of_row[:, None]] = -1
-    inside = np.ones(len(held), bool)
-    for first, count, following in zip(firsts, rows, np.append(firsts[1:], len(held)), strict=True):
-        inside[first + count : following] = False
-    held[~inside] = -1
+    width, heights = held.shape[1], np.diff(np.append(firsts, len(held)))
+    ends = np.stack([columns, 0 * columns], axis=1).ravel()  # none of the empty rows below
+    lengths = np.stack([rows, heights - rows], axis=1).ravel()
+    held[np.arange(width) >= np.repeat(ends, lengths)[:, None]] = -1
     fullest = np.maximum.reduceat(held.max(axis=1), firsts) * (1 - TIE)
-    least = np.repeat(fullest, np.diff(np.append(firsts, len(held))))
-    hits = np.flatnonzero(held >= least[:, None])
+    hits = np.flatnonzero(held >= np.repeat(fullest, heights)[:, None])
     first = hits[np.searchsorted(hits, firsts * width)]
     return first // width - firsts, first % width
 

@@ -1,8 +1,7 @@
 """R independent runs of one filter, all of N particles, stepped as one array.
 
 A run-step that is out of the ordinary (all weights zero, fresh particles, a cloud of a hundred radii) is
-taken alone, by `Localizer.step`: batches are made of what nearly always happens. Clouds go through a step in
-groups that fit a core's cache.
+taken alone, by `Localizer.step`: batches are made of what nearly always happens.
 """
 
 from __future__ import annotations
@@ -17,13 +16,11 @@ from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, U64, Bool
 from ..randomness import (
-    ROWS,
     Domain,
     Purpose,
     address_words,
     generator,
     normals_of,
-    room_for_normals,
 )
 from ..records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
 from ..sensor.ahead import Compared
@@ -34,6 +31,7 @@ from .localizer import Localizer
 from .motion import with_outliers
 from .resampling import Resampler, systematic
 
+TOGETHER = 32_768  # particles: with fewer, numpy's calls cost more than passes outside of a core's cache
 MOST_PARTICLES = 4096  # of a run: with more, its own passes cost more than numpy's calls
 STEPS = 64  # whose addresses are made at once
 
@@ -75,7 +73,7 @@ class Batch:
         references, values = self.localizer.sensor.references, None
         if isinstance(references, InterpolatedReference) and references.pays_for(self.log_weights.size):
             values = references.at_headings(comparison.of_references)
-        group = max(ROWS // particles, 1)
+        group = max(TOGETHER // particles, 1)
         for first in range(0, count, group):
             runs = np.arange(first, min(first + group, count))
             self._advance_some(runs, frame, comparison, values, put, put_record)
@@ -126,15 +124,14 @@ class Batch:
         assert localizer.motion is not None, "see can_batch"
         poses: F32 = self.poses[:, runs].reshape(3, -1).T
         for number, motion in enumerate(frame.motions):
-            noise = np.empty((3, len(runs) * particles), np.float32)
             words = self._words(frame.step, Purpose.MOTION, number)[runs]
             bits = [generator(one).bit_generator.random_raw(2 * particles) for one in words]
-            normals_of(np.concatenate(bits), noise, room_for_normals(noise.shape[1]))
+            noise = normals_of(np.concatenate(bits))
             if localizer.outliers.share > 0:
                 rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[runs])
-                rows = noise.T.reshape(len(runs), particles, 3)
-                noise = np.concatenate(list(map(with_outliers, rows, repeat(localizer.outliers), rngs))).T
-            poses = localizer.motion.move(poses, localizer.library.origin, motion, noise.T)
+                rows = np.split(noise, len(runs))
+                noise = np.concatenate(list(map(with_outliers, rows, repeat(localizer.outliers), rngs)))
+            poses = localizer.motion.move(poses, localizer.library.origin, motion, noise)
         return poses.T.reshape(3, len(runs), particles)
 
     def _looked_up(self, moved: F32, comparison: Comparison, values: F32 | None) -> tuple[I32, F32]:
@@ -183,10 +180,10 @@ class Batch:
         if copied.any():
             words = self._words(step, Purpose.RESAMPLE)[runs[copied]]
             of = _parents(resampling.scheme, weights[copied], [generator(one) for one in words])
-            at = of + np.flatnonzero(copied)[:, None] * particles
-            self.poses[:, runs[copied]] = moved.reshape(3, -1).take(at, axis=1)
+            parents[copied] = 1 + np.count_nonzero(of[:, 1:] != of[:, :-1], axis=1)
+            of += np.flatnonzero(copied)[:, None] * particles
+            self.poses[:, runs[copied]] = moved.reshape(3, -1).take(of, axis=1)
             self.log_weights[runs[copied]] = uniform_log_weights(particles)
-            parents[copied] = 1 + np.count_nonzero(np.diff(of, axis=1), axis=1)
         return {"parents": parents, "resampled": copied}
 
     def _alone(self, runs: Runs, frame: Frame, comparison: Comparison, put_record: PutRecord) -> None:
@@ -229,6 +226,7 @@ def _parents(scheme: Resampler, weights: F64, rngs: Sequence[np.random.Generator
     ends -= np.array([rng.random() for rng in rngs])[:, None]
     ends = np.ceil(ends, out=ends).astype(np.int32)
     np.copyto(ends, np.int32(particles), where=cumulative >= 1.0)
-    copies = np.diff(ends, axis=1, prepend=np.int32(0))
+    copies = ends.copy()
+    copies[:, 1:] -= ends[:, :-1]
     of = np.repeat(np.tile(np.arange(particles), len(weights)), copies.ravel())
     return of.reshape(weights.shape)
