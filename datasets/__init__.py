@@ -1,11 +1,12 @@
 """The simulated Maurice: worlds, a robot that drives through them, what its camera sees.
 
-The front page is three functions; the chapters are
+The front page is three functions of the simulator and five of trials; the chapters are
 
 * `sessions`, `surveys`: sessions and surveys as files; `live`: a robot that speaks over a socket
 * `simulation`, `tasks`: what a session is made from, and which seeds may be tested on
 * `worlds`: plans, furniture, surfaces; `render`: light, camera, people; `robot`: motion, behaviors, drives
 * `folders`: complete folders and their cache
+* `trials`: plans of many runs, the engine that makes them, rows, statistics
 
 The folder is called `datasets` and installs as `maurice_datasets`: `datasets` is another project's package.
 Python finds this folder under that name only from the repository's root, and then it steps aside.
@@ -23,11 +24,32 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .sessions import simulate
     from .surveys import survey
+    from .trials.engine import run_plan
+    from .trials.plan import read_plan
+    from .trials.table import grouped, load_trials, paired
     from .worlds.build import load_world
 
-__all__ = ["load_world", "simulate", "survey"]
+__all__ = [
+    "grouped",
+    "load_trials",
+    "load_world",
+    "paired",
+    "read_plan",
+    "run_plan",
+    "simulate",
+    "survey",
+]
 
-_HOME = {"load_world": ".worlds.build", "simulate": ".sessions", "survey": ".surveys"}
+_HOME = {
+    "grouped": ".trials.table",
+    "load_trials": ".trials.table",
+    "load_world": ".worlds.build",
+    "paired": ".trials.table",
+    "read_plan": ".trials.plan",
+    "run_plan": ".trials.engine",
+    "simulate": ".sessions",
+    "survey": ".surveys",
+}
 
 
 def __getattr__(name: str) -> Any:

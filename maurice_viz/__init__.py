@@ -15,6 +15,7 @@
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
 | `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
+| `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
 or exits; remarks, warnings and progress go to the `Listener` that the caller may pass. Each is imported when
@@ -54,7 +55,9 @@ if TYPE_CHECKING:
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
     from .listener import Listener as Listener
+    from .plots.figures import draw_figures as draw_figures
     from .reports.make import report as report
+    from .reports.trials_report import trials_report as trials_report
 
 _WHERE = {
     "Listener": ".listener",
@@ -66,6 +69,7 @@ _WHERE = {
     "compare": ".app.compare",
     "convert": ".app.convert",
     "diagnose": ".app.inspect",
+    "draw_figures": ".plots.figures",
     "drop_bookmarks": ".app.events",
     "events": ".app.events",
     "explain": ".app.explain",
@@ -83,6 +87,7 @@ _WHERE = {
     "show": ".app.notebook",
     "snapshot": ".app.snapshot",
     "traces": ".app.notebook",
+    "trials_report": ".reports.trials_report",
     "tune": ".app.library",
     "verify": ".app.saved",
 }
@@ -96,6 +101,7 @@ __all__ = [
     "compare",
     "convert",
     "diagnose",
+    "draw_figures",
     "drop_bookmarks",
     "events",
     "explain",
@@ -113,6 +119,7 @@ __all__ = [
     "show",
     "snapshot",
     "traces",
+    "trials_report",
     "tune",
     "verify",
 ]

@@ -54,6 +54,10 @@ def run_plan(
     an address, or `workers` of its own. Every run is computed as if alone: the rows do not depend on workers,
     engine or order, but for `took_s` and `host`. Raises InputError for a folder that holds anything else, and
     for a scheduler that does not answer.
+
+        >>> import maurice_datasets as md
+        >>> md.run_plan(md.read_plan("kidnapped", seeds=2), "trials", workers=2).runs  # doctest: +SKIP
+        6
     """
     store = RowStore.begin(Path(folder), plan, resume=resume)
     report = progress or (lambda done, total: None)

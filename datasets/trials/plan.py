@@ -215,6 +215,10 @@ def read_plan(source: str | Path, seeds: int | None = None) -> Plan:
     """Read a plan that comes along, by its name, or a TOML file; `seeds` replaces its own number.
 
     Raises InputError, in one line, for what is no plan: with the file, the key and what was expected.
+
+        >>> import maurice_datasets as md
+        >>> md.read_plan("kidnapped", seeds=5).runs
+        15
     """
     file = SHIPPED / f"{source}.toml"
     if not (isinstance(source, str) and file.is_file()):

@@ -114,7 +114,7 @@ class RowStore:
             remove_leftovers(target)
         files = self.files()
         for file in files:
-            rows = _frame(file)
+            rows = _frame(file, [*KEY, "error"])
             kept = rows.filter(pl.col("error").is_null())  # a run that failed is tried again
             self.done |= set(kept.select(KEY).iter_rows())
         self._number = max((int(file.stem) for file in files), default=-1) + 1

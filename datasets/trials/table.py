@@ -44,10 +44,14 @@ class Difference:
     figure: Interval  # mean of the differences, run by run
 
 
-def load(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
+def load_trials(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
     """Return the rows of a folder, with a column for every setting that its plan varies.
 
     `where` keeps rows with `column=value`. InputError for a folder without trials and for unknown columns.
+
+        >>> import maurice_datasets as md
+        >>> md.load_trials("trials", ["feature=color"])["error_m"].mean()  # doctest: +SKIP
+        0.21
     """
     rows = with_settings(read_rows(Path(folder)))
     for text in where:
@@ -124,7 +128,13 @@ def _arenas(rows: pl.DataFrame) -> Any:
 def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Difference]:
     """Compare every group with the first, run by run: same part, session, seed and other settings.
 
-    A flag counts as 0 or 1. Runs that only one of the two groups holds are left out.
+    A flag counts as 0 or 1. Runs that only one of the two groups holds are left out. InputError for unknown
+    columns.
+
+        >>> import maurice_datasets as md
+        >>> rows = md.load_trials("trials")  # doctest: +SKIP
+        >>> md.paired(rows, ["feature"])[0].figure.value  # doctest: +SKIP
+        -0.04
     """
     columns = [_known(rows, name) for name in by]
     if metric not in NUMBERS:

@@ -15,7 +15,7 @@ from rich.table import Table
 from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
 from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import SCHEMA
-from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load, paired
+from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load_trials, paired
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_mcl.geometry import INCH_M
 
@@ -139,7 +139,7 @@ def trials_table(
     json_output: opt.Json = False,
 ) -> None:
     """Print grouped figures with intervals, and differences from the first group, run by run."""
-    rows, columns = load(folder, where or []), [name for name in by.split(",") if name]
+    rows, columns = load_trials(folder, where or []), [name for name in by.split(",") if name]
     groups, differences = grouped(rows, columns, metric), paired(rows, columns, metric)
     for file in (csv, parquet):
         if file is not None:

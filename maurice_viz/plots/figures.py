@@ -91,6 +91,10 @@ def draw_figures(
 
     What the folder has no runs for is left out, with the plan that makes them. InputError if it was asked
     for by its number, and for unknown numbers and formats.
+
+        >>> import maurice_viz as mv
+        >>> mv.draw_figures("trials", "figures", only=[26, 60]).files  # doctest: +SKIP
+        (PosixPath('figures/figure-26.png'), PosixPath('figures/figure-60.png'))
     """
     wanted, folder = list(only), Path(to)
     known = {one.number: one for one in FIGURES}

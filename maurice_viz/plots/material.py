@@ -14,7 +14,7 @@ from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive, open_drive
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.rows import read_plan_of
-from maurice_datasets.trials.table import load
+from maurice_datasets.trials.table import load_trials
 from maurice_datasets.trials.timing import read_timing
 from maurice_loaders.errors import InputError
 from maurice_mcl.filter.localizer import Localizer
@@ -50,7 +50,7 @@ class Material:
     @cached_property
     def rows(self) -> pl.DataFrame:
         """All rows that did not fail."""
-        return load(self.folder).filter(pl.col("error").is_null())
+        return load_trials(self.folder).filter(pl.col("error").is_null())
 
     @cached_property
     def timing(self) -> pl.DataFrame:

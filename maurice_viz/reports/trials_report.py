@@ -57,6 +57,10 @@ def trials_report(
     Of each claim of the thesis it says: reproduced, not reproduced, undecided (the interval allows both) or
     not testable. Returns the file. InputError for a folder without trials and for a file that exists, unless
     `force` is given.
+
+        >>> import maurice_viz as mv
+        >>> mv.trials_report("trials", to="trials.html")  # doctest: +SKIP
+        PosixPath('trials.html')
     """
     file = Path(to)
     if file.suffix.lower() not in (".html", ".htm"):

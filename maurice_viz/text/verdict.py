@@ -16,6 +16,7 @@ SURE = ", sure of a wrong place"
 KIDNAPPED_ROBOT = "The robot was kidnapped"
 NOTHING_YET = "No update yet."
 MOST_CAUSES = 2  # that a line tells of
+ALIKE_Q = 0.1  # qualities that differ by less are about equal
 
 
 def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
@@ -119,7 +120,16 @@ def divided(one: Ambiguity, scale: Scale) -> str:
     truth = where.get(one.truth_in, "; the truth is in the second")
     first, second = (f"{share:.0%}" for share in one.shares)
     there = f"{second} at the other, {scale.say(one.apart_m)} away"
-    return f"two places looked alike at {one.step}: {first} of the weight at one, {there}{truth}"
+    return f"two places looked alike at {one.step}: {first} of the weight at one, {there}{truth}{_fits(one)}"
+
+
+def _fits(one: Ambiguity) -> str:
+    """Return how well the picture fitted both places: "; the picture fits both (q 0.81 and ...)"."""
+    if one.fits is None or one.usual is None or abs(one.fits[0] - one.fits[1]) > ALIKE_Q:
+        return ""
+    first, second = one.fits
+    values = f"q {first:.2f} and {second:.2f}; a typical place {one.usual:.2f}"
+    return f"; the picture fits both about as well ({values})"
 
 
 def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:

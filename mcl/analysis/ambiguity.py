@@ -26,6 +26,8 @@ class Ambiguity:
     shares: tuple[float, float]
     apart_m: float
     truth_in: int | None  # 1 or 2: the place that holds the truth; 0: neither; None: not known
+    fits: tuple[float, float] | None = None  # mean quality of their particles; None: not compared
+    usual: float | None = None  # median quality of all references
 
     @property
     def is_lasting(self) -> bool:
@@ -73,4 +75,28 @@ def _divided(step: int, record: StepRecord, truth: F64 | None) -> Ambiguity | No
     if truth is not None:
         off_m = [float(np.hypot(*(one.pose - truth)[:2])) for one in (first, second)]
         truth_in = int(np.argmin(off_m)) + 1 if min(off_m) <= reach_m else 0
-    return Ambiguity(step, step, step, (first.mass, second.mass), apart_m, truth_in)
+    fits = [_fit(record, one.pose, reach_m) for one in (first, second)]
+    quality = record.sighting.comparison.quality
+    known = len(quality) > 0 and None not in fits
+    return Ambiguity(
+        step,
+        step,
+        step,
+        (first.mass, second.mass),
+        apart_m,
+        truth_in,
+        (fits[0] or 0.0, fits[1] or 0.0) if known else None,
+        float(np.median(quality)) if known else None,
+    )
+
+
+def _fit(record: StepRecord, pose: F64, reach_m: float) -> float | None:
+    """Return how well the picture fits a place: the mean quality of the particles there, by weight."""
+    weighted, entries = record.weighted, record.sighting.entries
+    x, y = pose[:2] - weighted.origin
+    near = np.square(weighted.poses[:, 0] - x) + np.square(weighted.poses[:, 1] - y) <= reach_m**2
+    near &= entries >= 0
+    quality, weights = record.sighting.comparison.quality, weighted.weights[near]
+    if not len(quality) or not weights.sum() > 0:
+        return None
+    return float(np.average(quality[entries[near]], weights=weights))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -16,7 +17,7 @@ from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.rows import MEASURED, read_rows
 from maurice_datasets.trials.runs import run_alone
-from maurice_datasets.trials.table import grouped, load, paired
+from maurice_datasets.trials.table import grouped, load_trials, paired
 from maurice_loaders.errors import InputError
 
 PLAN = """
@@ -125,9 +126,51 @@ def test_a_real_cluster_makes_the_same_rows(plan_file: Path, tmp_path: Path) -> 
     assert same(read_rows(tmp_path / "here")).equals(same(read_rows(tmp_path / "there")))
 
 
+def started(*words: str) -> subprocess.Popen[bytes]:
+    command = Path(sys.executable).with_name("dask")
+    return subprocess.Popen([str(command), *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_half_way_loses_nothing(plan_file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    plan_file.write_text(plan_file.read_text().replace("seeds = 3", "seeds = 60"))
+    plan, file = read_plan(plan_file), tmp_path / "scheduler.json"
+    here = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file))
+    servers = [started("scheduler", *here)]
+    join = ("worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-dashboard", "--no-nanny")
+    servers += [started(*join), started(*join)]
+    try:
+        for _ in range(300):
+            if file.exists() and "127.0.0.1" in file.read_text():
+                break
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+
+        def kill(done: int, total: int) -> None:
+            if done > 0 and servers[1].poll() is None:
+                servers[1].kill()
+                servers[1].wait()
+
+        run_plan(plan, tmp_path / "there", engine="dask", scheduler=address, progress=kill)
+        assert servers[1].poll() is not None
+    finally:
+        for server in servers:
+            server.kill()
+            server.wait()
+    run_plan(plan, tmp_path / "here")
+    assert same(read_rows(tmp_path / "here")).equals(same(read_rows(tmp_path / "there")))
+
+
+def test_a_scheduler_that_does_not_answer_is_said_in_one_line(plan_file: Path, tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    with pytest.raises(InputError, match="does not answer"):
+        run_plan(read_plan(plan_file), tmp_path / "out", engine="dask", scheduler="tcp://127.0.0.1:9")
+
+
 def test_tables(plan_file: Path, tmp_path: Path) -> None:
     run_plan(read_plan(plan_file), tmp_path / "out")
-    rows = load(tmp_path / "out")
+    rows = load_trials(tmp_path / "out")
     groups = grouped(rows, ["feature", "resampling.scheme"])
     assert [tuple(one.by.values()) for one in groups][:2] == [
         ("color", "systematic"),

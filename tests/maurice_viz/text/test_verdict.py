@@ -139,6 +139,11 @@ def test_two_places_that_look_alike_have_a_sentence_of_their_own():
     places = "wo places looked alike at 3: 47% of the weight at one, 38% at the other, 64.0 in away"
     found = "found itself at 9 and stayed localized (2.0 in off at the end)"
     assert said(run, INCHES) == f"T{places}; the truth is in the second. The robot {found}."
+    alike = replace(run, ambiguity=replace(TWINS, fits=(0.81, 0.82), usual=0.48))
+    fits = "; the picture fits both about as well (q 0.81 and 0.82; a typical place 0.48)"
+    assert fits in said(alike, INCHES)
+    parted = replace(run, ambiguity=replace(TWINS, fits=(0.81, 0.62), usual=0.48))
+    assert "about as well" not in said(parted, INCHES)
     line = verdict_line({"a": run, "b": GOOD}, INCHES)
     assert line.startswith(f"`a`: t{places}; the truth is in the second; it {found}; `b` stayed localized:")
 
