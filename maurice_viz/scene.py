@@ -26,6 +26,7 @@ class SceneInfo:
     has_truth: bool
     has_pictures: bool = True  # whether the robot has a camera at all
     picture_height: int = CELL_PX * 3 // 4  # of a reference on the contact sheet, in pixels
+    is_light: bool = False  # drawn with little detail: only layouts whose panels are all filled are offered
 
 
 @dataclass(frozen=True, slots=True)

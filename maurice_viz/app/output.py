@@ -25,7 +25,7 @@ from maurice_mcl.session import SessionInfo
 from ..drawing.contact_sheet import cell_height
 from ..entities import VERDICT
 from ..errors import OptionError, SinkError
-from ..layouts import DETAILS, LAYOUT_NAMES
+from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..layouts.registry import runs_blueprint
 from ..listener import Listener
 from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
@@ -39,11 +39,13 @@ from .open import check_name
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
 
 
-def layout_of(runs: Sequence[RunView], scene: DriveScene, first: str | None = None) -> rrb.Blueprint:
-    """Return the layout of runs; `first` names the tab that is open."""
+def layout_of(
+    runs: Sequence[RunView], scene: DriveScene, first: str | None = None, *, light: bool = False
+) -> rrb.Blueprint:
+    """Return the layout of runs; `first` names the tab that is open, `light` is for little detail."""
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
-    shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height)
+    shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height, light)
     return runs_blueprint(runs, shown, first, live=scene.live)
 
 
@@ -101,6 +103,9 @@ class OutputOptions:
     def __post_init__(self) -> None:
         check_name(self.layout, LAYOUT_NAMES, "layout")
         check_name(self.detail, DETAILS, "detail")
+        if self.detail == Detail.LIGHT.value and self.layout not in (None, *LIGHT_NAMES):
+            names = " and ".join(LIGHT_NAMES)
+            raise OptionError(f"--detail light has the layouts {names}, found {self.layout!r}")
         if self.no_recording and self.rrd is not None:
             raise OptionError("a recording is both asked for and excluded; give one of the two")
 
@@ -157,7 +162,8 @@ def _sink(
     written: list[Path],
     decisive: Callable[[], int | None],
 ) -> Iterator[rr.RecordingStream]:
-    info, layout = scene.info, layout_of(runs, scene, output.layout)
+    light = output.detail == Detail.LIGHT.value
+    info, layout = scene.info, layout_of(runs, scene, output.layout, light=light)
     if not scene.live:
         beforehand = partial(_remark_size, runs, scene, output, listener)
         with opened(

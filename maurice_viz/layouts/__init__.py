@@ -12,5 +12,6 @@ explanation_screen  one update explained at full size, as a recording of its own
 from __future__ import annotations
 
 LAYOUT_NAMES = ("story", "overview", "inside-a-step", "explain", "compare", "traces")
+LIGHT_NAMES = ("story", "traces")  # with --detail light: all of their panels are filled
 RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from ..panels.views import FPS, window
 from ..scene import RunView, SceneInfo
 from ..style import font_safe_names
-from . import one_run, several_runs
+from . import LIGHT_NAMES, one_run, several_runs
 from .story import story
 
 Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
@@ -56,6 +56,8 @@ def runs_blueprint(
     """
     layouts = LAYOUTS if any(run.channels for run in runs) else RECORDED
     names = [name for name in layouts if name != "compare" or len(runs) > 1]
+    if scene.is_light and layouts is LAYOUTS:
+        names = [name for name in names if name in LIGHT_NAMES]
     chosen = first or names[0]
     tabs = [_named(layouts[name](runs, scene), name) for name in names]
     for tab in tabs:

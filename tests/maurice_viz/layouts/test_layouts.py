@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 import rerun.blueprint as rrb
@@ -96,3 +97,8 @@ def test_a_run_without_channels_has_no_views_of_comparisons(has_truth):
     assert all(found)
     assert any("error" in title for title in found) == has_truth
     assert not any("Match" in title or "vidence" in title or "reference" in title for title in found)
+
+
+def test_light_recordings_offer_only_layouts_whose_panels_are_filled() -> None:
+    tabs = runs_blueprint([COLOR, BLENDED], replace(shown(), is_light=True)).root_container.contents
+    assert [tab.name for tab in tabs] == ["story", "traces"]
