@@ -19,9 +19,12 @@ from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
-from maurice_mcl.session import Moment, Session, SessionInfo
+from maurice_mcl.session import Frame, Moment, Session, SessionInfo
 
-from ..sessions import simulated_session, simulation_plan
+from ..robot.behaviors import BehaviorProposal
+from ..robot.drive import Robot
+from ..sessions import session_info, simulated_session, simulation_plan
+from ..simulation import SimulationPlan, stage
 from ..surveys import cached_survey
 from ..tasks import TEST
 from ..worlds.build import load_world
@@ -104,12 +107,35 @@ def _recorded(spec: SessionSpec) -> Drive:
 
 
 def _simulated(spec: SessionSpec, seed: int) -> Drive:
-    arena = FIRST + seed % spec.arenas
-    plan = simulation_plan(
+    plan = _plan_of(spec, seed)
+    cv2.setNumThreads(1)
+    simulated = simulated_session(plan)
+    start = None if spec.start else simulated.info.start
+    bench = _bench(spec.world, plan.arena_seed, spec.tier)
+    return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
+
+
+def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> Drive:
+    """Return a simulated drive that only turns on the spot where it starts, a picture after every turn."""
+    plan = _plan_of(spec, seed)
+    cv2.setNumThreads(1)
+    set_up = stage(plan)
+    robot, pose, moments = Robot(set_up.world.arena, plan.seed), set_up.course.start, []
+    for step in range(1, turns + 1):
+        turned = robot.move(step, pose, BehaviorProposal("turning", 0, turn_rad))
+        pose, motions = turned.pose, turned.turn.measured[None]
+        frame = Frame(step, float(step), motions, set_up.camera.take(step, pose), "")
+        moments.append(Moment(frame, pose))
+    bench = _bench(spec.world, plan.arena_seed, spec.tier)
+    return Drive(Held(session_info(set_up), tuple(moments)), set_up.course.start, bench, plan.arena_seed)
+
+
+def _plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
+    return simulation_plan(
         spec.task,
         world=spec.world,
         tier=spec.tier,
-        arena_seed=arena,
+        arena_seed=FIRST + seed % spec.arenas,
         seed=FIRST + seed,
         updates=spec.updates,
         kidnap_at=spec.kidnap_at,
@@ -117,11 +143,6 @@ def _simulated(spec: SessionSpec, seed: int) -> Drive:
         lights=spec.lights,
         moved=spec.moved,
     )
-    cv2.setNumThreads(1)
-    simulated = simulated_session(plan)
-    start = None if spec.start else simulated.info.start
-    bench = _bench(spec.world, arena, spec.tier)
-    return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, arena)
 
 
 @lru_cache(2)

@@ -9,7 +9,7 @@ import io
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import cv2
@@ -33,15 +33,15 @@ Work = Callable[[], object]
 
 
 def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, F64]:
-    """Run each work once a round, the works in turn; return the seconds (rounds,) of each."""
+    """Run each work once a round, the works in turn; return the CPU seconds (rounds,) of each."""
     took: dict[str, list[float]] = {name: [] for name in works}
     for work in works.values():
         work()  # fills the caches
     for _ in range(rounds):
         for name, work in works.items():
-            began = perf_counter()
+            began = process_time()
             work()
-            took[name].append(perf_counter() - began)
+            took[name].append(process_time() - began)
     return {name: np.array(seconds) for name, seconds in took.items()}
 
 

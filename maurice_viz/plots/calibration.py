@@ -54,6 +54,17 @@ def figure(title: str, x: str, y: str) -> tuple[Figure, Axes]:
     return made, axes
 
 
+def panels(rows: int, columns: int, x: str, y: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with several pairs of axes, row by row, that share their labels and scales."""
+    from matplotlib.figure import Figure as New
+
+    made = New(figsize=(8.0 if columns < 3 else 10.0, 4.6), layout="constrained")
+    places = [made.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
+    for number, axes in enumerate(places):
+        _dress(axes, "", x, y if number % columns == 0 else "")
+    return made, places
+
+
 def _dress(axes: Axes, title: str, x: str, y: str) -> None:
     axes.set_title(title, loc="left", fontsize=12, color=INK)
     axes.set_xlabel(x)

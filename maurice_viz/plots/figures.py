@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import check_target
 
+from . import clouds, costs, drives, traces
 from . import over_particles as counts
 from .calibration import INK, expect_matplotlib, save
 from .material import Material, NothingToDraw, ThesisFigure
@@ -22,7 +23,7 @@ FORMATS = ("png", "svg", "pdf")
 
 
 TRAVEL = "Driven before it was lost, against the number of particles"
-FIGURES = (
+OVER_PARTICLES = (
     ThesisFigure(26, TRAVEL, partial(counts.before_loss, log=True)),
     ThesisFigure(27, f"{TRAVEL} (linear)", partial(counts.before_loss, log=False)),
     ThesisFigure(28, "Average error against the number of particles", counts.error),
@@ -68,6 +69,9 @@ FIGURES = (
         partial(counts.localized_median, features=("color",)),
     ),
 )
+
+ALL = (*OVER_PARTICLES, *clouds.FIGURES, *drives.FIGURES, *traces.FIGURES, *costs.FIGURES)
+FIGURES = tuple(sorted(ALL, key=lambda one: one.number))
 
 
 @dataclass(frozen=True, slots=True)

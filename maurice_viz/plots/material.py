@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EXAMPLE = SessionSpec("global", task="global", updates=60)  # of figures about one drive: seed 0, not chosen
+TRACKING = SessionSpec("tracking", task="tracking", updates=120)  # the same of figures with a known start
 
 
 class NothingToDraw(InputError):
@@ -78,6 +79,11 @@ class Material:
         """The example: a simulated global localization, the first of the seeds."""
         return open_drive(self.spec(EXAMPLE), 0)
 
+    @cached_property
+    def tracking(self) -> Drive:
+        """The example with a known start."""
+        return open_drive(self.spec(TRACKING), 0)
+
     @property
     def library(self) -> Library:
         """The library of the example."""
@@ -104,15 +110,28 @@ class Material:
         """Run a filter over the example again."""
         return steps_of(self.localizer(**settings), self.drive)
 
+    def drive_of(self, row: dict[str, Any]) -> Drive:
+        """Return the drive of the run behind a row."""
+        return _drive(SessionSpec(**self._asked(row)[1]), row["seed"])
+
     def run_of(self, row: dict[str, Any]) -> Iterator[tuple[Moment, StepRecord]]:
         """Run again the run behind a row: the same, bit for bit."""
+        drive, settings = self.drive_of(row), settings_of(self._asked(row)[0], row["variant"])
+        return steps_of(filter_for(drive, settings, row["seed"]), drive)
+
+    def _asked(self, row: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the part and the session of the folder's plan that a row is of."""
         for part in read_plan_of(self.folder)["parts"]:
             for session in part["sessions"]:
                 if part["name"] == row["part"] and session["label"] == row["session"]:
-                    drive = open_drive(SessionSpec(**session), row["seed"])
-                    settings = settings_of(part, row["variant"])
-                    return steps_of(filter_for(drive, settings, row["seed"]), drive)
+                    return part, session
         raise NothingToDraw(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
+
+
+@lru_cache(2)
+def _drive(spec: SessionSpec, seed: int) -> Drive:
+    """Return a drive; the last two are kept, because their pictures take longer to render than to use."""
+    return open_drive(spec, seed)
 
 
 def steps_of(localizer: Localizer, drive: Drive) -> Iterator[tuple[Moment, StepRecord]]:

@@ -1,0 +1,176 @@
+"""Figures of clouds and of what moves them: turning in place, ambiguity, fresh particles."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import TYPE_CHECKING
+
+import numpy as np
+import polars as pl
+
+from maurice_datasets.trials.drives import Drive, turning_drive
+from maurice_datasets.trials.statistics import mean
+from maurice_mcl.analysis.events import is_kidnapping
+from maurice_mcl.arrays import F64
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.proposal import belief_at
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.map import spacing
+from maurice_mcl.records import Belief, FilterState, StepRecord
+from maurice_mcl.session import Moment
+
+from . import maps
+from .calibration import ACTUAL, figure, panels
+from .drives import PRESET
+from .material import EXAMPLE, Material, NothingToDraw, ThesisFigure
+from .over_particles import STYLES
+from .traces import AIDED, DEVIATION, LABELS, OFF, STRATEGY
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TURNS, TURN_RAD = 43, float(np.pi / 4)  # as many steps as the thesis's figure 33 has
+BEGUN_M, BEGUN_RAD = 18 * INCH_M, float(np.radians(20))  # "reasonably well localized": ours
+DRIVES, RUNS = 5, 20
+AMBIGUOUS, AT = 200, 3  # particles of figure 34; the picture that it shows
+OFFSET, LARGEST = 0.33, 0.3  # of a circle from its node, and its diameter, in spacings of nodes
+
+
+def turning(material: Material) -> Figure:
+    """Draw deviation and error while the robot turns in place: simulated turns of 45 degrees, many runs."""
+    spec = material.spec(EXAMPLE)
+    drives = [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(DRIVES)]
+    made, places = panels(1, 2, "turns of 45 degrees", "")
+    made.set_size_inches(10.0, 4.6)
+    for number, feature in enumerate(("color", "blended")):
+        found = [
+            _turned(material.localizer_on(drives[seed % DRIVES], seed, preset=PRESET, feature=feature), one)
+            for seed in range(RUNS)
+            for one in (drives[seed % DRIVES],)
+        ]
+        arenas = np.arange(RUNS, dtype=np.float64) % DRIVES
+        for axes, column in zip(places, (0, 1), strict=True):
+            limits = [mean(np.array([one[column, at] for one in found]), arenas) for at in range(TURNS)]
+            y, low, high = np.array([[one.value, one.low, one.high] for one in limits]).T / INCH_M
+            color, marker, line = STYLES[number]
+            x, told = np.arange(1, TURNS + 1), f"{feature}, {RUNS} runs in {DRIVES} places"
+            axes.plot(x, y, color=color, marker=marker, markevery=5, linestyle=line, label=told)
+            axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
+    for axes, label in zip(places, (LABELS[DEVIATION], LABELS[OFF]), strict=True):
+        axes.set_ylabel(label)
+        axes.set_ylim(0)
+        axes.set_xlim(0)
+    told = f"simulated; clouds begin with sd {BEGUN_M / INCH_M:.0f} in along x and y, and 20 degrees"
+    handles, labels = places[0].get_legend_handles_labels()
+    made.legend(
+        handles, labels, loc="outside lower center", ncols=2, fontsize=8, title=told, title_fontsize=8
+    )
+    return made
+
+
+def _turned(localizer: Localizer, drive: Drive) -> F64:
+    """Return deviation and error (2, turns), in meters, of a cloud that begins about the truth."""
+    start = drive.start
+    if start is None:
+        raise NothingToDraw(None, "the drive's start is not known")
+    rng = np.random.default_rng(localizer.seed)
+    begun = belief_at(start, localizer.particles, localizer.library.origin)
+    spread = rng.standard_normal((begun.size, 3)) * (BEGUN_M, BEGUN_M, BEGUN_RAD)
+    state = FilterState(0, Belief((begun.poses + spread).astype(np.float32), begun.log_weights, begun.origin))
+    found = []
+    for moment in drive.session.moments():
+        state, record = localizer.step(state, moment.frame)
+        found.append((np.hypot(*record.mean_estimate.sd_m), maps.off_in(record.estimate, start) * INCH_M))
+    return np.array(found).T
+
+
+def ambiguity(material: Material) -> Figure:
+    """Draw how well a picture matches each reference: a circle a heading at every node, under a cloud."""
+    moment, record = next(islice(material.steps(preset=PRESET, particles=AMBIGUOUS), AT - 1, None))
+    library = material.library
+    made, axes = figure("", maps.X, maps.Y)
+    made.set_size_inches(9.4, 5.6)
+    maps.map_axes(made, axes, library.arena)
+    quality = record.sighting.comparison.quality.astype(np.float64)
+    _circles(axes, library.poses, quality)
+    maps.cloud(axes, maps.poses_of(record.belief), f"{AMBIGUOUS} particles", maps.ESTIMATE, "^", 4.0)
+    if moment.truth is not None:
+        maps.truth(axes, moment.truth)
+    told = (
+        f"diameter: quality, {quality.min():.2f} to {quality.max():.2f};\nat each node one for each heading"
+    )
+    axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=ACTUAL, label=told)
+    axes.plot([], [], linestyle="", label=f"after picture {AT}, start unknown")
+    maps.legend_beside(made, axes)
+    return made
+
+
+def _circles(axes: Axes, poses: F64, quality: F64) -> None:
+    from matplotlib.collections import EllipseCollection
+
+    apart = spacing(np.unique(poses[:, :2].round(3), axis=0)) / INCH_M
+    toward = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+    at = poses[:, :2] / INCH_M + OFFSET * apart * toward
+    wide = np.maximum(LARGEST * apart * quality, 0.01)
+    circles = EllipseCollection(
+        wide,
+        wide,
+        np.zeros(len(wide)),
+        units="xy",
+        offsets=at,
+        offset_transform=axes.transData,
+        facecolor="none",
+        edgecolor=ACTUAL,
+        linewidth=0.7,
+        zorder=1,
+    )
+    axes.add_collection(circles)
+
+
+def fresh_particles(material: Material) -> Figure:
+    """Draw a cloud before and after the first fresh particles of a kidnapped robot."""
+    rows = material.part("recovery").filter(pl.col("label") == AIDED).sort("seed")
+    for row in rows.iter_rows(named=True):
+        found = _first_fresh(material, row)
+        if found is not None:
+            break
+    else:
+        raise NothingToDraw(material.folder, f"holds no run with {STRATEGY} = {AIDED} that drew particles")
+    moment, record = found
+    arena, fresh = material.drive_of(row).bench.library.arena, record.injected
+    made, places = panels(1, 2, maps.X, maps.Y)
+    made.set_size_inches(11.0, 4.9)
+    before, after = maps.poses_of(record.weighted), maps.poses_of(record.belief)
+    for axes in places:
+        maps.map_axes(made, axes, arena)
+        if moment.truth is not None:
+            maps.truth(axes, moment.truth)
+        maps.estimate(axes, record.estimate.pose)
+    maps.cloud(places[0], before, None)
+    maps.cloud(places[1], after[~fresh] if fresh is not None else after, f"{len(before):,} particles")
+    if fresh is not None:
+        told = f"{int(fresh.sum())} of them fresh, drawn from the picture"
+        maps.cloud(places[1], after[fresh], told, ACTUAL, "^", 4.0)
+    at = record.frame.step - row["kidnapped_at_update"] + 1
+    places[0].set_title(f"before: picture {at} after the kidnapping", fontsize=10)
+    places[1].set_title("after: fresh particles among them", fontsize=10)
+    made.legend(*places[1].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    return made
+
+
+def _first_fresh(material: Material, row: dict[str, object]) -> tuple[Moment, StepRecord] | None:
+    """Return the first update after the kidnapping at which fresh particles were drawn."""
+    kidnapped = False
+    for moment, record in material.run_of(row):
+        kidnapped = kidnapped or any(is_kidnapping(text) for text in moment.events)
+        if kidnapped and record.injected is not None:
+            return moment, record
+    return None
+
+
+FIGURES = (
+    ThesisFigure(33, "Deviation and error while the robot turns in place", turning),
+    ThesisFigure(34, f"Ambiguity: match quality at every node, and {AMBIGUOUS} particles", ambiguity),
+    ThesisFigure(65, "Kidnapped: what sensor-aided sampling does to the cloud", fresh_particles),
+)

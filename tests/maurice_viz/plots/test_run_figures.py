@@ -1,0 +1,142 @@
+"""Figures of drives, traces and costs: all are drawn, and show the numbers of the rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from maurice_datasets.trials.engine import run_plan
+from maurice_datasets.trials.plan import read_plan
+from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
+from maurice_mcl.geometry import INCH_M
+from maurice_viz.plots import clouds, costs, drives, traces
+from maurice_viz.plots.figures import draw_figures
+from maurice_viz.plots.material import Material, NothingToDraw
+
+OURS = (*clouds.FIGURES, *costs.FIGURES, *drives.FIGURES, *traces.FIGURES)
+SESSION = 'seeds = 2\n[[sessions]]\ntask = "{task}"\nupdates = 14\narenas = 1\n{more}\n'
+THESIS = '[settings]\npreset = "thesis"\n'
+PARTS = {
+    "position-tracking": SESSION.format(task="tracking", more="") + THESIS + "particles = 100\n",
+    "global-localization": SESSION.format(task="global", more="")
+    + THESIS
+    + 'feature = "color"\n[grid]\nparticles = [20, 500]\n',
+    "kidnapped": SESSION.format(task="kidnapped", more="kidnap_at = 6")
+    + '[grid]\npreset = ["thesis", "robust"]\n',
+    "recovery": SESSION.format(task="kidnapped", more="kidnap_at = 6")
+    + '[settings]\nfeature = "blended"\nparticles = 300\n'
+    + '[grid]\n"recovery.strategy" = ["none", "threshold"]\n',
+}
+FEATURES = '{session}[settings]\npreset = "thesis"\nparticles = 100\n[grid]\nfeature = {features}\n'
+for _name, _features in (
+    ("smoothing", '["color", "smoothed", "blurred"]'),
+    ("edges", '["color", "edges"]'),
+    ("blended", '["color", "edges", "blended", "best"]'),
+):
+    _session = SESSION.format(task="global", more="")
+    PARTS[_name] = FEATURES.format(session=_session, features=_features)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Trials of all parts that these figures need, on tiny drives in one arena."""
+    home = tmp_path_factory.mktemp("plans")
+    for name, text in PARTS.items():
+        (home / f"{name}.toml").write_text(text)
+    (home / "tiny.toml").write_text(f"include = {[f'{name}.toml' for name in PARTS]}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
+        assert run_plan(read_plan(home / "tiny.toml"), home / "trials").failed == 0
+        measure(home / "trials", rounds=2)
+    return home / "trials"
+
+
+@pytest.mark.slow
+def test_every_figure_is_drawn_and_its_axes_have_labels(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clouds, "RUNS", 2)
+    monkeypatch.setattr(clouds, "DRIVES", 1)
+    monkeypatch.setattr(clouds, "TURNS", 5)
+    material, left = Material(folder), set()
+    for one in OURS:
+        try:
+            made = one.draw(material)
+        except NothingToDraw:
+            left.add(one.number)
+            continue
+        labels = {axes.get_xlabel() for axes in made.axes} | {axes.get_ylabel() for axes in made.axes}
+        assert labels - {""}, one.number
+        assert made.legends or any(axes.get_legend() for axes in made.axes), one.number
+    assert left <= {36, 65}  # perhaps no run of these few failed, or needed fresh particles
+    drawn = draw_figures(folder, tmp_path / "figures", only=[24, 69], formats=["png", "svg"])
+    assert [file.name for file in drawn.files] == [
+        f"figure-{number}.{kind}" for number in (24, 69) for kind in ("png", "svg")
+    ]
+
+
+@pytest.mark.slow
+def test_a_run_made_again_from_its_row_is_the_same(folder: Path) -> None:
+    material = Material(folder)
+    row = material.part("recovery").row(0, named=True)
+    again = [record.mean_estimate.sd_m for _, record in material.run_of(row)]
+    assert np.hypot(*np.array(again).T).astype(np.float32).tolist() == row["sd_m"]
+
+
+def made_of(tmp_path: Path, rows: pl.DataFrame) -> Material:
+    """Return material of made-up rows."""
+    material = Material(tmp_path)
+    material.__dict__["rows"] = rows
+    return material
+
+
+def test_a_curve_is_the_mean_of_its_runs_and_its_band_holds_it(tmp_path: Path) -> None:
+    values = np.random.default_rng(1).uniform(0.1, 0.9, (6, 9)).astype(np.float32)
+    rows = pl.DataFrame(
+        {
+            "part": ["smoothing"] * 6,
+            "session": ["global"] * 6,
+            "feature": ["color", "smoothed"] * 3,
+            "arena": [1, 1, 1, 2, 2, 2],
+            "sd_m": values.tolist(),
+        }
+    )
+    made = traces.by_feature(made_of(tmp_path, rows), "smoothing", ("color", "smoothed"))
+    color, smoothed = made.axes[0].get_lines()
+    assert color.get_label() == "color, 3 runs"
+    np.testing.assert_allclose(color.get_ydata(), values[::2].mean(0) / INCH_M, rtol=1e-6)
+    np.testing.assert_allclose(smoothed.get_ydata(), values[1::2].mean(0) / INCH_M, rtol=1e-6)
+    assert all(one.low <= one.value <= one.high for one in traces.curve(rows, "sd_m"))
+
+
+def test_a_run_that_ended_earlier_is_left_out_after_its_end(tmp_path: Path) -> None:
+    rows = pl.DataFrame({"arena": [1, 2], "off_m": [[1.0, 2.0, 3.0], [3.0, None]]}, strict=False)
+    assert [(one.value, one.count) for one in traces.curve(rows, "off_m")] == [(2, 2), (2, 1), (3, 1)]
+
+
+def test_certainty_is_the_mean_since_the_kidnapping() -> None:
+    rows = pl.DataFrame(
+        {"arena": [1, 1], "kidnapped_at_update": [2, 3], "confidence": [[1.0, 0.2, 0.4], [1.0, 1.0, 0.5]]}
+    )
+    found = traces.after_kidnapping(rows, traces.CONFIDENCE)
+    assert (round(found.value, 6), found.count) == (40, 2)
+
+
+def test_points_of_costs_are_the_medians(tmp_path: Path) -> None:
+    one = {"low_s": 0.001, "high_s": 0.004, "of_color": 2.0, "of_color_low": 1.5, "of_color_high": 3.0}
+    rows = [
+        {"what": UPDATE, "feature": "color", "particles": n, "median_s": n / 1e5, **one} for n in (100, 200)
+    ]
+    rows += [{"what": what, "feature": "hog", "median_s": 1.0, **one} for what in (DESCRIBE, COMPARE)]
+    material = Material(tmp_path)
+    material.__dict__["timing"] = pl.DataFrame(rows)
+    axes = costs.update(material).axes[0]
+    assert axes.get_lines()[0].get_xydata().tolist() == [[100, 1], [200, 2]]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    relative = costs.of_color(material, DESCRIBE, "time over that of color (ratio)").axes[0]
+    assert relative.get_lines()[0].get_xdata().tolist() == [2.0]
+    with pytest.raises(NothingToDraw, match="trials timing"):
+        costs.update(Material(tmp_path))
