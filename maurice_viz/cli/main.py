@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import sys
 from contextlib import suppress
@@ -16,12 +17,15 @@ THREADS = (
     "VECLIB_MAXIMUM_THREADS",
     "OPENCV_FOR_THREADS_NUM",
 )
+# Python looks for garbage after so many new objects; importing makes many that stay.
+COLLECT_AFTER = (50_000, 20, 100)
 
 
 def main() -> None:
     """Run `maurice-replay`; exit status 130 after Ctrl-C and 143 after SIGTERM."""
     end_while_starting()
     bound_threads()
+    gc.set_threshold(*COLLECT_AFTER)
     statuses: list[int] = []
     atexit.register(_end_now, statuses)  # the first one here, so the last one called
     from .app import app  # takes a fifth of a second

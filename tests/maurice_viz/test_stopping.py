@@ -215,14 +215,14 @@ def test_a_signal_that_comes_after_the_command_has_its_status(name, status):
 
 
 LEAVING = """
-import atexit, sys, maurice_viz.cli.app, maurice_viz.cli.main
+import atexit, gc, sys, maurice_viz.cli.app, maurice_viz.cli.main
 class Large:
     def __del__(self):
         print("freed")
 large = Large()
 def app():
     atexit.register(print, "closed")
-    print("done")
+    print(*gc.get_threshold())
     sys.exit({status})
 maurice_viz.cli.app.app = app
 maurice_viz.cli.main.main()
@@ -233,4 +233,4 @@ maurice_viz.cli.main.main()
 def test_at_the_end_all_is_written_and_nothing_freed_piece_by_piece(status):
     code = LEAVING.format(status=status)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (status, "done\nclosed\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (status, "50000 20 100\nclosed\n", "")
