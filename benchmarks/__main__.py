@@ -17,7 +17,7 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from . import filter_step, growth, libraries, many_runs, pictures, replays
+from . import filter_step, growth, libraries, many_runs, pictures, recording, replays
 from .measure import Table, machine
 from .peers import install
 
@@ -30,7 +30,8 @@ SECTIONS: Mapping[str, Callable[[bool], Table]] = {
     "pictures": pictures.pictures,
     "replays": replays.replays,
     "trials": many_runs.runs_a_second,
-    "recordings": replays.recordings,
+    "recordings": recording.recordings,
+    "panels": recording.panels,
     "commands": replays.commands,
     "libraries": libraries.libraries,
     "growth": growth.growth,

@@ -1,83 +1,137 @@
-"""What recording costs: milliseconds and kilobytes per step, per run, every panel on.
+"""What drawing adds to an update: milliseconds of CPU and kilobytes, of all panels and of each alone.
 
-    .venv/bin/python benchmarks/recording.py [PARTICLES [DETAIL]]
-
-The embedded session is localized first, then drawn from memory, so that only drawing is timed. The first
-pass reads the reference pictures; the second has them, as a long session would.
+A drive is localized first, then drawn from memory. It is drawn twice: the first time reads the pictures of
+references, the second time, which counts, has them, as a long session would.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
-from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from time import perf_counter, thread_time
-
-import cv2
-import numpy as np
-from rerun.chunk import RrdReader
+from time import process_time
 
 import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import Detail, RerunObserver
+from maurice_viz.panels.panel import Panel
 from maurice_viz.scene import RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
-GOAL_MS, GOAL_KB = 1.0, 100
-STEPS = 100
+from .measure import Table
+
+UPDATES = 100
+PARTICLES = 5000
+BARE = "events and modes, before any panel"
+LEAST = 0.05  # milliseconds, or kilobytes: panels below are not listed
+
+Cost = tuple[float, float]  # milliseconds of CPU and kilobytes an update
+Chosen = Callable[[Panel], bool]
 
 
-def measure(
-    library: mcl.Library, session: mcl.Session, feature: str, particles: int, detail: Detail, path: Path
-) -> None:
-    localizer = mcl.make_localizer(library, feature=feature, particles=particles)
-    pairs = [pair for pair, _ in zip(mcl.run(localizer, session, None), range(STEPS), strict=False)]
-    distances = localizer.sensor.distances
-    shown = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = runs_blueprint([RunView(feature, tuple(distances))], shown)
-    with sinks.to_file(path, feature, layout, force=True) as rec:
-        observer = RerunObserver(rec, feature, distances, detail=detail, sensor=localizer.sensor)
-        observer.begin(session.info, library)
-        for name in ("first pass", "second pass"):
-            took, worked = [], []
-            for moment, record in pairs:
-                began, before = perf_counter(), thread_time()
-                observer.see(moment, record)
-                took.append((perf_counter() - began) * 1000)
-                worked.append((thread_time() - before) * 1000)
-            times = f"median {np.median(took):.2f} ms, of its own thread's work {np.median(worked):.2f} ms"
-            print(f"{feature:8} {name:12} {times}")
-        observer.end()
-    size = path.stat().st_size / len(pairs) / 2000
-    print(f"{feature:8} {size:.0f} kB per step (goals {GOAL_MS} ms, {GOAL_KB} kB)")
-    sizes(path, 2 * len(pairs))
+@dataclass(frozen=True, slots=True)
+class _Drive:
+    """A drive that was localized."""
+
+    session: mcl.Session
+    library: mcl.Library
+    localizer: Localizer
+    updates: Sequence[tuple[Moment, StepRecord]]
 
 
-def sizes(path: Path, steps: int) -> None:
-    """Print which entities take most room, in kB per step before compression."""
-    room: Counter[str] = Counter()
-    for chunk in RrdReader(path).stream():
-        if not chunk.is_static:
-            room[chunk.entity_path] += chunk.to_record_batch().nbytes
-    for entity, held in room.most_common(12):
-        print(f"  {held / steps / 1000:6.1f} kB {entity}")
-
-
-def main() -> None:
-    cv2.setNumThreads(1)
-    particles = int(sys.argv[1]) if len(sys.argv) > 1 else 2000
-    detail = Detail(sys.argv[2]) if len(sys.argv) > 2 else Detail.FULL
+@cache
+def _drive(updates: int) -> _Drive:
     paths = demo_paths()
-    library = ml.build_library(paths.survey)
-    session = ml.open_session(paths.session)
+    library, session = ml.build_library(paths.survey), ml.open_session(paths.session)
+    localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES)
+    pairs = [pair for pair, _ in zip(mcl.run(localizer, session, None), range(updates), strict=False)]
+    return _Drive(session, library, localizer, pairs)
+
+
+def recordings(quick: bool) -> Table:
+    """Measure every detail, into a file and live."""
+    drive, rows = _drive(20 if quick else UPDATES), []
+    for detail in Detail:
+        for way in ("file", "live"):
+            milliseconds, kilobytes = _least(drive, detail, lambda _: True, quick, live=way == "live")
+            rows.append([detail.value, way, f"{milliseconds:.2f}", f"{kilobytes:.0f}"])
+    return Table(
+        "recordings",
+        "What recording adds to an update at 5,000 particles, two channels, CPU of all threads",
+        ["detail", "to", "milliseconds of CPU", "kilobytes"],
+        rows,
+    )
+
+
+def panels(quick: bool) -> Table:
+    """Measure each panel alone, into a file, with what sending its rows costs."""
+    drive = _drive(20 if quick else UPDATES)
+    costs: dict[str, list[Cost]] = {name: [] for name in (BARE, *_names(drive))}
+    for detail in (Detail.FULL, Detail.LIGHT):
+        bare = _least(drive, detail, lambda _: False, quick)
+        costs[BARE].append(bare)
+        for name in list(costs)[1:]:
+            took, held = _least(drive, detail, _is(name), quick)
+            costs[name].append((max(took - bare[0], 0.0), max(held - bare[1], 0.0)))
+    listed = [name for name, (full, light) in costs.items() if max(*full, *light) >= LEAST]
+    listed.sort(key=lambda name: -costs[name][0][0])
+    return Table(
+        "panels",
+        "What each panel adds to an update, into a file",
+        ["panel", "full, ms of CPU", "full, kB", "light, ms of CPU", "light, kB"],
+        [[name, *(f"{part:.2f}" for cost in costs[name] for part in cost)] for name in listed],
+    )
+
+
+def _is(name: str) -> Chosen:
+    return lambda panel: _name(panel) == name
+
+
+def _name(panel: Panel) -> str:
+    return type(panel).__name__.removesuffix("Panel")
+
+
+def _names(drive: _Drive) -> list[str]:
+    observer = RerunObserver(sinks.recording("names"), "run", drive.localizer.sensor.distances)
+    observer.begin(drive.session.info, drive.library)
+    return [_name(panel) for panel in observer._panels]
+
+
+def _least(drive: _Drive, detail: Detail, chosen: Chosen, quick: bool, live: bool = False) -> Cost:
+    """Return the least of some rounds: other work on the machine only adds to it."""
+    rounds = [_measure(drive, detail, chosen, live) for _ in range(1 if quick else 5)]
+    return min(took for took, _ in rounds), min(held for _, held in rounds)
+
+
+def _measure(drive: _Drive, detail: Detail, chosen: Chosen, live: bool = False) -> Cost:
+    """Draw a drive with some panels; return what an update took and held the second time."""
+    sensor, library = drive.localizer.sensor, drive.library
+    scene = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
+    layout = runs_blueprint([RunView("run", tuple(sensor.distances))], scene)
     with tempfile.TemporaryDirectory() as folder:
-        for feature in ("color", "blended"):
-            measure(library, session, feature, particles, detail, Path(folder) / f"{feature}.rrd")
+        path, port = Path(folder) / "run.rrd", sinks.free_port() if live else None
+        with sinks.to_file(path, "run", layout, serve=port) as rec:
+            observer = RerunObserver(rec, "run", sensor.distances, detail=detail, sensor=sensor)
+            observer.begin(drive.session.info, library)
+            observer._panels = [panel for panel in observer._panels if chosen(panel)]
+            for again in (False, True):
+                before, began = _held(folder), process_time()
+                for moment, record in drive.updates:
+                    observer.see(moment, record)
+                rec.flush()
+                if again:
+                    took, held = process_time() - began, _held(folder) - before
+            observer.end()
+    return took / len(drive.updates) * 1e3, held / len(drive.updates) / 1e3
 
 
-if __name__ == "__main__":
-    main()
+def _held(folder: str) -> int:
+    return sum(file.stat().st_size for file in Path(folder).iterdir())

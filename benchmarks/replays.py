@@ -1,4 +1,4 @@
-"""Whole replays without the viewer, what recording adds, what grows, and what a user waits for."""
+"""Whole replays without the viewer, and what a user waits for."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 
 import cv2
 import numpy as np
@@ -21,12 +20,7 @@ from maurice_mcl.arrays import F32
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.session import Moment
-from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import Detail, RerunObserver
 from maurice_viz.playback import FilterRun, run_together
-from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import scale_for
-from maurice_viz.viewer import sinks
 
 from .measure import Table, Work, interleaved
 
@@ -98,40 +92,6 @@ def _from_descriptors(
     for moment, descriptors in zip(stored.moments_, described, strict=True):
         compared = Compared(localizer.sensor.compare(descriptors), 0.0)
         state, _ = localizer.step(state, moment.frame, compared)
-
-
-def recordings(quick: bool) -> Table:
-    """Measure what drawing adds to an update, to a file and live, and what it holds."""
-    paths = demo_paths()
-    library, session, rows = ml.build_library(paths.survey), ml.open_session(paths.session), []
-    localizer = mcl.make_localizer(library, feature="blended", particles=5000)
-    few = 20 if quick else UPDATES
-    pairs = [pair for pair, _ in zip(mcl.run(localizer, session, None), range(few), strict=False)]
-    distances = localizer.sensor.distances
-    scene = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
-    layout = runs_blueprint([RunView("run", tuple(distances))], scene)
-    with tempfile.TemporaryDirectory() as folder:
-        for detail in Detail:
-            for way, port in (("file", None), ("live", sinks.free_port())):
-                path = Path(folder) / f"{detail.value}-{way}.rrd"
-                with sinks.to_file(path, "run", layout, serve=port) as rec:
-                    observer = RerunObserver(rec, "run", distances, detail=detail, sensor=localizer.sensor)
-                    observer.begin(session.info, library)
-                    for moment, record in pairs:  # reads the pictures of the references
-                        observer.see(moment, record)
-                    began = perf_counter()
-                    for moment, record in pairs:
-                        observer.see(moment, record)
-                    took = perf_counter() - began
-                    observer.end()
-                kilobytes = path.stat().st_size / len(pairs) / 2000
-                rows.append([detail.value, way, f"{took / len(pairs) * 1e3:.2f}", f"{kilobytes:.0f}"])
-    return Table(
-        "recordings",
-        "What recording adds to an update at 5,000 particles, two channels",
-        ["detail", "to", "milliseconds", "kilobytes"],
-        rows,
-    )
 
 
 COMMANDS = {

@@ -99,11 +99,14 @@ def outline(belief: Belief) -> F32:
     """Return the outline (3 SECTORS, 2) as drawn, y down; the longest sector reaches the rim."""
     held = shares(belief)
     reach = np.sqrt(held / held.max())
-    edges = np.arange(SECTORS + 1) * (2 * np.pi / SECTORS)
     radius = np.column_stack([np.zeros(SECTORS), reach, reach]).ravel()
-    angle = np.column_stack([edges[:-1], edges[:-1], edges[1:]]).ravel()
-    points = np.column_stack([radius * np.cos(angle), -radius * np.sin(angle)])
+    points = radius[:, None] * _ALONG
     return np.concatenate([points, points[:1]]).astype(np.float32)
+
+
+_EDGES = np.arange(SECTORS + 1) * (2 * np.pi / SECTORS)
+_ANGLES = np.column_stack([_EDGES[:-1], _EDGES[:-1], _EDGES[1:]]).ravel()
+_ALONG = np.column_stack([np.cos(_ANGLES), -np.sin(_ANGLES)])  # of each corner of the outline
 
 
 def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
