@@ -71,7 +71,7 @@ def one_by_one(name: str, seeds: Sequence[int]) -> None:
 
 def runs_a_second(quick: bool) -> Table:
     """Measure the same seeds by one worker and by two, in turn; one by one, an eighth of them."""
-    runs, rounds, rows = (16, 2, []) if quick else (96, 7, list[list[str]]())
+    runs, rounds, rows = (16, 2, []) if quick else (64, 3, list[list[str]]())
     with ProcessPoolExecutor(2, get_context("spawn")) as pool:
 
         def by_two(name: str) -> None:
