@@ -30,6 +30,7 @@ from .tasks import (
     UPDATES,
     simulation_key,
 )
+from .worlds.world import World
 
 
 def simulation_plan(
@@ -203,7 +204,10 @@ class SimulatedSession:
             yield Moment(frame, segment.pose, (*told, *camera.events(number)))
 
 
-def simulated_session(plan: SimulationPlan) -> SimulatedSession:
-    """Set a plan's session up. InputError for worlds and recordings that cannot be used."""
-    set_up = stage(plan)
+def simulated_session(plan: SimulationPlan, surveyed: World | None = None) -> SimulatedSession:
+    """Set a plan's session up, in its world unless it was loaded before; many drives then share its light.
+
+    InputError for worlds and recordings that cannot be used.
+    """
+    set_up = stage(plan, surveyed)
     return SimulatedSession(set_up, session_info(set_up))

@@ -103,9 +103,12 @@ def parse_span(text: str) -> range:
     return range(first, last + 1)
 
 
-def stage(plan: SimulationPlan) -> Stage:
-    """Set everything up. InputError for worlds and recordings that cannot be used."""
-    surveyed = load_world(plan.world, plan.arena_seed, plan.tier)
+def stage(plan: SimulationPlan, surveyed: World | None = None) -> Stage:
+    """Set everything up, in the plan's world unless it was loaded before.
+
+    InputError for worlds and recordings that cannot be used.
+    """
+    surveyed = surveyed or load_world(plan.world, plan.arena_seed, plan.tier)
     world = move_things(surveyed, plan.moved, plan.seed) if plan.moved else surveyed
     map_ = raster(world.arena)
     if map_ is None:

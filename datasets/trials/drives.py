@@ -28,6 +28,7 @@ from ..simulation import SimulationPlan, stage
 from ..surveys import cached_survey
 from ..tasks import TEST
 from ..worlds.build import load_world
+from ..worlds.world import World
 from .plan import SessionSpec, configuration_of
 
 Settings = dict[str, Any]
@@ -109,7 +110,7 @@ def _recorded(spec: SessionSpec) -> Drive:
 def _simulated(spec: SessionSpec, seed: int) -> Drive:
     plan = _plan_of(spec, seed)
     cv2.setNumThreads(1)
-    simulated = simulated_session(plan)
+    simulated = simulated_session(plan, _world(spec.world, plan.arena_seed, spec.tier))
     start = None if spec.start else simulated.info.start
     bench = _bench(spec.world, plan.arena_seed, spec.tier)
     return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
@@ -119,7 +120,7 @@ def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> 
     """Return a simulated drive that only turns on the spot where it starts, a picture after every turn."""
     plan = _plan_of(spec, seed)
     cv2.setNumThreads(1)
-    set_up = stage(plan)
+    set_up = stage(plan, _world(spec.world, plan.arena_seed, spec.tier))
     robot, pose, moments = Robot(set_up.world.arena, plan.seed), set_up.course.start, []
     for step in range(1, turns + 1):
         turned = robot.move(step, pose, BehaviorProposal("turning", 0, turn_rad))
@@ -146,10 +147,15 @@ def _plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
 
 
 @lru_cache(2)
+def _world(world: str, arena: int, tier: str) -> World:
+    """Load a world once: its lighting, a few seconds, is kept for as long as it is the same one."""
+    return load_world(world, arena, tier)
+
+
+@lru_cache(2)
 def _bench(world: str, arena: int, tier: str) -> Bench:
     """Return the library of a simulated arena, from the cache of surveys."""
-    surveyed = load_world(world, arena, tier)
-    folder = cached_survey(surveyed, arena, lambda done, total, what: None)
+    folder = cached_survey(_world(world, arena, tier), arena, lambda done, total, what: None)
     return Bench.of(open_library(folder / "survey.log"))
 
 

@@ -25,9 +25,11 @@ from maurice_mcl.session import Moment
 
 from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
-from .plan import Plan, SessionSpec, configuration_of
+from .plan import Part, Plan, SessionSpec, configuration_of
 
 Row = dict[str, Any]
+Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
+SEEDS_A_JOB = 32  # of a recorded session
 IMPOVERISHED, MOVED_OTHERWISE, OTHER = "impoverishment", "motion", "other"
 BEFORE = 10  # updates: a slip explains a loss that comes so soon after it
 
@@ -45,7 +47,7 @@ class TrialRun:
     seed: int
 
     @property
-    def key(self) -> tuple[str, str, int, int]:
+    def key(self) -> Key:
         """What names the run within its plan."""
         return self.part, self.session, self.variant, self.seed
 
@@ -267,33 +269,46 @@ def configuration_hash(parameters: FilterParameters) -> str:
     return hashlib.sha256(repr(parameters).encode()).hexdigest()[:12]
 
 
-def jobs_of(plan: Plan, done: set[tuple[str, str, int, int]], most: int = 256) -> Iterator[Job]:
-    """Yield the work that is left of a plan, lazily: sessions that are alike share their drives."""
-    specs: dict[SessionSpec, list[tuple[int, str]]] = {}
-    for number, part in enumerate(plan.parts):
+def jobs_of(plan: Plan, done: set[Key], most: int = 256) -> Iterator[Job]:
+    """Yield the work that is left of a plan, lazily; sessions that are alike share their drives.
+
+    Drives of one arena follow one another, whatever their session: a worker lights an arena once.
+    """
+    users: dict[SessionSpec, list[tuple[Part, str]]] = {}
+    for part in plan.parts:
         for spec in part.sessions:
-            specs.setdefault(spec.drive, []).append((number, spec.label))
-    for spec, users in specs.items():
-        seeds = max(plan.parts[number].seeds for number, _ in users)
-        order = range(seeds) if spec.path else sorted(range(seeds), key=lambda k: (k % spec.arenas, k))
+            users.setdefault(spec.drive, []).append((part, spec.label))
+    for spec, seeds in _drives(users):
         waiting: list[TrialRun] = []
-        for seed in order:
-            for asked in _asked(plan, users, seed):
-                if asked.key not in done:
-                    waiting.append(asked)
-                if len(waiting) == most:
-                    yield Job(spec, 0 if spec.path else seed, tuple(waiting))
-                    waiting = []
-            if waiting and (not spec.path or len(waiting) >= most // 8):
-                yield Job(spec, 0 if spec.path else seed, tuple(waiting))
+        for asked in (one for seed in seeds for one in _asked(users[spec], seed) if one.key not in done):
+            waiting.append(asked)
+            if len(waiting) == most:
+                yield Job(spec, seeds[0], tuple(waiting))
                 waiting = []
         if waiting:
-            yield Job(spec, 0, tuple(waiting))
+            yield Job(spec, seeds[0], tuple(waiting))
 
 
-def _asked(plan: Plan, users: Sequence[tuple[int, str]], seed: int) -> Iterator[TrialRun]:
-    for number, label in users:
-        part = plan.parts[number]
+def _drives(
+    users: Mapping[SessionSpec, Sequence[tuple[Part, str]]],
+) -> Iterator[tuple[SessionSpec, Sequence[int]]]:
+    """Yield every drive with the seeds of its runs: a simulated one has one seed, a recorded one many."""
+    count = {spec: max(part.seeds for part, _ in parts) for spec, parts in users.items()}
+    for spec in users:
+        if spec.path:
+            for first in range(0, count[spec], SEEDS_A_JOB):
+                yield spec, range(first, min(first + SEEDS_A_JOB, count[spec]))
+    simulated = [spec for spec in users if not spec.path]
+    places = sorted({(spec.world, spec.tier, k) for spec in simulated for k in range(spec.arenas)})
+    for world, tier, arena in places:
+        for spec in simulated:
+            if (spec.world, spec.tier) == (world, tier):
+                for seed in range(arena, count[spec], spec.arenas) if arena < spec.arenas else ():
+                    yield spec, (seed,)
+
+
+def _asked(users: Sequence[tuple[Part, str]], seed: int) -> Iterator[TrialRun]:
+    for part, label in users:
         if seed >= part.seeds:
             continue
         varied = tuple(part.variants.varied)
