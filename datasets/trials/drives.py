@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -26,7 +27,7 @@ from ..robot.drive import Robot
 from ..sessions import session_info, simulated_session, simulation_plan
 from ..simulation import SimulationPlan, stage
 from ..surveys import cached_survey
-from ..tasks import TEST
+from ..tasks import SURVEY, TEST
 from ..worlds.build import load_world
 from ..worlds.world import World
 from .plan import SessionSpec, configuration_of
@@ -155,8 +156,12 @@ def _world(world: str, arena: int, tier: str) -> World:
 @lru_cache(2)
 def _bench(world: str, arena: int, tier: str) -> Bench:
     """Return the library of a simulated arena, from the cache of surveys."""
-    folder = cached_survey(_world(world, arena, tier), arena, lambda done, total, what: None)
-    return Bench.of(open_library(folder / "survey.log"))
+    return Bench.of(open_library(survey_log(world, arena, tier)))
+
+
+def survey_log(world: str, arena: int, tier: str) -> Path:
+    """Return the survey of a simulated arena, from the cache."""
+    return cached_survey(_world(world, arena, tier), arena, lambda done, total, what: None) / SURVEY.name
 
 
 def oracle_m(library: Library, truths: Sequence[F64 | None]) -> float | None:

@@ -31,6 +31,7 @@ MEASURED, ACTUAL, CORRECTED = "#E69F00", "#0072B2", "#009E73"
 BAND, INK = "#D9DCE2", "#33363D"
 FLOORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 RGB = ("#D62F2F", "#2E9E47", "#2F62D6")
+HATCHES = ("", "////", "....")  # of red, green and blue, for gray print
 DPI = 110
 MOST_BARS = 60  # more trials are drawn as points
 EXTRA = "pip install 'maurice-replay[plots]'"
@@ -50,7 +51,7 @@ def figure(title: str, x: str, y: str) -> tuple[Figure, Axes]:
 
     made = New(figsize=(8.0, 4.6), layout="constrained")
     axes = made.subplots()
-    _dress(axes, title, x, y)
+    dress(axes, title, x, y)
     return made, axes
 
 
@@ -61,11 +62,12 @@ def panels(rows: int, columns: int, x: str, y: str) -> tuple[Figure, list[Axes]]
     made = New(figsize=(8.0 if columns < 3 else 10.0, 4.6), layout="constrained")
     places = [made.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
     for number, axes in enumerate(places):
-        _dress(axes, "", x, y if number % columns == 0 else "")
+        dress(axes, "", x, y if number % columns == 0 else "")
     return made, places
 
 
-def _dress(axes: Axes, title: str, x: str, y: str) -> None:
+def dress(axes: Axes, title: str, x: str, y: str) -> None:
+    """Write a title and labels with their units, over a quiet grid."""
     axes.set_title(title, loc="left", fontsize=12, color=INK)
     axes.set_xlabel(x)
     axes.set_ylabel(y)
@@ -136,12 +138,17 @@ def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
         raise InputError(folder, f"cannot be made: {problem.strerror}; choose another place") from None
     for file in files:
         expect_absent(file, force=force)
-    for file, draw in zip(files, FIGURES.values(), strict=True):
-        made = draw(shown)
-        columns = 1 if draw is _turn_scatter else 4
-        made.legend(loc="outside lower center", ncols=columns, frameon=False)  # where it covers nothing
-        save(made, file, force=force)
+    for file, name in zip(files, FIGURES, strict=True):
+        save(motion_figure(name, shown), file, force=force)
     return files
+
+
+def motion_figure(name: str, shown: Shown) -> Figure:
+    """Draw one of FIGURES, with its legend below it, where it covers nothing."""
+    made = FIGURES[name](shown)
+    columns = 1 if FIGURES[name] is _turn_scatter else 4
+    made.legend(loc="outside lower center", ncols=columns, frameon=False)
+    return made
 
 
 def _turn_trials(shown: Shown) -> Figure:
@@ -242,7 +249,10 @@ def _side_by_side(axes: Axes, series: dict[str, tuple[F64, str]]) -> None:
     for shift, (label, (values, color)) in zip((-0.2, 0.2), series.items(), strict=True):
         trial = np.arange(1, len(values) + 1)
         if len(values) <= MOST_BARS:
-            axes.bar(trial + shift, values, 0.4, color=color, label=label)
+            hatch = "" if shift < 0 else "////"  # for gray print
+            axes.bar(
+                trial + shift, values, 0.4, color=color, label=label, hatch=hatch, edgecolor="white", lw=0
+            )
         elif shift < 0:
             _rings(axes, trial, values, label)
         else:
@@ -283,6 +293,11 @@ def _scaled(spread: Spread, factor: float) -> Spread:
 
 def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
     """Write both figures side by side into one PNG. Raises InputError when it exists (unless `force`)."""
+    save(noise_figure(floor), file, force=force)
+
+
+def noise_figure(floor: NoiseFloor) -> Figure:
+    """Draw a covered picture, and beside it the histogram of all of them."""
     from matplotlib.figure import Figure
 
     made = Figure(figsize=(11.0, 4.6), layout="constrained")
@@ -290,16 +305,17 @@ def draw_noise(floor: NoiseFloor, file: Path, *, force: bool) -> None:
     left.imshow(stretched(floor.example), interpolation="nearest")
     low, high = int(floor.example.min()), int(floor.example.max())
     frames = "1 frame" if floor.frames == 1 else f"{floor.frames} frames; lines: sd between frames"
-    _dress(left, f"Lens covered, values {low} to {high} stretched", "column (pixels)", "row (pixels)")
+    dress(left, f"Lens covered, values {low} to {high} stretched", "column (pixels)", "row (pixels)")
     left.grid(False)
-    _dress(right, f"Noise, mean of {frames}", "pixel value", "256 x share of pixels")
+    dress(right, f"Noise, mean of {frames}", "pixel value", "256 x share of pixels")
     means, sds = floor.mean.reshape(3, BINS), floor.sd.reshape(3, BINS)
     start = LOW + WIDTH * np.arange(BINS)
     for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
         at = start + WIDTH * (0.2 + 0.3 * k)
         bars = sds[k] if np.isfinite(sds[k]).all() else None
-        right.bar(at, means[k], 0.3 * WIDTH, color=color, label=name, yerr=bars, ecolor="#33363D")
+        shape = {"hatch": HATCHES[k], "edgecolor": "white", "linewidth": 0}
+        right.bar(at, means[k], 0.3 * WIDTH, color=color, label=name, yerr=bars, ecolor=INK, **shape)
     right.set_xticks(np.arange(LOW, LOW + WIDTH * BINS + 1, 4 * WIDTH))
     right.set_ylim(bottom=0)
     made.legend(loc="outside lower right", ncols=3, frameon=False)
-    save(made, file, force=force)
+    return made

@@ -22,11 +22,15 @@ from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
+from .example import DrivePictures
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 EXAMPLE = SessionSpec("global", task="global", updates=60)  # of figures about one drive: seed 0, not chosen
 TRACKING = SessionSpec("tracking", task="tracking", updates=120)  # the same of figures with a known start
+
+MOST_DRIVES = 5  # that are rendered again for the spread of figures about pictures: 5 s each
 
 
 class NothingToDraw(InputError):
@@ -83,6 +87,18 @@ class Material:
     def tracking(self) -> Drive:
         """The example with a known start."""
         return open_drive(self.spec(TRACKING), 0)
+
+    @cached_property
+    def pictures(self) -> DrivePictures:
+        """The pictures of the example."""
+        return DrivePictures(self.drive)
+
+    @cached_property
+    def several(self) -> tuple[DrivePictures, ...]:
+        """The pictures of the example and of the next drives, for how much its figures depend on chance."""
+        seeds = min(self.rows["seed"].n_unique(), MOST_DRIVES)
+        more = (DrivePictures(open_drive(self.spec(EXAMPLE), seed)) for seed in range(1, seeds))
+        return (self.pictures, *more)
 
     @property
     def library(self) -> Library:

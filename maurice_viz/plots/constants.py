@@ -1,0 +1,124 @@
+"""Figures about constants: the robot's motion, the noise of its camera, and what a library can tell by."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maurice_datasets.robot.motion import TrialPlan, calibration_drive
+from maurice_datasets.trials.drives import survey_log
+from maurice_loaders.calibration import covered_pictures
+from maurice_mcl.arrays import F32
+from maurice_mcl.calibration.motion import calibrate
+from maurice_mcl.calibration.sensor import noise_floor
+from maurice_mcl.calibration.statistics import Fitted
+from maurice_mcl.sensor.descriptors.channel import BINS
+
+from ..style import units_named
+from .calibration import FIGURES as OF_MOTION
+from .calibration import INK, Shown, motion_figure, noise_figure
+from .marks import by_bin, draw_colors, remark, wrapped
+from .material import EXAMPLE, Material, ThesisFigure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SEED = 0  # of the simulated calibration trials: the first, not chosen
+
+
+def of_motion(material: Material, name: str) -> Figure:
+    """Draw a figure of calibration trials: those of the simulated robot, as `calibrate drive` makes them."""
+    made = motion_figure(name, _shown())
+    made.legends[0].set_title(wrapped(made, _fitted(name, _shown())), {"size": 8})
+    return made
+
+
+def _fitted(name: str, shown: Shown) -> str:
+    """Tell what was fitted, with its interval, and what the thesis has."""
+    turns, straights = shown.fit.turns, shown.fit.straights
+    if "turn-residual" in name:
+        sd = say(turns.residual.sd, np.degrees(1), 1)
+        told = f"sd {sd} deg, the thesis: 4.916; mean {say(turns.residual.mean, np.degrees(1), 1)}, 0.2681"
+        return f"{turns.count} simulated turns; {told}"
+    if "turn" in name:
+        told = f"slope, measured over actual: {say(turns.figure_5_slope, 1, 3)}, the thesis: 1.3695"
+        return f"{turns.count} simulated turns; {told}"
+    per = shown.units.per_m
+    if "heading" in name:
+        drifts = (f"{one.floor}: {say(one.rate.mean, np.degrees(1) / per, 2)}" for one in shown.fit.drifts)
+        return f"{straights.count} simulated straights; mean drift in deg/in on {', on '.join(drifts)}"
+    told = f"mean error {say(straights.error.mean, per, 2)} in, the thesis: -0.6978"
+    return f"{straights.count} straights; {told}; sd {say(straights.error.sd, per, 2)} in, 0.6356"
+
+
+def say(fitted: Fitted, factor: float, digits: int) -> str:
+    """Write a fitted constant with its 95 percent interval."""
+    value, low, high = (round(one * factor, digits) for one in (fitted.value, fitted.low, fitted.high))
+    return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+@cache
+def _shown() -> Shown:
+    trials = calibration_drive(SEED, TrialPlan())
+    return Shown(trials, calibrate(trials), units_named("in"))
+
+
+def noise(material: Material) -> Figure:
+    """Draw the camera's noise floor, from the survey's pictures with the lens covered."""
+    spec = material.spec(EXAMPLE)
+    arena = material.drive.arena
+    assert arena is not None  # the example is simulated
+    return noise_figure(noise_floor(covered_pictures(survey_log(spec.world, arena, spec.tier))))
+
+
+def most_by_bin(material: Material) -> Figure:
+    """Draw the largest value of each bin over the library, with its spread over arenas."""
+    most = [one.library.index["color"].relevance for one in material.several]
+    made, axes = by_bin("largest value over the library (256 x share of pixels)")
+    draw_colors(axes, np.asarray(most[0]), np.asarray(most))
+    remark(made, _of_arenas(most))
+    return made
+
+
+def most_over_floor(material: Material) -> Figure:
+    """Draw by how much the library's largest value of each bin exceeds the noise floor."""
+    over = [
+        one.library.index["color"].relevance - one.library.index["color"].noise_floor
+        for one in material.several
+    ]
+    made, axes = by_bin("largest value less noise floor (256 x share)")
+    axes.axhline(0, color=INK, linewidth=1)
+    draw_colors(axes, np.asarray(over[0]), np.asarray(over))
+    under = int((np.asarray(over) <= 0).any(axis=0).sum())
+    below = f"{under} of {3 * BINS} bins are nowhere above the noise in some arena"
+    remark(made, f"{_of_arenas(over)}; {below}; the thesis: down to about -40")
+    return made
+
+
+def _of_arenas(found: list[F32]) -> str:
+    if len(found) == 1:
+        return "one arena; more seeds show the spread over arenas"
+    return f"markers: the example's arena; vertical lines: from lowest to highest of {len(found)} arenas"
+
+
+TITLES = {
+    4: "Measured and actual turns",
+    5: "Measured against actual turns",
+    6: "Actual and corrected turns",
+    7: "Residual of every turn",
+    8: "Residuals of turns, and a normal distribution",
+    9: "Measured and actual straights on two floors",
+    10: "Heading error of every straight on two floors",
+    11: "Errors of straights, and a normal distribution",
+}
+CONSTANT_FIGURES = (
+    *(
+        ThesisFigure(number, TITLES[number], partial(of_motion, name=name))
+        for number, name in zip(TITLES, OF_MOTION, strict=True)
+    ),
+    ThesisFigure(14, "The camera's noise with the lens covered", noise),
+    ThesisFigure(15, "Largest value of every bin over the library", most_by_bin),
+    ThesisFigure(23, "Largest value of every bin, less the noise floor", most_over_floor),
+)

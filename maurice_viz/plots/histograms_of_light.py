@@ -1,0 +1,226 @@
+"""Figures about histograms: of a picture and its reference, smoothed, summed, of edges, in other light."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maurice_datasets.trials.statistics import mean
+from maurice_mcl.arrays import F32, F64
+from maurice_mcl.calibration.sensor import COLORS
+from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
+
+from .calibration import HATCHES, INK, RGB, dress
+from .example import MORE_LIGHT, DrivePictures, PicturePair, in_other_light
+from .marks import (
+    BIN_AXIS,
+    COUNT_AXIS,
+    LINES,
+    MARKERS,
+    NUMBERS,
+    bin_ticks,
+    draw_colors,
+    grid_of_axes,
+    remark,
+)
+from .material import Material, ThesisFigure
+from .over_particles import STYLES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+GAINS = (0.6, 0.8, 1.0, 1.25, 1.6)  # of light
+SHOWN_GAINS = (0.6, 1.0, 1.6)
+FEATURES = ("color", "smoothed", "edges", "chromaticity")
+
+
+def superposed(material: Material, channel: str) -> Figure:
+    """Draw red, green and blue of a picture, and of its reference beside it."""
+    pair = material.pictures.usual
+    made, found = grid_of_axes(2, same=True)
+    measured, referred = pair.described(channel)
+    for axes, values, title in zip(found, (measured, referred), _titles(pair), strict=True):
+        dress(axes, title, BIN_AXIS, COUNT_AXIS)
+        bin_ticks(axes)
+        draw_colors(axes, values)
+        if channel == "edges":  # most edges are weak
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    return made
+
+
+def by_channel(material: Material, channel: str) -> Figure:
+    """Draw what every bin adds to the thesis's difference between a picture and its reference."""
+    pair = material.pictures.usual
+    made, (axes,) = grid_of_axes(1)
+    dress(axes, "", BIN_AXIS, "(|sample - reference| - noise) / relevance")
+    bin_ticks(axes)
+    parts = pair.differences(channel).reshape(3, BINS)
+    for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
+        label = f"{name}: sum {parts[k].sum():.2f}"
+        at = NUMBERS + 0.27 * (k - 1)
+        axes.bar(at, parts[k], 0.27, color=color, hatch=HATCHES[k], edgecolor="white", lw=0, label=label)
+    axes.legend(fontsize=8)
+    sums = np.concatenate([_sums(one, channel) for one in material.several])
+    own = float(parts.sum())
+    told = f"step {pair.step}: sum {own:.2f} of {parts.size} (D = {own / parts.size:.3f}); "
+    remark(made, f"{told}over {_pictures(material)} mean {_interval(sums, _drives(material))}")
+    return made
+
+
+def _sums(pictures: DrivePictures, channel: str) -> F64:
+    pairs = (PicturePair(pictures, number) for number in range(len(pictures.known)))
+    return np.array([float(pair.differences(channel).sum()) for pair in pairs])
+
+
+def in_shifted_light(material: Material) -> Figure:
+    """Draw the histograms of a picture in more light and of its reference, and how usual a shift is."""
+    pair = material.pictures.shifted
+    made, (left, right) = grid_of_axes(2)
+    dress(left, _told(pair), BIN_AXIS, COUNT_AXIS)
+    over_each_other(left, *pair.described("color"))
+    dress(right, f"all {_pictures(material)}", "brighter than its reference (gray levels)", "pictures")
+    driven = np.concatenate([one.brighter for one in material.several])
+    relit = np.concatenate([one.in_light(MORE_LIGHT).brighter for one in material.several])
+    edges = np.linspace(min(driven.min(), relit.min()), max(driven.max(), relit.max()), 30)
+    right.hist(driven, list(edges), color="#888D96", edgecolor="white", label="in the light of the drive")
+    label = f"in {MORE_LIGHT:g} x the light"
+    right.hist(relit, list(edges), histtype="step", color=STYLES[1][0], hatch="///", label=label)
+    right.legend(fontsize=8)
+    drives = _drives(material)
+    told = f"size of the shift, mean: {_interval(np.abs(driven), drives)} gray levels as driven"
+    remark(made, f"{told}, {_interval(np.abs(relit), drives)} in {MORE_LIGHT:g} x the light")
+    return made
+
+
+def summed(material: Material) -> Figure:
+    """Draw the summation histograms of a picture and its reference: how much is darker than each level."""
+    pair = material.pictures.shifted
+    made, found = grid_of_axes(3, same=True)
+    measured, referred = (one.reshape(3, BINS) for one in pair.described("cumulative"))
+    for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
+        dress(found[k], name, "bin", "256 x share, summed")
+        bin_ticks(found[k])
+        found[k].set_xticks(NUMBERS[::6])
+        found[k].plot(NUMBERS, measured[k], "-", color=color, label="sample")
+        found[k].plot(NUMBERS, referred[k], "--", color=INK, label="reference")
+        found[k].fill_between(NUMBERS, measured[k], referred[k], color=color, alpha=0.15, lw=0)
+        found[k].legend(fontsize=8, loc="lower right")
+    told = "the shaded area is what must move, and how far: the earth mover's distance"
+    remark(made, f"{_told(pair)}; {told}")
+    return made
+
+
+def smoothed(material: Material) -> Figure:
+    """Draw what every bin adds to the difference with and without smoothing, in other light."""
+    pair = material.pictures.shifted
+    made, found = grid_of_axes(3, same=True)
+    plain, smooth = (pair.differences(name).reshape(3, BINS) for name in ("color", "smoothed"))
+    for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
+        axes = found[k]
+        dress(axes, name, "bin", "part of the difference")
+        bin_ticks(axes)
+        axes.set_xticks(NUMBERS[::6])
+        axes.bar(NUMBERS, plain[k], 0.9, color=color, alpha=0.45, label=f"plain, sum {plain[k].sum():.2f}")
+        label = f"smoothed, sum {smooth[k].sum():.2f}"
+        axes.plot(NUMBERS, smooth[k], "-", marker="o", ms=3, color=INK, label=label)
+        axes.legend(fontsize=8)
+    top = max(axes.get_ylim()[1] for axes in found)
+    for axes in found:
+        axes.set_ylim(0, top * 1.15)
+    relit = [one.in_light(MORE_LIGHT) for one in material.several]
+    sums = [(_sums(one, "color"), _sums(one, "smoothed")) for one in relit]
+    cut = np.concatenate([100 * (1 - smooth / np.maximum(plain, 1e-6)) for plain, smooth in sums])
+    less = _interval(cut, _drives(material), digits=0)
+    remark(made, f"{_told(pair)}; over {_pictures(material)} smoothing lowers the sum by {less} %")
+    return made
+
+
+def over_each_other(axes: Axes, measured: F32, referred: F32) -> None:
+    """Draw a picture's histogram over that of its reference, color by color, and the mean of each."""
+    both = measured.reshape(3, BINS), referred.reshape(3, BINS)
+    for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
+        axes.plot(NUMBERS, both[0][k], "-", marker=MARKERS[k], ms=4, color=color, label=f"{name}, sample")
+        axes.plot(NUMBERS, both[1][k], "--", marker=MARKERS[k], ms=4, mfc="white", color=color)
+    axes.plot([], [], "--", color=INK, label="the same, reference")
+    bin_ticks(axes)
+    axes.legend(fontsize=8)
+
+
+def by_gain(material: Material) -> Figure:
+    """Draw how more or less light shifts a picture's histogram, and what that does to the matching."""
+    pair = material.pictures.usual
+    made, (left, right) = grid_of_axes(2)
+    dress(left, f"green of step {pair.step}", BIN_AXIS, COUNT_AXIS)
+    for k, gain in enumerate(SHOWN_GAINS):
+        values = CHANNELS["color"].describe(in_other_light(pair.sample, gain)).reshape(3, BINS)[1]
+        color = STYLES[k][0]
+        left.plot(NUMBERS, values, LINES[k], marker=MARKERS[k], ms=4, color=color, label=f"{gain:g} x light")
+    bin_ticks(left)
+    left.legend(fontsize=8)
+    dress(
+        right,
+        "rank of the truth's reference",
+        "light, times that of the drive",
+        f"median rank, of {material.library.size} references",
+    )
+    for feature, (color, marker, line) in zip(FEATURES, STYLES, strict=True):
+        found = np.array([_medians(material, feature, gain) for gain in GAINS]).T
+        middle, low, high = found
+        spread = [middle - low, high - middle]
+        right.errorbar(GAINS, middle, spread, color=color, marker=marker, ls=line, capsize=3, label=feature)
+    right.set_yscale("log")
+    right.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    right.set_xscale("log")
+    right.set_xticks(GAINS, [f"{gain:g}" for gain in GAINS])
+    right.minorticks_off()
+    right.legend(fontsize=8)
+    remark(made, f"the thesis's distance over {_pictures(material)}; lines: lowest and highest drive")
+    return made
+
+
+def _medians(material: Material, feature: str, gain: float) -> tuple[float, float, float]:
+    """Return the median rank over all pictures, and the lowest and highest median of a drive."""
+    ranks = [one.in_light(gain).ranks(feature) for one in material.several]
+    medians = [float(np.median(some)) for some in ranks]
+    return float(np.median(np.concatenate(ranks))), min(medians), max(medians)
+
+
+def _told(pair: PicturePair) -> str:
+    light = "" if pair.pictures.gain == 1 else f" in {pair.pictures.gain:g} x the light"
+    return f"step {pair.step}{light}, and the truth's reference {pair.entry}"
+
+
+def _titles(pair: PicturePair) -> tuple[str, str]:
+    return f"sample of step {pair.step}", f"truth's reference, entry {pair.entry}"
+
+
+def _drives(material: Material) -> F64:
+    """Return the number of the drive of every picture."""
+    return np.concatenate([np.full(len(one.known), k) for k, one in enumerate(material.several)])
+
+
+def _pictures(material: Material) -> str:
+    drives = len(material.several)
+    return f"{len(_drives(material))} pictures of {drives} drive{'s' * (drives > 1)}"
+
+
+def _interval(values: F64, groups: F64, digits: int = 2) -> str:
+    found = mean(values, groups)
+    return f"{found.value:.{digits}f} (95 %: {found.low:.{digits}f} to {found.high:.{digits}f})"
+
+
+LIGHT_FIGURES = (
+    ThesisFigure(21, "Histograms of a sample and of its reference", partial(superposed, channel="color")),
+    ThesisFigure(22, "What every bin adds to the difference", partial(by_channel, channel="color")),
+    ThesisFigure(42, "A shift of light between a sample and its reference", in_shifted_light),
+    ThesisFigure(43, "Summation histograms of a sample and of its reference", summed),
+    ThesisFigure(47, "What every bin adds to the difference, with and without smoothing", smoothed),
+    ThesisFigure(52, "Histograms of edge images, sample and reference", partial(superposed, channel="edges")),
+    ThesisFigure(53, "What every bin of edges adds to the difference", partial(by_channel, channel="edges")),
+    ThesisFigure(73, "A histogram's shift with brightness", by_gain),
+)

@@ -1,0 +1,149 @@
+"""Figures about matching: the quality of every reference for a sample, and where the truth's ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maurice_datasets.trials.statistics import mean
+from maurice_mcl.arrays import F32, F64
+from maurice_mcl.geometry import INCH_M
+
+from .calibration import INK, dress
+from .example import MORE_LIGHT, DrivePictures, PicturePair, reference_picture, rooms_of
+from .marks import draw_picture, grid_of_axes, remark, say_pose
+from .material import Material, ThesisFigure
+from .over_particles import STYLES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+BEST = 5
+ROOM_MARKS = (("#7A9CC6", "o"), ("#C6A27A", "x"), ("#8CBF9F", "^"))
+
+
+def quality(material: Material, feature: str, beside: Sequence[str] = (), *, shifted: bool = False) -> Figure:
+    """Draw the quality of every reference for one picture, and the truth's rank over all pictures.
+
+    `beside` are features whose ranks are drawn for comparison; `shifted` takes all pictures in more light.
+    """
+    made, (left, right) = grid_of_axes(2, widths=(1.9, 1.0))
+    among = [one.in_light(MORE_LIGHT if shifted else 1.0) for one in material.several]
+    pair = among[0].usual
+    found = pair.pictures.quality(feature)[pair.number]
+    light = f" in {MORE_LIGHT:g} x the light" if shifted else ""
+    dress(
+        left,
+        f"{feature}, step {pair.step}{light}",
+        "number of the reference (entry)",
+        "quality, 1 is perfect",
+    )
+    _by_entry(left, pair, found)
+    dress(right, "", "rank of the truth's reference, at most", "share of pictures (%)")
+    for number, name in enumerate((feature, *beside)):
+        _ranks(right, among, name, number)
+    right.set_xscale("log")
+    right.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
+    right.set_ylim(0, 101)
+    right.legend(fontsize=8, loc="upper left")
+    rank = int(pair.pictures.ranks(feature)[pair.number])
+    remark(made, f"truth's reference: rank {rank} of {len(found)}; {_over_all(among, feature)}")
+    return made
+
+
+def _by_entry(axes: Axes, pair: PicturePair, found: F32) -> None:
+    library = pair.pictures.library
+    for (name, there), (color, marker) in zip(rooms_of(library), ROOM_MARKS, strict=False):
+        at = np.flatnonzero(there)
+        axes.plot(at, found[at], marker, ms=3.5, color=color, ls="", label=f"references in the {name}")
+    best = np.argsort(-found, kind="stable")[:BEST]
+    axes.plot(best, found[best], "s", ms=8, mfc="none", color=INK, label=f"best {len(best)}")
+    label = f"truth's reference, entry {pair.entry}"
+    axes.axvline(pair.entry, color=INK, lw=0.8, ls=":")
+    axes.plot([pair.entry], [found[pair.entry]], "*", ms=15, color="#D55E00", mec=INK, label=label)
+    axes.set_ylim(0, 1.02)
+    axes.set_xlim(-len(found) * 0.01, len(found) * 1.01)
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=4, frameon=False)
+
+
+def _ranks(axes: Axes, among: Sequence[DrivePictures], feature: str, number: int) -> None:
+    """Draw the share of pictures against rank, of all drives together; and the range of the drives."""
+    color, _, line = STYLES[number]
+    ranks = [one.ranks(feature) for one in among]
+    at = np.arange(1, max(one.library.size for one in among) + 1)
+    shares = 100 * np.array([(some[:, None] <= at).mean(axis=0) for some in ranks])
+    together = np.concatenate(ranks)
+    axes.step(
+        at, 100 * (together[:, None] <= at).mean(axis=0), where="post", color=color, ls=line, label=feature
+    )
+    if len(ranks) > 1:
+        low, high = shares.min(axis=0), shares.max(axis=0)
+        label = "lowest to highest drive" if number == 0 else None
+        axes.fill_between(at, low, high, step="post", color=color, alpha=0.13, lw=0, label=label)
+
+
+def _over_all(among: Sequence[DrivePictures], feature: str) -> str:
+    """Tell the ranks of the truth's references over all pictures."""
+    ranks = [one.ranks(feature) for one in among]
+    low, middle, high = np.percentile(np.concatenate(ranks), (10, 50, 90))
+    count, drives = len(np.concatenate(ranks)), len(ranks)
+    told = f"over {count} pictures of {drives} drive{'s' * (drives > 1)}: median {middle:.0f}"
+    return f"{told}, 80 % from {low:.0f} to {high:.0f}"
+
+
+def best_matches(material: Material, feature: str) -> Figure:
+    """Draw a picture and the five references that match it best, with quality, place and heading."""
+    pair, library = material.pictures.usual, material.pictures.library
+    found = pair.pictures.quality(feature)[pair.number]
+    best = np.argsort(-found, kind="stable")[:BEST]
+    made, places = grid_of_axes(3, 2, height=6.4)
+    draw_picture(places[0], pair.sample, f"sample of step {pair.step}", say_pose(pair.truth))
+    for rank, (axes, entry) in enumerate(zip(places[1:], best.tolist(), strict=True), start=1):
+        off = float(np.linalg.norm(library.poses[entry, :2] - pair.truth[:2])) / INCH_M
+        title = f"{rank}. entry {entry}, quality {found[entry]:.3f}"
+        true = ": the truth's reference" if entry == pair.entry else f": {off:.0f} in from the truth"
+        draw_picture(axes, reference_picture(library, entry), title + true, say_pose(library.poses[entry]))
+    remark(made, _within_best(material, feature))
+    return made
+
+
+def _within_best(material: Material, feature: str) -> str:
+    ranks = [one.ranks(feature) for one in material.several]
+    drives: F64 = np.concatenate([np.full(len(some), k) for k, some in enumerate(ranks)])
+    hit = mean(np.concatenate(ranks) <= BEST, drives)
+    share = f"{hit.value:.0%} (95 %: {hit.low:.0%} to {hit.high:.0%})"
+    over = f"{hit.count} pictures of {len(ranks)} drives"
+    return f"the truth's reference is among the best five in {share} of {over}"
+
+
+MATCHING_FIGURES = (
+    ThesisFigure(17, "Quality of every reference for one sample", partial(quality, feature="color")),
+    ThesisFigure(18, "The five references that match a sample best", partial(best_matches, feature="color")),
+    ThesisFigure(
+        48,
+        "Quality of every reference in other light, without smoothing",
+        partial(quality, feature="color", beside=("smoothed",), shifted=True),
+    ),
+    ThesisFigure(
+        49,
+        "Quality of every reference in other light, with smoothing",
+        partial(quality, feature="smoothed", beside=("color",), shifted=True),
+    ),
+    ThesisFigure(
+        54, "The five references whose edges match a sample best", partial(best_matches, feature="edges")
+    ),
+    ThesisFigure(
+        55,
+        "Quality of every reference by edges",
+        partial(quality, feature="edges", beside=("color",)),
+    ),
+    ThesisFigure(
+        57,
+        "Quality of every reference, color and edges blended",
+        partial(quality, feature="blended", beside=("color", "edges")),
+    ),
+)
