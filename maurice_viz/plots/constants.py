@@ -30,8 +30,10 @@ SEED = 0  # of the simulated calibration trials: the first, not chosen
 
 def of_motion(material: Material, name: str) -> Figure:
     """Draw a figure of calibration trials: those of the simulated robot, as `calibrate drive` makes them."""
+    from matplotlib.font_manager import FontProperties
+
     made = motion_figure(name, _shown())
-    made.legends[0].set_title(wrapped(made, _fitted(name, _shown())), {"size": 8})
+    made.legends[0].set_title(wrapped(made, _fitted(name, _shown())), FontProperties(size=8))
     return made
 
 
@@ -113,7 +115,7 @@ TITLES = {
     10: "Heading error of every straight on two floors",
     11: "Errors of straights, and a normal distribution",
 }
-CONSTANT_FIGURES = (
+FIGURES = (
     *(
         ThesisFigure(number, TITLES[number], partial(of_motion, name=name))
         for number, name in zip(TITLES, OF_MOTION, strict=True)

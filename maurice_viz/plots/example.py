@@ -6,18 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import cv2
 import numpy as np
 
 from maurice_datasets.render.image_sensor import Sensor
 from maurice_datasets.trials.drives import Drive
 from maurice_datasets.worlds.world import inside
+from maurice_loaders.errors import InputError
 from maurice_mcl.arrays import F32, F64, I32, U8, Bool
 from maurice_mcl.calibration.sensor import true_entry
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
 from maurice_mcl.session import Moment
+
+from ..drawing.contact_sheet import read_picture
 
 THESIS = "thesis"  # the preset, and its distance
 SEED = 0  # of added noise
@@ -134,7 +136,7 @@ class PicturePair:
     @property
     def pose(self) -> F64:
         """Where the reference was taken (3,)."""
-        return self.pictures.library.poses[self.entry]
+        return np.asarray(self.pictures.library.poses[self.entry], np.float64)
 
     @property
     def reference(self) -> U8:
@@ -154,9 +156,10 @@ class PicturePair:
 def reference_picture(library: Library, entry: int) -> U8:
     """Return the picture (H, W, 3) of a reference of a simulated survey, which keeps them all."""
     path = library.pictures[entry]
-    assert path is not None
-    bgr = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_COLOR)
-    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+    found = None if path is None else read_picture(path)
+    if found is None:
+        raise InputError(path, f"holds no picture of entry {entry}, expected a survey with its pictures")
+    return found
 
 
 def rooms_of(library: Library) -> list[tuple[str, Bool]]:

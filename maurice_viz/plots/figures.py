@@ -11,14 +11,10 @@ from typing import TYPE_CHECKING
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import check_target
 
-from . import clouds, costs, drives, traces
+from . import clouds, constants, costs, drives, histograms_of_light, matching, traces
 from . import over_particles as counts
 from .calibration import INK, expect_matplotlib, save
-from .constants import CONSTANT_FIGURES
-from .histograms_of_light import LIGHT_FIGURES
-from .matching import MATCHING_FIGURES
 from .material import Material, NothingToDraw, ThesisFigure
-from .pictures import PICTURE_FIGURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,14 +69,16 @@ OVER_PARTICLES = (
         partial(counts.localized_median, features=("color",)),
     ),
 )
-FIGURES = tuple(
-    sorted(
-        (*OVER_PARTICLES, *CONSTANT_FIGURES, *LIGHT_FIGURES, *MATCHING_FIGURES, *PICTURE_FIGURES),
-        key=lambda one: one.number,
-    )
+ALL = (
+    *OVER_PARTICLES,
+    *constants.FIGURES,
+    *histograms_of_light.FIGURES,
+    *matching.FIGURES,
+    *clouds.FIGURES,
+    *drives.FIGURES,
+    *traces.FIGURES,
+    *costs.FIGURES,
 )
-
-ALL = (*OVER_PARTICLES, *clouds.FIGURES, *drives.FIGURES, *traces.FIGURES, *costs.FIGURES)
 FIGURES = tuple(sorted(ALL, key=lambda one: one.number))
 
 

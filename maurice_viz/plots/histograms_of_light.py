@@ -214,7 +214,7 @@ def _interval(values: F64, groups: F64, digits: int = 2) -> str:
     return f"{found.value:.{digits}f} (95 %: {found.low:.{digits}f} to {found.high:.{digits}f})"
 
 
-LIGHT_FIGURES = (
+FIGURES = (
     ThesisFigure(21, "Histograms of a sample and of its reference", partial(superposed, channel="color")),
     ThesisFigure(22, "What every bin adds to the difference", partial(by_channel, channel="color")),
     ThesisFigure(42, "A shift of light between a sample and its reference", in_shifted_light),

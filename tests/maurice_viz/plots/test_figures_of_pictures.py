@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,16 +13,13 @@ from maurice_datasets.trials.drives import Bench, Drive
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_mcl.sensor.distances import DISTANCES
+from maurice_viz.plots import constants, histograms_of_light, matching
 from maurice_viz.plots.calibration import FIGURES as OF_MOTION
-from maurice_viz.plots.constants import CONSTANT_FIGURES
 from maurice_viz.plots.example import DrivePictures, in_other_light, ranks_of, with_noise
 from maurice_viz.plots.figures import FIGURES, draw_figures
-from maurice_viz.plots.histograms_of_light import LIGHT_FIGURES
-from maurice_viz.plots.matching import MATCHING_FIGURES
 from maurice_viz.plots.material import Material, ThesisFigure
-from maurice_viz.plots.pictures import PICTURE_FIGURES
 
-OURS = (*CONSTANT_FIGURES, *LIGHT_FIGURES, *MATCHING_FIGURES, *PICTURE_FIGURES)
+OURS = (*constants.FIGURES, *histograms_of_light.FIGURES, *matching.FIGURES)
 NEED_A_SURVEY = {14}
 CHANNELS = ("color", "edges", "smoothed", "cumulative", "chromaticity")
 PLAN = """
@@ -32,7 +28,7 @@ seeds = 2
 label = "global"
 task = "global"
 updates = 6
-arenas = 2
+arenas = 1
 [settings]
 preset = "thesis"
 particles = 100
@@ -135,26 +131,27 @@ def test_ranks_light_and_noise() -> None:
 
 
 def test_the_figures_of_the_calibration_are_those_of_the_command() -> None:
-    assert [one.number for one in CONSTANT_FIGURES[:8]] == [int(name[7:9]) for name in OF_MOTION]
+    assert [one.number for one in constants.FIGURES[:8]] == [int(name[7:9]) for name in OF_MOTION]
 
 
 @pytest.fixture(scope="module")
-def simulated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Trials of two short simulated drives, each in an arena of its own."""
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Trials of two short simulated drives in one arena: its survey is what takes time."""
     folder = tmp_path_factory.mktemp("simulated")
     (folder / "tiny.toml").write_text(PLAN)
     with pytest.MonkeyPatch.context() as patched:
         patched.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
         run_plan(read_plan(folder / "tiny.toml"), folder / "trials")
-    yield folder / "trials"
+    return folder / "trials"
 
 
 @pytest.mark.slow
 def test_simulated_trials_make_every_figure(simulated: Path, tmp_path: Path) -> None:
     numbers = [one.number for one in OURS]
     drawn = draw_figures(simulated, tmp_path / "figures", only=numbers)
-    assert len(drawn.files) == len(numbers) and not drawn.left_out
+    assert len(drawn.files) == len(numbers)
+    assert not drawn.left_out
     assert min(file.stat().st_size for file in drawn.files) > 10_000
     material = Material(simulated)
-    check(CONSTANT_FIGURES[8], next(one for one in OURS if one.number == 14).draw(material))
-    assert material.several[1].library is not material.library  # of an arena of its own
+    check(constants.FIGURES[8], next(one for one in OURS if one.number == 14).draw(material))
+    assert [len(one.known) for one in material.several] == [6, 6]
