@@ -16,6 +16,7 @@
 | `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
 | `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
+| `trials_view` | the curves of trials beside one of their runs, in the viewer |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
 or exits; remarks, warnings and progress go to the `Listener` that the caller may pass. Each is imported when
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from .app.saved import verify as verify
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
+    from .app.trials import trials_view as trials_view
     from .listener import Listener as Listener
     from .plots.figures import draw_figures as draw_figures
     from .reports.make import report as report
@@ -88,6 +90,7 @@ _WHERE = {
     "snapshot": ".app.snapshot",
     "traces": ".app.notebook",
     "trials_report": ".reports.trials_report",
+    "trials_view": ".app.trials",
     "tune": ".app.library",
     "verify": ".app.saved",
 }
@@ -120,6 +123,7 @@ __all__ = [
     "snapshot",
     "traces",
     "trials_report",
+    "trials_view",
     "tune",
     "verify",
 ]

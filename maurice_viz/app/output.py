@@ -6,7 +6,7 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,7 +26,7 @@ from ..drawing.contact_sheet import cell_height
 from ..entities import VERDICT
 from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
-from ..layouts.registry import runs_blueprint
+from ..layouts.registry import Layout, runs_blueprint
 from ..listener import Listener
 from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
 from ..scene import RunView, SceneInfo
@@ -40,13 +40,21 @@ from .open import check_name
 
 
 def layout_of(
-    runs: Sequence[RunView], scene: DriveScene, first: str | None = None, *, light: bool = False
+    runs: Sequence[RunView],
+    scene: DriveScene,
+    first: str | None = None,
+    *,
+    light: bool = False,
+    extra: Mapping[str, Layout] | None = None,
 ) -> rrb.Blueprint:
-    """Return the layout of runs; `first` names the tab that is open, `light` is for little detail."""
+    """Return the layout of runs; `first` names the tab that is open, `light` is for little detail.
+
+    `extra` are tabs before the usual ones.
+    """
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height, light)
-    return runs_blueprint(runs, shown, first, live=scene.live)
+    return runs_blueprint(runs, shown, first, live=scene.live, extra=extra)
 
 
 @contextmanager

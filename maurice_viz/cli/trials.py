@@ -14,22 +14,21 @@ from rich.table import Table
 
 from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
 from maurice_datasets.trials.plan import read_plan, shipped_plans
-from maurice_datasets.trials.rows import SCHEMA
 from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load_trials, paired
 from maurice_loaders.files import expect_absent, write_whole
-from maurice_mcl.geometry import INCH_M
 
+from ..app.trials import trials_view as show_trials
 from ..errors import OptionError
 from ..listener import progress_of
 from ..plots.figures import FORMATS, draw_figures
 from ..reports.trials_report import trials_report as write_report
+from ..text.trials import metric_title
 from . import options as opt
 from .console import listening, note, print_json, results
 from .options import argument, option
 
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
 Folder = Annotated[Path, argument("DIR", "A folder that `trials` has made.")]
-UNITS = {"_m": ("in", 1 / INCH_M), "_rad": ("deg", 180 / math.pi), "_s": ("s", 1.0)}
 
 
 def trials(
@@ -123,6 +122,41 @@ def trials_report(
     results.print(f"{made} written")
 
 
+def trials_view(
+    folder: Folder,
+    metric: Annotated[
+        str, option("--metric", "A column of the rows: what is along y, and what is worst.")
+    ] = DEFAULT,
+    by: Annotated[
+        str | None,
+        option("--by", "The setting along x.", metavar="COLUMN", show_default="particles, or what is varied"),
+    ] = None,
+    run: Annotated[
+        str | None,
+        option(
+            "--run",
+            "The run to show.",
+            metavar="PART/SESSION/VARIANT/SEED",
+            show_default="the worst of the first part",
+        ),
+    ] = None,
+    rrd: Annotated[
+        Path | None,
+        option("-o --rrd", "Write the Rerun recording to this file and open no viewer.", metavar="OUT.rrd"),
+    ] = None,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Show the curves of trials beside the run behind one of their points, made again from its row."""
+    with listening() as listener:
+        shown = show_trials(folder, metric=metric, by=by, run=run, to=rrd, force=force, listener=listener)
+    if json_output:
+        print_json(asdict(shown) | {"is_same": shown.is_same, "rrd": shown.rrd and str(shown.rrd)})
+        return
+    results.print(f"{shown.run}: made again{', the same error to the last bit' if shown.is_same else ''}")
+    note("the worst of the part are shown by --run " + ", ".join(shown.worst))
+
+
 def trials_table(
     folder: Folder,
     by: Annotated[
@@ -179,17 +213,8 @@ def _write(file: Path, groups: list[Group], *, parquet: bool, force: bool) -> No
     write_whole(file, held.getvalue(), force=force)
 
 
-def _shown(metric: str) -> tuple[str, float]:
-    """Return the title of a metric with its unit, and the factor that brings it there."""
-    for ending, (unit, factor) in UNITS.items():
-        if metric.endswith(ending):
-            return f"{metric.removesuffix(ending).replace('_', ' ')} ({unit})", factor
-    flag = str(SCHEMA[metric][0]) == "Boolean" or metric == "pictures_to_localize"
-    return f"{metric.replace('_', ' ')}{' (%)' if flag else ''}", 100.0 if flag else 1.0
-
-
 def _groups(groups: list[Group], metric: str) -> Table:
-    title, factor = _shown(metric)
+    title, factor = metric_title(metric)
     localize = metric == "pictures_to_localize"
     named = "localized (%)" if localize else title
     table = Table(title=title.removesuffix(" (%)") if localize else title, title_justify="left")
@@ -209,7 +234,7 @@ def _groups(groups: list[Group], metric: str) -> Table:
 
 
 def _differences(differences: list[Difference], metric: str) -> Table:
-    title, factor = _shown(metric)
+    title, factor = metric_title(metric)
     against = ", ".join(str(value) for value in differences[0].against.values())
     table = Table(title=f"{title}, less that of {against}, on the same drives", title_justify="left")
     for name in differences[0].by:

@@ -4,6 +4,7 @@ story               the first screen: what happened, where, what was seen, and w
 registry            all layouts of a recording, as tabs of one blueprint
 one_run             overview, inside-a-step and explain: one run at a glance, from the inside, and why
 several_runs        compare and traces: runs side by side, and one number per update over the session
+trials              many runs as curves, beside one of them
 drive               a drive by itself, without a filter: its panels and its screen
 explanation_screen  one update explained at full size, as a recording of its own
 """

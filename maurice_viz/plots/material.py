@@ -67,6 +67,11 @@ class Material:
                 self.folder, "holds no timing; maurice-replay trials timing makes it"
             ) from None
 
+    @cached_property
+    def parts(self) -> list[str]:
+        """The parts of the folder's plan, in order."""
+        return [part["name"] for part in read_plan_of(self.folder)["parts"]]
+
     def part(self, name: str, **wanted: Any) -> pl.DataFrame:
         """Return the rows of a part in which columns have some values; NothingToDraw where there are none."""
         rows = self.rows.filter(pl.col("part") == name)
@@ -130,10 +135,14 @@ class Material:
         """Return the drive of the run behind a row."""
         return _drive(SessionSpec(**self._asked(row)[1]), row["seed"])
 
+    def localizer_of(self, row: dict[str, Any]) -> Localizer:
+        """Return the filter of the run behind a row."""
+        settings = settings_of(self._asked(row)[0], row["variant"])
+        return filter_for(self.drive_of(row), settings, row["seed"])
+
     def run_of(self, row: dict[str, Any]) -> Iterator[tuple[Moment, StepRecord]]:
         """Run again the run behind a row: the same, bit for bit."""
-        drive, settings = self.drive_of(row), settings_of(self._asked(row)[0], row["variant"])
-        return steps_of(filter_for(drive, settings, row["seed"]), drive)
+        return steps_of(self.localizer_of(row), self.drive_of(row))
 
     def _asked(self, row: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the part and the session of the folder's plan that a row is of."""
