@@ -47,9 +47,6 @@ if TYPE_CHECKING:
     from .app.library import build_library as build_library
     from .app.library import check_library as check_library
     from .app.library import tune as tune
-    from .app.notebook import results as results
-    from .app.notebook import show as show
-    from .app.notebook import traces as traces
     from .app.replay import replay as replay
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
@@ -57,6 +54,9 @@ if TYPE_CHECKING:
     from .app.snapshot import snapshot as snapshot
     from .app.trials import trials_view as trials_view
     from .listener import Listener as Listener
+    from .notebook import results as results
+    from .notebook import show as show
+    from .notebook import traces as traces
     from .plots.figures import draw_figures as draw_figures
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
@@ -85,10 +85,10 @@ _WHERE = {
     "movie": ".app.snapshot",
     "replay": ".app.replay",
     "report": ".reports.make",
-    "results": ".app.notebook",
-    "show": ".app.notebook",
+    "results": ".notebook",
+    "show": ".notebook",
     "snapshot": ".app.snapshot",
-    "traces": ".app.notebook",
+    "traces": ".notebook",
     "trials_report": ".reports.trials_report",
     "trials_view": ".app.trials",
     "tune": ".app.library",

@@ -75,7 +75,7 @@ ROOMS = {
         ("layouts",),
         ("viewer", "plots"),
         ("app",),
-        ("reports",),
+        ("reports", "notebook"),
         ("cli",),
     ),
 }

@@ -17,13 +17,13 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import temporary_folder
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 
-from ..listener import SILENT
-from ..style import scale_for
-from ..text.summary import to_json
-from .output import verdict_of
-from .replay import replay
-from .saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
-from .snapshot import draw_saved
+from .app.output import verdict_of
+from .app.replay import replay
+from .app.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
+from .app.snapshot import draw_saved
+from .listener import SILENT
+from .style import scale_for
+from .text.summary import to_json
 
 if TYPE_CHECKING:
     from rerun.notebook import Viewer
