@@ -22,7 +22,7 @@ from maurice_viz import entities
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.panels.belief import positions
 from maurice_viz.panels.events import BRIEF, LINE_COLORS, SHORT, noticed_path, status_path
-from maurice_viz.panels.population import bands, outline
+from maurice_viz.panels.population import MODE_INKS, column, outline
 from maurice_viz.playback import ResultCollector
 from maurice_viz.style import mode_color, packed, scale_for, weight_colors
 from maurice_viz.text import narration
@@ -264,8 +264,8 @@ def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
             assert middle == pytest.approx(scale.screen(mode.estimate.pose[None])[0], abs=0.05)
             assert color == packed(mode_color(mode.identity))
         assert labels[number] == [f"{100 * mode.estimate.mass:.0f} %" for mode in modes]
-        bands_now = {tuple(pixel) for pixel in bands([detector.modes])[:, -1].tolist()}
-        assert {mode_color(mode.identity) for mode in modes} <= bands_now
+        inks = set(column(detector.modes).tolist())
+        assert {MODE_INKS[mode_color(mode.identity)] for mode in modes} <= inks
     assert seen > 0
 
 
