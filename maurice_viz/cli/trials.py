@@ -17,7 +17,6 @@ from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load_trials, paired
 from maurice_loaders.files import expect_absent, write_whole
 
-from ..app.trials import trials_view as show_trials
 from ..errors import OptionError
 from ..listener import progress_of
 from ..plots.figures import FORMATS, draw_figures
@@ -148,6 +147,8 @@ def trials_view(
     json_output: opt.Json = False,
 ) -> None:
     """Show the curves of trials beside the run behind one of their points, made again from its row."""
+    from ..app.trials import trials_view as show_trials  # imports Rerun, which the other commands do without
+
     with listening() as listener:
         shown = show_trials(folder, metric=metric, by=by, run=run, to=rrd, force=force, listener=listener)
     if json_output:

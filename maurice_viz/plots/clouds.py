@@ -24,7 +24,7 @@ from .calibration import ACTUAL, figure, panels
 from .drives import PRESET
 from .material import EXAMPLE, Material, NothingToDraw, ThesisFigure
 from .over_particles import STYLES
-from .traces import AIDED, DEVIATION, LABELS, OFF, STRATEGY
+from .traces import AIDED, BANDS, DEVIATION, LABELS, OFF, STRATEGY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,7 +61,7 @@ def turning(material: Material) -> Figure:
         axes.set_ylabel(label)
         axes.set_ylim(0)
         axes.set_xlim(0)
-    told = f"simulated; clouds begin with sd {BEGUN_M / INCH_M:.0f} in along x and y, and 20 degrees"
+    told = f"simulated; clouds begin with sd {BEGUN_M / INCH_M:.0f} in along x and y, and 20 degrees; {BANDS}"
     handles, labels = places[0].get_legend_handles_labels()
     made.legend(
         handles, labels, loc="outside lower center", ncols=2, fontsize=8, title=told, title_fontsize=8

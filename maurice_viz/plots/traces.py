@@ -31,6 +31,7 @@ FACTORS = {OFF: 1 / INCH_M, DEVIATION: 1 / INCH_M, CONFIDENCE: 100.0}
 UPDATE = "update"
 STRATEGY, NONE, AIDED = "recovery.strategy", "none", "threshold"
 MARKS = 10  # markers on a curve
+BANDS = "bands: means, 95 % intervals"
 
 
 def curve(rows: pl.DataFrame, column: str) -> list[Interval]:
@@ -146,7 +147,8 @@ def _band(axes: Axes, rows: pl.DataFrame, column: str, what: str, number: int) -
         markevery=(number, max(len(x) // MARKS, 1)),
         label=f"{what}, {len(rows)} runs",
     )
-    axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
+    told = BANDS if number == 0 and "interval" not in what else None
+    axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0, label=told)
 
 
 def _mark_kidnapping(axes: Axes, rows: pl.DataFrame) -> None:
