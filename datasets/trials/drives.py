@@ -147,13 +147,13 @@ def _plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
     )
 
 
-@lru_cache(2)
+@lru_cache(1)
 def _world(world: str, arena: int, tier: str) -> World:
     """Load a world once: its lighting, a few seconds, is kept for as long as it is the same one."""
     return load_world(world, arena, tier)
 
 
-@lru_cache(2)
+@lru_cache(1)
 def _bench(world: str, arena: int, tier: str) -> Bench:
     """Return the library of a simulated arena, from the cache of surveys."""
     return Bench.of(open_library(survey_log(world, arena, tier)))

@@ -6,6 +6,7 @@ Both take the same jobs, one after another as workers get free, and hand back th
 from __future__ import annotations
 
 import importlib
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -85,9 +86,18 @@ def _results(
     elif workers <= 1:
         yield map(_alone, jobs)
     else:
-        parallel = joblib.Parallel(
-            workers, return_as="generator_unordered", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1
-        )
+        with _processes(jobs, workers) as found:
+            yield found
+
+
+@contextmanager
+def _processes(jobs: Iterator[Job], workers: int) -> Iterator[Iterator[list[Row]]]:
+    """Run jobs in spawned processes; joblib replaces one that has grown, and need not say so."""
+    parallel = joblib.Parallel(
+        workers, return_as="generator_unordered", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1
+    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
         found = parallel(joblib.delayed(_alone)(job) for job in jobs)
         try:
             yield found

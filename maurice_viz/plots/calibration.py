@@ -85,7 +85,7 @@ def save(made: Figure, file: Path, *, force: bool) -> None:
     FigureCanvasAgg(made)
     dated = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
     kind = file.suffix[1:]
-    made.savefig(data, format=kind, dpi=DPI, metadata=dated[kind])
+    made.savefig(data, format=kind, dpi=DPI, metadata=dated[kind], bbox_inches="tight")
     write_whole(file, data.getvalue(), force=force)
 
 

@@ -107,7 +107,7 @@ def drawings(material: Material, progress: Callable[[int, int], None] | None = N
         except NothingToDraw:
             continue
         held = io.BytesIO()
-        made.savefig(held, format="png", dpi=100, metadata={"Software": None})
+        made.savefig(held, format="png", dpi=100, metadata={"Software": None}, bbox_inches="tight")
         drawn.append(PageFigure(one.number, one.title, base64.b64encode(held.getvalue()).decode()))
     return drawn
 
