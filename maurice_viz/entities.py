@@ -163,6 +163,11 @@ class RunPaths:
         """The best five entries on the map: Points2D with their ranks."""
         return self.at("match", "best")
 
+    @property
+    def qualities(self) -> str:
+        """The quality of every library entry by its number (thesis fig. 17): one EncodedImage."""
+        return self.at("qualities")
+
     def likelihood(self, channel: str) -> str:
         """A map of one channel's likelihood, or of "all" together: one EncodedImage."""
         return self.at("likelihood", channel)

@@ -20,11 +20,12 @@ from ..panels.explanation import (
 )
 from ..panels.histograms import difference_views, histogram_views
 from ..panels.population import ancestry_plot, headings_view, modes_view
-from ..panels.references import best_references_view, circles_view, likelihood_views
+from ..panels.references import best_references_view, circles_view, likelihood_views, quality_view
 from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
 from ..scene import RunView, SceneInfo
 from .story import over_events
 
+QUALITY_SHARE = 0.42  # height of the chart of qualities, where that of the figures is about 1
 LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
 
@@ -85,9 +86,12 @@ def explain(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     paths = RunPaths(run.label)
     extent = map_extent(scene.arena, scene.scale)
     map_share = float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))  # as its shape needs
-    table_share = 0.55 + 0.1 * len(run.channels)
+    table_share = 0.65 + 0.1 * len(run.channels)
     left = rrb.Vertical(
-        references_map_view(paths, scene), figures_view(paths), row_shares=[map_share, table_share]
+        references_map_view(paths, scene),
+        quality_view(paths),
+        figures_view(paths),
+        row_shares=[map_share, QUALITY_SHARE, table_share],
     )
     columns = [column_view(paths, who) for who in (CAMERA_CARD, *columns_of(scene.has_truth))]
     right = rrb.Vertical(sentence_view(paths), rrb.Horizontal(*columns), row_shares=[1, 2.6])

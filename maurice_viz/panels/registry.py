@@ -11,7 +11,7 @@ from .explanation import ExplanationPanel
 from .histograms import HistogramsPanel
 from .panel import DrawnRun, Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
-from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
+from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel, QualityPanel
 from .story import ErrorLinePanel, LimitsPanel
 from .traces import TracesPanel
 from .world import KeysPanel, TruthPanel, WorldPanel
@@ -43,7 +43,11 @@ OF_A_RUN: tuple[PanelMaker, ...] = (
     EventsPanel,
     WordsPanel,
 )
-OF_REFERENCES: tuple[PanelMaker, ...] = (LikelihoodPanel, FilmstripPanel)  # where the library has entries
+OF_REFERENCES: tuple[PanelMaker, ...] = (
+    LikelihoodPanel,
+    QualityPanel,
+    FilmstripPanel,
+)  # where the library has entries
 
 
 def panels_of(run: DrawnRun) -> list[Panel]:
