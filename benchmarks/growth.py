@@ -25,9 +25,9 @@ from maurice_datasets.demos import demo_paths
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.session import Moment
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import Detail, RerunObserver
+from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.playback import FilterRun, run_together
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.scene import Detail, RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 

@@ -20,9 +20,9 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import Detail, RerunObserver
+from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.panels.panel import Panel
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.scene import Detail, RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
@@ -15,6 +16,14 @@ from .drawing.contact_sheet import CELL_PX
 from .style import Scale
 
 NEVER, EVENLY, LIKELY = "never", "evenly", "likelihood"  # where a run draws new particles
+
+
+class Detail(StrEnum):
+    """How much is drawn."""
+
+    FULL = "full"  # every panel at every update
+    EVENTS = "events"  # the same around events, elsewhere as light
+    LIGHT = "light"  # camera, text, traces, estimate, and a cloud of a few hundred particles
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,8 @@
-"""Where runs are drawn to: a viewer where there is a display, else a file."""
+"""Where runs are drawn to: a viewer where there is a display, else a file.
+
+Rerun and the panels take half a second to import, so functions that draw import them: a replay without a
+recording does without.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +16,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import cycle
 from pathlib import Path
-from typing import Any
-
-import rerun as rr
-import rerun.blueprint as rrb
-from rerun.chunk import RrdReader
+from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.errors import InputError
 from maurice_mcl.library import Library
@@ -26,15 +26,18 @@ from ..drawing.contact_sheet import cell_height
 from ..entities import VERDICT
 from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
-from ..layouts.registry import Layout, runs_blueprint
 from ..listener import Listener
-from ..panels.observer import Detail, Observer, RerunObserver, expected_bytes
-from ..scene import RunView, SceneInfo
+from ..scene import Detail, RunView, SceneInfo
 from ..style import RUN_COLORS, scale_for
-from ..viewer import sinks
-from ..viewer.open_viewers import look_at
-from ..viewer.web import WebViewer
 from .open import check_name
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    from ..layouts.registry import Layout
+    from ..panels.observer import Observer
+    from ..viewer.web import WebViewer
 
 # Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
 
@@ -51,6 +54,8 @@ def layout_of(
 
     `extra` are tabs before the usual ones.
     """
+    from ..layouts.registry import runs_blueprint
+
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height, light)
@@ -62,6 +67,8 @@ def observed(
     rec: rr.RecordingStream, runs: Sequence[RunView], scene: DriveScene, detail: Detail = Detail.FULL
 ) -> Iterator[dict[str, Observer]]:
     """Begin one observer a run, the first of which draws what they share; end them even after a failure."""
+    from ..panels.observer import RerunObserver
+
     observers: dict[str, Observer] = {}
     for run, color in zip(runs, cycle(RUN_COLORS), strict=False):
         observers[run.label] = RerunObserver(
@@ -170,6 +177,8 @@ def _sink(
     written: list[Path],
     decisive: Callable[[], int | None],
 ) -> Iterator[rr.RecordingStream]:
+    from ..viewer import sinks
+
     light = output.detail == Detail.LIGHT.value
     info, layout = scene.info, layout_of(runs, scene, output.layout, light=light)
     if not scene.live:
@@ -214,6 +223,9 @@ def opened(
     `beforehand` is called with the file's path. Remarks at the end which `keys` to press in the viewer;
     appends the file's path to `written`. A viewer is moved to the step that `decisive` returns at the end.
     """
+    from ..viewer import sinks
+    from ..viewer.open_viewers import look_at
+
     if output.web is not None:
         output.web.serve(listener.remark)
         with sinks.to_viewer(output.web.data, name, layout) as rec:
@@ -275,6 +287,9 @@ def show_recording(path: Path, listener: Listener, web: WebViewer | None = None)
 
     InputError, SinkError.
     """
+    from ..viewer import sinks
+    from ..viewer.open_viewers import look_at
+
     step = decisive_step_of(path)
     if web is not None:
         web.serve(listener.remark, [str(path)])
@@ -303,6 +318,8 @@ def verdict_of(path: Path) -> str:
 
 def _of_verdict(path: Path, column: str) -> list[Any]:
     """Return all values of a column that a recording's verdict has, as they were logged. InputError."""
+    from rerun.chunk import RrdReader
+
     if not path.is_file():
         raise InputError(path, "no such file; expected a Rerun recording (.rrd)")
     try:
@@ -317,6 +334,8 @@ def _remark_size(
     runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, listener: Listener, path: Path
 ) -> None:
     """Report how large the file will be, approximately, where that is known and it is large."""
+    from ..panels.observer import expected_bytes
+
     detail = Detail(output.detail)
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
     if (total := sum(parts)) >= LARGE:

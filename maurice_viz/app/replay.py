@@ -23,7 +23,6 @@ from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..scene import RunView
-from .drive import open_several, playback_together, show_alone
 from .open import (
     AnySession,
     RunSpec,
@@ -132,6 +131,8 @@ def replay_any(
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
+        from .drive import open_several, playback_together  # imports Rerun
+
         recorded = playback_together(open_several(path, how), listener)
         return play(recorded, output.named(["as recorded"]), listener, report=report)
     if listened:
@@ -169,6 +170,8 @@ def replay_session(
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and not output.no_recording
     if alone and asked is None and opened.info.survey is None:
+        from .drive import show_alone  # imports Rerun
+
         written = show_alone(as_recorded_session(opened, reading), output.named(["drive"]), listener)
         return RunScores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)
     references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)

@@ -21,7 +21,7 @@ from maurice_mcl.analysis.verdict import decisive_step
 from ..errors import SinkError, Terminated
 from ..listener import Listener
 from ..playback import ResultCollector, RunResult
-from ..scene import RunView
+from ..scene import Detail, RunView
 from ..style import scale_for
 from .open import AnySession, remark_skipped
 from .output import DriveScene, OutputOptions, drawing
@@ -188,7 +188,7 @@ def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> Compar
     if len(observers) < 2:
         return None
     from ..panels.comparison import ComparisonDrawing
-    from ..panels.observer import Detail, RerunObserver
+    from ..panels.observer import RerunObserver
 
     first, scene = next(iter(observers.values())), playback.scene
     if not isinstance(first, RerunObserver):

@@ -208,11 +208,14 @@ def output_of(
     force: bool,
 ) -> OutputOptions:
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
-    from ..app.output import OutputOptions  # imports Rerun, which `inspect` and others do without
-    from ..viewer.web import WebViewer
+    from ..app.output import OutputOptions
 
     file = None if rrd in (None, "auto", "none", "web") else Path(str(rrd))
-    web = WebViewer() if rrd == "web" else None
+    web = None
+    if rrd == "web":
+        from ..viewer.web import WebViewer  # imports Rerun
+
+        web = WebViewer()
     return OutputOptions(stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail, web=web)
 
 

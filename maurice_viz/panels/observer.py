@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from typing import Protocol
 
 import rerun as rr
@@ -18,6 +17,7 @@ from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..entities import Phase, RunPaths
+from ..scene import Detail
 from ..style import RGB, RUN_COLORS, scale_for
 from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
 from .registry import panels_of
@@ -27,14 +27,6 @@ AROUND = 2  # updates before and after an event that are drawn in full
 # bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, per particle, per channel
 FULL_BYTES = (68_000, 10.6, 6_000)
 LIGHT_BYTES = (27_000, 0.0, 0)
-
-
-class Detail(StrEnum):
-    """How much is drawn."""
-
-    FULL = "full"  # every panel at every update
-    EVENTS = "events"  # the same around events, elsewhere as light
-    LIGHT = "light"  # camera, text, traces, estimate, and a cloud of a few hundred particles
 
 
 @dataclass(slots=True)

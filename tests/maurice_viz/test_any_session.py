@@ -26,8 +26,8 @@ from maurice_mcl.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import Detail, RerunObserver
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.scene import Detail, RunView, SceneInfo
 from maurice_viz.style import font_safe, scale_for
 from maurice_viz.viewer import sinks
 

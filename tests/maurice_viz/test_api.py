@@ -91,6 +91,19 @@ def test_little_is_imported_for_help_and_replay():
     assert python(f"import sys\n{loads}print('typer' in sys.modules)") == "False"
 
 
+def test_a_replay_without_a_recording_imports_nothing_that_draws(small_session):
+    words = ["maurice-replay", str(small_session), "--particles", "50", "--rrd", "none", "--json"]
+    code = (
+        f"import sys\nsys.argv = {words}\nfrom maurice_viz.cli.main import main\n"
+        "try: main()\nexcept SystemExit: pass\n"
+        "drawing = ('rerun', 'rerun_bindings', 'pyarrow', 'maurice_viz.panels', 'maurice_viz.viewer')\n"
+        "print([name for name in drawing if name in sys.modules])"
+    )
+    shown = python(code)
+    assert '"updates": 14' in shown
+    assert shown.splitlines()[-1] == "[]"
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_commands_are_listed_as_they_are(name):
     command = load(COMMANDS[name])

@@ -20,7 +20,7 @@ from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels.belief import seen_whole
 from maurice_viz.panels.camera import COLUMNS
-from maurice_viz.panels.observer import AROUND, Detail, DetailFilter, expected_bytes
+from maurice_viz.panels.observer import AROUND, DetailFilter, expected_bytes
 from maurice_viz.panels.panel import EntryFinder, StepUpdate
 from maurice_viz.panels.population import ANCESTORS, BANDS, MOST_FAMILIES, ROWS, column, outline, shares
 from maurice_viz.panels.references import map_names
@@ -33,6 +33,7 @@ from maurice_viz.panels.traces import (
     round_top,
     top_path,
 )
+from maurice_viz.scene import Detail
 from maurice_viz.style import EMPTY, MODE_COLORS
 
 RUN = RunPaths("blended")

@@ -20,8 +20,8 @@ from maurice_viz.drawing.keys import MATCHES, PHASES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
-from maurice_viz.panels.observer import Detail, RerunObserver
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.scene import Detail, RunView, SceneInfo
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
