@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -181,5 +181,12 @@ def in_other_light(image: U8, gain: float) -> U8:
 
 def with_noise(image: U8, sd: float) -> U8:
     """Return a picture with Gaussian noise of so many gray levels added to each value."""
-    noise = np.random.default_rng(SEED).normal(0, sd, image.shape) if sd else 0.0
-    return np.asarray(np.clip(np.rint(image + noise), 0, 255), np.uint8)
+    if not sd:
+        return image
+    return np.asarray(np.clip(np.rint(image + sd * _noise(image.shape)), 0, 255), np.uint8)
+
+
+@cache
+def _noise(shape: tuple[int, ...]) -> F64:
+    """Return the same noise of sd 1 for every picture of a shape: drawing it would take most of the time."""
+    return np.random.default_rng(SEED).standard_normal(shape)
