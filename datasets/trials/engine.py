@@ -6,6 +6,9 @@ Both take the same jobs, one after another as workers get free, and hand back th
 from __future__ import annotations
 
 import importlib
+import os
+import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -37,6 +40,7 @@ class Made:
     runs: int  # of the plan
     made: int  # in this call
     failed: int  # of them
+    error: str | None = None  # of the first that failed
 
 
 def run_plan(
@@ -65,13 +69,18 @@ def run_plan(
     before = len(store.done)
     report(before, plan.runs)
     jobs = jobs_of(plan, set(store.done))
-    with _results(jobs, workers, engine, scheduler) as results:
-        for rows in results:
-            store.add(rows)
-            report(len(store.done), plan.runs)
-    if plan.timing and not (store.folder / timing.FILE).exists():
-        timing.measure(store.folder, plan.rounds)
-    return Made(Path(folder), plan.runs, len(store.done) - before, store.failed)
+    try:
+        with _results(jobs, workers, engine, scheduler) as results:
+            for rows in results:
+                store.add(rows)
+                report(len(store.done), plan.runs)
+        if plan.timing and not (store.folder / timing.FILE).exists():
+            timing.measure(store.folder, plan.rounds)
+    except KeyboardInterrupt as stop:
+        there = f"{len(store.done):,} of {plan.runs:,} runs are in {folder}"
+        stop.args = (f"{there}; the same command with --resume makes the others",)
+        raise
+    return Made(Path(folder), plan.runs, len(store.done) - before, store.failed, store.error)
 
 
 @contextmanager
@@ -94,7 +103,12 @@ def _results(
 def _processes(jobs: Iterator[Job], workers: int) -> Iterator[Iterator[list[Row]]]:
     """Run jobs in spawned processes; joblib replaces one that has grown, and need not say so."""
     parallel = joblib.Parallel(
-        workers, return_as="generator_unordered", pre_dispatch=f"{AHEAD}*n_jobs", batch_size=1
+        workers,
+        return_as="generator_unordered",
+        pre_dispatch=f"{AHEAD}*n_jobs",
+        batch_size=1,
+        initializer=end_with_parent,
+        initargs=(os.getpid(),),
     )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
@@ -109,6 +123,17 @@ def _alone(job: Job) -> list[Row]:
     """Run a job with one thread: the cores are taken by other jobs."""
     cv2.setNumThreads(1)
     return run_job(job)
+
+
+def end_with_parent(parent: int) -> None:
+    """Have this worker end soon after the process that started it, even if that one was killed."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

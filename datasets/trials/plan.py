@@ -17,16 +17,29 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import read_toml
+from maurice_loaders.files import read_toml, show
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 
+from ..sessions import simulation_plan
 from ..tasks import TASKS, TEST, TIERS
 
 SHIPPED = Path(__file__).parent / "plans"
+MOST_SEEDS = 10_000_000  # a session
 MOST_DRIVES = len(TEST)  # seeds of drives that nothing was fitted on
 SPECIAL = ("preset", "feature", "control")  # settings that are no keys of the configuration
 SHUFFLED, MISJUDGED = "shuffled references", "motion constants +30 %"  # controls
+KINDS = {
+    "title": str,
+    "seeds": int,
+    "include": list,
+    "timing": bool,
+    "sessions": list,
+    "settings": dict,
+    "grid": dict,
+    "variants": list,
+}  # the keys of a plan
+IN_WORDS = {str: "a text", int: "a whole number", list: "a list", bool: "true or false", dict: "a table"}
 WANTED = "a plan has sessions, and settings, a grid or variants (docs/trials.md)"
 
 
@@ -220,50 +233,56 @@ def read_plan(source: str | Path, seeds: int | None = None) -> Plan:
         >>> md.read_plan("kidnapped", seeds=5).runs
         15
     """
-    file = SHIPPED / f"{source}.toml"
-    if not (isinstance(source, str) and file.is_file()):
-        file = Path(source)
+    return _read(_file_of(source), ()).with_seeds(seeds)
+
+
+def _file_of(source: str | Path) -> Path:
+    shipped = SHIPPED / f"{source}.toml"
+    file = shipped if isinstance(source, str) and shipped.is_file() else Path(source)
     if not file.exists():
         raise InputError(
             file, f"there is no such plan; expected a TOML file or one of {', '.join(shipped_plans())}"
         )
-    return _plan(file, read_toml(file, WANTED)).with_seeds(seeds)
+    if file.is_dir():
+        raise InputError(file, f"found a folder, expected a TOML file or one of {', '.join(shipped_plans())}")
+    return file
 
 
-def _plan(file: Path, tree: Mapping[str, Any]) -> Plan:
-    _expect(
-        file,
-        "a plan",
-        tree,
-        ("title", "seeds", "include", "timing", "sessions", "settings", "grid", "variants"),
-    )
-    included = [
-        read_plan(name if name in shipped_plans() else file.parent / name) for name in tree.get("include", [])
-    ]
+def _read(file: Path, within: tuple[Path, ...]) -> Plan:
+    """Read a plan, and those that it includes; `within` are the files that include it."""
+    within = (*within, file.resolve())
+    if within[-1] in within[:-1]:
+        raise InputError(file, f"include: found {file.name} within itself, expected another plan")
+    tree = read_toml(file, WANTED)
+    _expect(file, "a plan", tree, KINDS)
+    included = [_read(_included(file, name), within) for name in tree.get("include", [])]
     parts = [part for plan in included for part in plan.parts]
     if "sessions" in tree:
         parts.append(_part(file, tree))
-    timing = bool(tree.get("timing", False)) or any(plan.timing for plan in included)
+    timing = tree.get("timing", False) or any(plan.timing for plan in included)
     if not parts and not timing:
         raise InputError(file, f"found no [[sessions]]; {WANTED}")
-    return Plan(file.stem, str(tree.get("title", file.stem)), tuple(parts), timing)
+    _expect_distinct(file, "include: found the part", [part.name for part in parts])
+    return Plan(file.stem, tree.get("title", file.stem), tuple(parts), timing)
+
+
+def _included(file: Path, name: object) -> Path:
+    if not isinstance(name, str):
+        raise InputError(file, f"include: found {show(name)}, expected the name of a plan")
+    return _file_of(name if name in shipped_plans() else file.parent / name)
 
 
 def _part(file: Path, tree: Mapping[str, Any]) -> Part:
     seeds = tree.get("seeds", 20)
-    if isinstance(seeds, bool) or not isinstance(seeds, int) or not 1 <= seeds <= 2**31:
-        raise InputError(file, f"seeds: found {seeds!r}, expected a whole number, 1 or more")
+    if not 1 <= seeds <= MOST_SEEDS:
+        raise InputError(file, f"seeds: found {seeds}, expected 1 to {MOST_SEEDS:,}")
     sessions = tuple(
         spec for number, given in enumerate(tree["sessions"], 1) for spec in _sessions(file, number, given)
     )
-    labels = [spec.label for spec in sessions]
-    if len(set(labels)) < len(labels):
-        raise InputError(
-            file, f"sessions: found the label {labels[-1]!r} twice; give each a label of its own"
-        )
+    _expect_distinct(file, "sessions: found the label", [spec.label for spec in sessions])
     if seeds > MOST_DRIVES and any(not spec.path for spec in sessions):
         raise InputError(file, f"seeds: found {seeds}, expected at most {MOST_DRIVES} for simulated sessions")
-    return Part(file.stem, str(tree.get("title", file.stem)), sessions, _variants(file, tree), seeds)
+    return Part(file.stem, tree.get("title", file.stem), sessions, _variants(file, tree), seeds)
 
 
 def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
@@ -272,9 +291,12 @@ def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
         for key, value in flatten(tree.get("grid", {})).items()
     }
     listed = []
-    for given in tree.get("variants", []):
+    for number, given in enumerate(tree.get("variants", []), 1):
+        if not isinstance(given, Mapping):
+            raise InputError(file, f"variant {number}: found {show(given)}, expected a table")
         own = flatten({key: value for key, value in given.items() if key != "label"})
         listed.append(Variant(str(given.get("label", label_of(own))), own))
+    _expect_distinct(file, "variants: found the label", [one.label for one in listed])
     variants = Variants(flatten(tree.get("settings", {})), grid, tuple(listed))
     alone = [{key: value} for key, values in grid.items() for value in values]
     first = {key: values[0] for key, values in grid.items() if values}
@@ -291,15 +313,20 @@ def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
 
 def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[SessionSpec]:
     """Yield one session for every combination of the fields that hold a list."""
-    known = [one.name for one in fields(SessionSpec)]
-    _expect(file, f"session {number}", given, known)
+    kinds = {one.name: str if one.type == "str" else int for one in fields(SessionSpec)}
+    if not isinstance(given, Mapping):
+        raise InputError(file, f"session {number}: found {show(given)}, expected a table")
     lists = {key: value for key, value in given.items() if isinstance(value, list)}
+    if [] in lists.values():
+        raise InputError(file, f"session {number}: found an empty list, expected values")
     for values in itertools.product(*lists.values()):
         chosen = dict(zip(lists, values, strict=True))
         spec = {**given, **chosen}
-        name = spec.get("label") or spec.get("task") or Path(str(spec.get("path", "session"))).stem
-        if "path" not in spec and "task" not in spec:
-            raise InputError(file, f"session {number}: found neither task nor path, expected one of them")
+        _expect(file, f"session {number}", spec, kinds)
+        name = spec.get("label") or spec.get("task") or Path(spec.get("path", "session")).stem
+        if ("path" in spec) == ("task" in spec):
+            both = "both task and path" if "path" in spec else "neither task nor path"
+            raise InputError(file, f"session {number}: found {both}, expected one of them")
         more = "".join(f", {value or 'unchanged'}" for value in chosen.values())
         yield _checked(file, number, SessionSpec(**{**spec, "label": f"{name}{more}"}))
 
@@ -312,8 +339,10 @@ def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
         wrong = f"tier: found {spec.tier!r}, expected one of {', '.join(TIERS)}"
     elif spec.start not in ("", "anywhere"):
         wrong = f"start: found {spec.start!r}, expected anywhere, or nothing for the header's"
-    elif not 1 <= spec.arenas <= MOST_DRIVES or spec.updates < 1:
-        wrong = f"found {spec.arenas} arenas and {spec.updates} updates, expected 1 or more"
+    elif not 1 <= spec.arenas <= MOST_DRIVES:
+        wrong = f"arenas: found {spec.arenas}, expected 1 to {MOST_DRIVES}"
+    elif not spec.path:
+        wrong = _why_no_simulation(spec)
     if wrong:
         raise InputError(file, f"session {number}: {wrong}")
     path, library = (
@@ -322,7 +351,27 @@ def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
     return replace(spec, path=path, library=library)
 
 
-def _expect(file: Path, what: str, given: Mapping[str, Any], known: Sequence[str]) -> None:
-    for key in given:
-        if key not in known:
-            raise InputError(file, f"{what}: found the key {key!r}, expected {', '.join(known)}")
+def _why_no_simulation(spec: SessionSpec) -> str:
+    """Say why no session can be simulated so; "" where one can."""
+    names = ("tier", "updates", "kidnap_at", "slip_at", "lights", "moved")
+    try:
+        simulation_plan(spec.task, **{name: getattr(spec, name) for name in names})
+    except InputError as problem:
+        return str(problem)
+    return ""
+
+
+def _expect(file: Path, what: str, given: Mapping[str, Any], kinds: Mapping[str, type]) -> None:
+    """Raise InputError for keys that are not known, and for values of another type."""
+    for key, value in given.items():
+        if key not in kinds:
+            raise InputError(file, f"{what}: found the key {key!r}, expected {', '.join(kinds)}")
+        if type(value) is not kinds[key]:
+            expected = IN_WORDS[kinds[key]]
+            raise InputError(file, f"{what}: {key}: found {show(value)}, expected {expected}")
+
+
+def _expect_distinct(file: Path, found: str, names: Sequence[str]) -> None:
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise InputError(file, f"{found} {name!r} twice; give each a name of its own")

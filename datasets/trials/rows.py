@@ -1,7 +1,7 @@
 """The rows of trials on disk: Parquet files that grow while runs are made, and outlive a kill at any moment.
 
-A folder holds `plan.json`, what was asked for, and `rows/`, files of up to 2,000 rows each. The last of
-them is written anew, beside it and then in its place, whenever rows arrive: a row that was counted as done
+A folder holds `plan.json`, what was asked for, and `rows/`, files of some hundred rows each. The last
+of them is written anew, beside it and then in its place, whenever rows arrive: a row that was counted as done
 is on disk.
 """
 
@@ -22,7 +22,7 @@ from maurice_loaders.files import read_json, remove_leftovers, write_whole
 from .plan import Plan
 
 MANIFEST, ROWS = "plan.json", "rows"
-MOST = 2000  # rows a file
+MOST = 200  # rows a file, from which the next one is begun: the last is written anew for each job
 FORMAT = 1
 _TEXT, _WHOLE, _NUMBER, _FLAG, _LIST = pl.String, pl.Int64, pl.Float64, pl.Boolean, pl.List(pl.Float32)
 SCHEMA: Mapping[str, tuple[Any, str]] = {
@@ -88,7 +88,8 @@ class RowStore:
     folder: Path
     done: set[Key] = field(default_factory=set)
     failed: int = 0
-    _open: list[dict[str, Any]] = field(default_factory=list)  # rows of the file that still grows
+    error: str | None = None  # of the first that failed
+    _open: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=TYPES))  # the file that grows
     _number: int = 0
 
     @classmethod
@@ -110,9 +111,9 @@ class RowStore:
         return store
 
     def _read(self) -> None:
-        for target in self.files():
-            remove_leftovers(target)
         files = self.files()
+        for target in files[-1:]:  # the only one that was being written
+            remove_leftovers(target)
         for file in files:
             rows = _frame(file, [*KEY, "error"])
             kept = rows.filter(pl.col("error").is_null())  # a run that failed is tried again
@@ -125,16 +126,20 @@ class RowStore:
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Append rows; they are on disk when this returns."""
-        for row in rows:
-            self._open.append({name: row.get(name) for name in SCHEMA})
-            self.done.add((row["part"], row["session"], row["variant"], row["seed"]))
-            self.failed += row.get("error") is not None
+        if not rows:
+            return
+        new = pl.DataFrame([{name: row.get(name) for name in SCHEMA} for row in rows], schema=TYPES)
+        self._open = pl.concat([self._open, new])
         target = self.folder / ROWS / f"{self._number:06}.parquet"
         filled = io.BytesIO()
-        pl.DataFrame(self._open, schema=TYPES).write_parquet(filled, compression="zstd")
+        self._open.write_parquet(filled, compression="zstd")
         write_whole(target, filled.getvalue(), force=True)
+        self.done |= {(row["part"], row["session"], row["variant"], row["seed"]) for row in rows}
+        errors = [str(row["error"]) for row in rows if row.get("error") is not None]
+        self.failed += len(errors)
+        self.error = self.error or next(iter(errors), None)
         if len(self._open) >= MOST:
-            self._open, self._number = [], self._number + 1
+            self._open, self._number = self._open.clear(), self._number + 1
 
 
 def _expect_same(file: Path, plan: Plan) -> None:

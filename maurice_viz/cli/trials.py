@@ -71,6 +71,8 @@ def trials(
         print_json(asdict(made))
         return
     results.print(f"{output}: {made.runs:,} runs, {made.made:,} made now, {made.failed:,} of them failed")
+    if made.error is not None:
+        note(f"the first that failed: {made.error}; the column error has all")
     note(f"now try: maurice-replay trials-table {output} --by {','.join(_first(chosen))}")
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
-from maurice_datasets.trials.rows import MEASURED, read_rows
+from maurice_datasets.trials.rows import MEASURED, MOST, RowStore, read_rows
 from maurice_datasets.trials.runs import run_alone
 from maurice_datasets.trials.table import grouped, load_trials, paired
 from maurice_loaders.errors import InputError
@@ -78,6 +78,7 @@ def test_a_failing_run_is_a_row_and_is_tried_again(plan_file: Path, tmp_path: Pa
     made = run_plan(read_plan(plan_file), tmp_path / "out")
     rows = read_rows(tmp_path / "out")
     assert made.failed == 12
+    assert made.error == rows["error"][0]
     assert rows["error"].null_count() == 0
     assert rows["error_m"].null_count() == 12
     assert "turn_gain" in rows["error"][0]
@@ -115,6 +116,53 @@ def test_killed_at_any_moment_it_goes_on(plan_file: Path, tmp_path: Path) -> Non
     run_plan(plan, tmp_path / "undisturbed")
     assert same(read_rows(out)).equals(same(read_rows(tmp_path / "undisturbed")))
     assert not [file for file in (out / "rows").iterdir() if file.name.endswith(".part")]
+
+
+def test_a_stop_says_how_many_runs_are_on_disk(plan_file: Path, tmp_path: Path) -> None:
+    def stop(done: int, total: int) -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match=r"12 of 12 runs are in .*--resume"):
+        run_plan(read_plan(plan_file), tmp_path / "out", progress=stop)
+    assert len(read_rows(tmp_path / "out")) == 12
+
+
+def test_a_job_writes_only_the_last_rows_anew(plan_file: Path, tmp_path: Path) -> None:
+    store = RowStore.begin(tmp_path / "out", read_plan(plan_file), resume=False)
+    for first in range(0, 3 * MOST, MOST // 2):
+        names = {"part": "mine", "session": "session", "variant": 0}
+        store.add([{**names, "seed": seed} for seed in range(first, first + MOST // 2)])
+    assert [len(pl.read_parquet(file)) for file in store.files()] == [MOST] * 3
+    assert len(store.done) == len(read_rows(tmp_path / "out")) == 3 * MOST
+
+
+def workers_of(parent: int) -> list[int]:
+    told = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True).stdout
+    pairs = [tuple(map(int, line.split())) for line in told.splitlines()]
+    return [pid for pid, of in pairs if of == parent]
+
+
+def is_running(pid: int) -> bool:
+    told = subprocess.run(["ps", "-o", "stat=", "-p", str(pid)], capture_output=True, text=True, check=False)
+    return told.stdout.strip()[:1] not in ("", "Z")
+
+
+@pytest.mark.slow
+def test_workers_of_a_killed_process_end_by_themselves(plan_file: Path, tmp_path: Path) -> None:
+    plan_file.write_text(plan_file.read_text().replace("seeds = 3", "seeds = 2000"))
+    run = RUN.replace("resume=True", "workers=2")
+    process = subprocess.Popen([sys.executable, "-c", run, str(plan_file), str(tmp_path / "out")])
+    workers: list[int] = []
+    while len(workers) < 3 and process.poll() is None:  # two, and the keeper of what they share
+        time.sleep(0.05)
+        workers = workers_of(process.pid)
+    process.kill()
+    process.wait()
+    ends = time.monotonic() + 30
+    while any(map(is_running, workers)) and time.monotonic() < ends:
+        time.sleep(0.1)
+    assert not any(map(is_running, workers))
 
 
 @pytest.mark.slow
