@@ -188,7 +188,7 @@ def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:
     tiled = np.tile(tile, (rows // 24 + 1, columns // 24 + 1, 1))[:rows, :columns]
     mask = np.zeros((rows, columns), np.uint8)
     cv2.fillPoly(mask, [polygon.round().astype(np.int32)], 1)
-    canvas.image[mask == 1] = tiled[mask == 1]
+    cv2.copyTo(tiled, mask, canvas.image)
 
 
 def _fill_obstacle(canvas: Canvas, obstacle: Region, scale: Scale, text_px: float) -> None:

@@ -1,10 +1,14 @@
-"""Keys: strips above a map view, or beside a plot, that explain its marks."""
+"""Keys: strips above a map view, or beside a plot, that explain its marks.
+
+Those of several rows are drawn once and kept: every layout asks for them again, for the room that they need.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -118,10 +122,17 @@ def _circles() -> list[U8]:
     return [_text("references, nats below the best: "), *parts]
 
 
+@lru_cache
 def circle_key(has_fresh: bool) -> U8:
     """Draw the match map's key: circles, ranks, the cloud and fresh particles."""
     best, cloud = [_disk(style.RANK, 13), _text("best five  ")], [_disk(style.CLOUD, 6), _text("particles  ")]
-    return _rows(_joined(*_circles()), _joined(*best, *cloud, *(_fresh() if has_fresh else [])))
+    return _kept(_rows(_joined(*_circles()), _joined(*best, *cloud, *(_fresh() if has_fresh else []))))
+
+
+def _kept(key: U8) -> U8:
+    """Return a key as one that several share, and nobody changes."""
+    key.flags.writeable = False
+    return key
 
 
 def paths_key(moves: bool, has_truth: bool) -> U8:
@@ -276,6 +287,11 @@ def extent_with(key: U8, arena: Arena, scale: Scale) -> Extent:
 
 def _wrapped(items: Sequence[Item], text: float) -> U8:
     """Set items one after the other, in a new row where one would not fit."""
+    return _drawn(tuple(items), text)
+
+
+@lru_cache
+def _drawn(items: tuple[Item, ...], text: float) -> U8:
     at, row, places = LEFT_PX, 0, []
     for item in items:
         width = _width(item, text)
@@ -286,7 +302,7 @@ def _wrapped(items: Sequence[Item], text: float) -> U8:
     key = np.full((round((row + 1) * ROW_HEIGHT * text), WIDTH_PX, 3), style.GROUND, np.uint8)
     for item, left, in_row in places:
         _put(key, item, left, (in_row + 0.5) * ROW_HEIGHT * text, text)
-    return key
+    return _kept(key)
 
 
 def _width(item: Item, text: float) -> int:

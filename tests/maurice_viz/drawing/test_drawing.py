@@ -104,6 +104,16 @@ def test_keys_show_the_estimate_in_its_runs_color_and_fresh_particles_where_they
     assert not has_color(keys.runs_key(["amcl", "nav2"], True, has_fresh=False), FRESH)
 
 
+def test_a_key_is_drawn_once_and_stays_as_it_was():
+    """Every layout of every run asks for all of them."""
+    first, again = (keys.phase_keys(True, RUN_COLORS[0], is_recorded=False) for _ in range(2))
+    for name, drawn in first.items():
+        for key, same in zip(drawn, again[name], strict=True):
+            assert key is same
+            with pytest.raises(ValueError, match="read-only"):
+                key[0, 0] = 0
+
+
 def test_keys_and_tensors():
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
