@@ -60,7 +60,7 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "pictures_to_localize": (_WHOLE, "since the start or the kidnapping, this picture included; null: never"),
     "localized_m": (_NUMBER, "driven by then"),
     "localized_s": (_NUMBER, "robot time by then"),
-    "pictures_after": (_WHOLE, "pictures since the start or the kidnapping: where a run without is censored"),
+    "pictures_after": (_WHOLE, "pictures since then: where a run without is censored; null without truth"),
     "right_at_end": (_FLAG, "correct in at least 7 of the last 10 updates"),
     "wrong_confident": (_NUMBER, "share of updates converged on a wrong place"),
     "succeeded_tenth": (_FLAG, "the thesis's success: deviation under 10 % of the arena"),
@@ -122,7 +122,7 @@ class RowStore:
 
     def files(self) -> list[Path]:
         """Return the files of rows, in order."""
-        return sorted((self.folder / ROWS).glob("[0-9]*.parquet"))
+        return _files(self.folder)
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Append rows; they are on disk when this returns."""
@@ -143,9 +143,9 @@ class RowStore:
 
 
 def _expect_same(file: Path, plan: Plan) -> None:
-    held = read_json(file.read_bytes())
-    if held.get("hash") != plan.hash:
-        name = held.get("plan", {}).get("name", "?")
+    held = _manifest(file)
+    if held["hash"] != plan.hash:
+        name = held["plan"].get("name", "?")
         raise InputError(
             file,
             f"found trials of the plan {name} as it was then, and {plan.name} differs; choose another folder",
@@ -159,7 +159,7 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
     """
     if not (folder / MANIFEST).is_file():
         raise InputError(folder, "found no trials, expected a folder that `maurice-replay trials` has made")
-    files = sorted((folder / ROWS).glob("[0-9]*.parquet"))
+    files = _files(folder)
     wanted = list(dict.fromkeys([*KEY, *(columns or SCHEMA)]))
     frames = [_frame(file, wanted) for file in files]
     rows = pl.concat(frames) if frames else pl.DataFrame(schema={name: TYPES[name] for name in wanted})
@@ -168,15 +168,36 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
 
 def read_plan_of(folder: Path) -> dict[str, Any]:
     """Return the plan of a folder, as plain values."""
-    found: dict[str, Any] = read_json((folder / MANIFEST).read_bytes())["plan"]
+    found: dict[str, Any] = _manifest(folder / MANIFEST)["plan"]
     return found
 
 
-def _frame(file: Path, columns: Sequence[str] | None = None) -> pl.DataFrame:
+def _manifest(file: Path) -> dict[str, Any]:
+    """Return what the file says of the folder: its format, and the plan with its hash."""
     try:
-        return pl.read_parquet(file, columns=None if columns is None else list(columns))
+        held = read_json(file.read_bytes())
+        if not isinstance(held["hash"], str) or not isinstance(held["plan"]["parts"], list):
+            raise TypeError
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(
+            file, "cannot be read, expected the plan of the trials; restore it, or choose another folder"
+        ) from None
+    return dict(held)
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(file for file in (folder / ROWS).glob("*.parquet") if file.stem.isdecimal())
+
+
+def _frame(file: Path, columns: Sequence[str]) -> pl.DataFrame:
+    """Read columns of a file of rows; InputError for one that is damaged, or is none of ours."""
+    try:
+        rows = pl.read_parquet(file, columns=list(columns))
+        what = next(
+            (f"found {name} as {kind}" for name, kind in rows.schema.items() if kind != TYPES[name]), ""
+        )
     except (OSError, pl.exceptions.PolarsError) as problem:
         what = str(problem).splitlines()[0]
-        raise InputError(
-            file, f"cannot be read: {what}; delete it, and --resume makes its runs again"
-        ) from None
+    if what:
+        raise InputError(file, f"cannot be read: {what}; delete it, and --resume makes its runs again")
+    return rows

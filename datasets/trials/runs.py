@@ -127,7 +127,7 @@ class RunTally:
             "pictures_to_localize": localized,
             "localized_m": None if at is None else self.driven_m[at] - begun_m,
             "localized_s": None if at is None else self.time_s[at] - begun_s,
-            "pictures_after": len(self.scores) - since,
+            "pictures_after": None if found.lost is None else len(self.scores) - since,
             "right_at_end": found.right_at_end,
             "wrong_confident": found.wrong_confident_share,
             "succeeded_tenth": _succeeded(self.judge, 0),

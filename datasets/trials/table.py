@@ -60,8 +60,18 @@ def load_trials(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
             raise InputError(
                 None, f"--where: found {text!r}, expected a column and a value, like feature=color"
             )
-        rows = rows.filter(pl.col(_known(rows, name)).cast(pl.String) == value)
+        rows = rows.filter(_equals(rows, _known(rows, name), value))
     return rows
+
+
+def _equals(rows: pl.DataFrame, name: str, value: str) -> pl.Expr:
+    """Return where a column has a value that is given as text; a number may be written in any way."""
+    if rows.schema[name].is_numeric():
+        try:
+            return pl.col(name) == float(value)
+        except ValueError:
+            raise InputError(None, f"--where {name}: found {value!r}, expected a number") from None
+    return pl.col(name).cast(pl.String) == (value.lower() if rows.schema[name] == pl.Boolean else value)
 
 
 def with_settings(rows: pl.DataFrame) -> pl.DataFrame:
@@ -71,17 +81,20 @@ def with_settings(rows: pl.DataFrame) -> pl.DataFrame:
     names = [
         name for name in dict.fromkeys(key for one in told.values() for key in one) if name not in SCHEMA
     ]
-    columns = [
-        rows["settings"]
-        .replace_strict({text: _plain(one.get(name)) for text, one in told.items()}, default=None)
-        .alias(name)
-        for name in names
-    ]
-    return rows.with_columns(columns)
+    for name in names:
+        values = dict(zip(told, _of_one_type([one.get(name) for one in told.values()]), strict=True))
+        rows = rows.with_columns(rows["settings"].replace_strict(values, default=None).alias(name))
+    return rows
 
 
-def _plain(value: Any) -> Any:
-    return json.dumps(value) if isinstance(value, (dict, list)) else value
+def _of_one_type(values: list[Any]) -> list[Any]:
+    """Return values as a column can hold them: whole numbers, numbers, true and false, or else texts."""
+    there = {type(value) for value in values if value is not None}
+    if there == {int, float}:
+        return [None if value is None else float(value) for value in values]
+    if len(there) == 1 and there <= {int, float, bool, str}:
+        return values
+    return [value if value is None or isinstance(value, str) else json.dumps(value) for value in values]
 
 
 def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Group]:
@@ -108,6 +121,7 @@ def _group(by: dict[str, Any], rows: pl.DataFrame, metric: str) -> Group:
     good = rows.filter(pl.col("error").is_null())
     failed, curve = len(rows) - len(good), None
     if metric in TIMES:
+        good = good.filter(pl.col(TIMES[metric]).is_not_null())  # where the truth is known
         ends = good[TIMES[metric]].to_numpy()
         took = good[metric].fill_null(np.iinfo(np.int64).max).to_numpy()
         curve = survival(np.minimum(took, ends), good[metric].is_not_null().to_numpy())

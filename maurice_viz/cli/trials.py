@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import os
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import polars as pl
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
+from rich.text import Text
 
 from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
 from maurice_datasets.trials.plan import read_plan, shipped_plans
+from maurice_datasets.trials.rows import TYPES
+from maurice_datasets.trials.statistics import Interval
 from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load_trials, paired
 from maurice_loaders.files import expect_absent, write_whole
 
@@ -27,6 +33,7 @@ from .console import listening, note, print_json, results
 from .options import argument, option
 
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
+LOCALIZED = "pictures_to_localize"
 Folder = Annotated[Path, argument("DIR", "A folder that `trials` has made.")]
 
 
@@ -186,8 +193,11 @@ def trials_table(
         print_json({"metric": metric, "groups": _plain(groups), "differences": _plain(differences)})
         return
     results.print(_groups(groups, metric))
+    differences = [one for one in differences if one.figure.count]
     if differences:
         results.print(_differences(differences, metric))
+    if not any(one.figure.count for one in groups):
+        note(f"no run holds {metric}: it failed, was left out, or has no truth for it")
 
 
 def _plain(found: list[Group] | list[Difference]) -> list[dict[str, Any]]:
@@ -218,39 +228,65 @@ def _write(file: Path, groups: list[Group], *, parquet: bool, force: bool) -> No
 
 def _groups(groups: list[Group], metric: str) -> Table:
     title, factor = metric_title(metric)
-    localize = metric == "pictures_to_localize"
-    named = "localized (%)" if localize else title
-    table = Table(title=title.removesuffix(" (%)") if localize else title, title_justify="left")
-    for name in groups[0].by if groups else ():
-        table.add_column(name)
-    for name in (named, "95 % interval", "median", "runs", "failed"):
+    digits, localize = _digits(metric), metric == LOCALIZED
+    flag = title.endswith("(%)")
+    table = _table(title, groups[0].by if groups else ())
+    names = ("rate" if flag or localize else "mean", "95 % interval", "median", "runs", "failed")
+    kept = (True, True, localize or not flag, True, any(one.failed for one in groups))
+    for name in itertools.compress(names, kept):
         table.add_column(name, justify="right")
     for one in groups:
-        figure = one.figure
-        limits = f"{figure.low * factor:.1f} to {figure.high * factor:.1f}"
+        value, limits = _in_words(one.figure, factor, digits)
         middle = one.median if localize else one.median * factor
-        cells = (f"{figure.value * factor:.1f}", limits, _or_dash(middle), str(one.runs), str(one.failed))
-        table.add_row(*(str(value) for value in one.by.values()), *cells)
+        cells = (value, limits, _or_dash(middle, digits), str(one.runs), str(one.failed))
+        table.add_row(*map(_cell, one.by.values()), *itertools.compress(cells, kept))
     if localize:
-        table.caption = "median by Kaplan and Meier: runs that were not localized are censored at their end"
+        table.caption = "rate: share that localized. median: pictures until then, censored at the end"
     return table
 
 
 def _differences(differences: list[Difference], metric: str) -> Table:
     title, factor = metric_title(metric)
-    against = ", ".join(str(value) for value in differences[0].against.values())
-    table = Table(title=f"{title}, less that of {against}, on the same drives", title_justify="left")
-    for name in differences[0].by:
-        table.add_column(name)
+    if metric == LOCALIZED:
+        title, factor = "pictures to localize of runs that both localized", 1.0
+    against = ", ".join(_cell(value) for value in differences[0].against.values())
+    table = _table(f"{title}, less that of {against}, on the same drives", differences[0].by)
     for name in ("difference", "95 % interval", "pairs"):
         table.add_column(name, justify="right")
     for one in differences:
-        figure = one.figure
-        limits = f"{figure.low * factor:+.1f} to {figure.high * factor:+.1f}"
-        cells = (f"{figure.value * factor:+.1f}", limits, str(figure.count))
-        table.add_row(*(str(value) for value in one.by.values()), *cells)
+        value, limits = _in_words(one.figure, factor, _digits(metric), "+")
+        table.add_row(*map(_cell, one.by.values()), value, limits, str(one.figure.count))
     return table
 
 
-def _or_dash(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else "-"
+def _table(title: str, by: Iterable[str]) -> Table:
+    """Begin a table; its columns have the last word of their keys where that tells them apart."""
+    names = list(by)
+    short = [name.rpartition(".")[2] for name in names]
+    shown = Text(title, no_wrap=True, overflow="ignore")
+    table = Table(title=shown, title_justify="left", caption_justify="left", box=SIMPLE_HEAD)
+    table.collapse_padding, table.pad_edge = True, False  # three keys fit into 80 columns
+    for name in short if len(set(short)) == len(short) else names:
+        table.add_column(name, overflow="fold")
+    return table
+
+
+def _cell(value: Any) -> str:
+    return "-" if value is None else str(value)
+
+
+def _digits(metric: str) -> int:
+    """Return two digits for shares and confidences, which are 1 at most, and one for what has a unit."""
+    return 2 if TYPES[metric] == pl.Float64 and not metric.endswith(("_m", "_rad", "_s")) else 1
+
+
+def _in_words(figure: Interval, factor: float, digits: int, sign: str = "") -> tuple[str, str]:
+    """Return a figure and its interval."""
+    value, low, high = (
+        _or_dash(one * factor, digits, sign) for one in (figure.value, figure.low, figure.high)
+    )
+    return value, f"{low} to {high}" if figure.count else "-"
+
+
+def _or_dash(value: float, digits: int = 1, sign: str = "") -> str:
+    return f"{value:{sign}.{digits}f}" if math.isfinite(value) else "-"

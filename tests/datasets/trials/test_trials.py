@@ -15,7 +15,7 @@ import pytest
 
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
-from maurice_datasets.trials.rows import MEASURED, MOST, RowStore, read_rows
+from maurice_datasets.trials.rows import MEASURED, MOST, RowStore, read_plan_of, read_rows
 from maurice_datasets.trials.runs import run_alone
 from maurice_datasets.trials.table import grouped, load_trials, paired
 from maurice_loaders.errors import InputError
@@ -135,6 +135,38 @@ def test_a_job_writes_only_the_last_rows_anew(plan_file: Path, tmp_path: Path) -
         store.add([{**names, "seed": seed} for seed in range(first, first + MOST // 2)])
     assert [len(pl.read_parquet(file)) for file in store.files()] == [MOST] * 3
     assert len(store.done) == len(read_rows(tmp_path / "out")) == 3 * MOST
+
+
+DAMAGED = {
+    "cut": lambda file: file.write_bytes(file.read_bytes()[:3000]),
+    "not ours": lambda file: pl.DataFrame({"a": [1]}).write_parquet(file),
+    "other types": lambda file: pl.read_parquet(file).cast({"seed": pl.String}).write_parquet(file),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_damaged_rows_are_said_in_one_line(damage: str, plan_file: Path, tmp_path: Path) -> None:
+    plan, out = read_plan(plan_file).with_seeds(1), tmp_path / "out"
+    run_plan(plan, out)
+    file = out / "rows" / "000000.parquet"
+    (out / "rows" / "0old.parquet").write_bytes(b"")  # not one of ours
+    DAMAGED[damage](file)
+    for read in (load_trials, lambda folder: run_plan(plan, folder, resume=True)):
+        with pytest.raises(InputError, match=r"000000.parquet: cannot be read: .*; delete it") as problem:
+            read(out)
+        assert "\n" not in str(problem.value)
+    file.unlink()
+    assert run_plan(plan, out, resume=True).made == plan.runs
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"hash": "a", "plan": []}'])
+def test_a_damaged_plan_of_a_folder_is_said_in_one_line(text: str, plan_file: Path, tmp_path: Path) -> None:
+    plan = read_plan(plan_file)
+    RowStore.begin(tmp_path / "out", plan, resume=False)
+    (tmp_path / "out" / "plan.json").write_text(text)
+    for read in (read_plan_of, lambda folder: run_plan(plan, folder, resume=True)):
+        with pytest.raises(InputError, match=r"plan.json: cannot be read, expected the plan"):
+            read(tmp_path / "out")
 
 
 def workers_of(parent: int) -> list[int]:

@@ -1,0 +1,62 @@
+"""Tables of trials as printed: units, digits, what is not known, and their width."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from maurice_datasets.trials.statistics import Interval
+from maurice_datasets.trials.table import Difference, Group
+from maurice_viz.cli.trials import _differences, _groups
+
+KNOWN = Interval(0.254, 0.127, 0.508, 20)
+NOT_KNOWN = Interval(float("nan"), float("nan"), float("nan"), 0)
+BY = {"feature": "color", "resampling.scheme": "systematic", "part": "global-localization"}
+
+
+def printed(table: Table, width: int = 80) -> str:
+    console = Console(file=io.StringIO(), width=width, markup=False)
+    console.print(table)
+    return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("metric", "title", "value", "limits"),
+    [
+        ("error_m", "error (in)", "10.0", "5.0 to 20.0"),
+        ("heading_error_rad", "heading error (deg)", "14.6", "7.3 to 29.1"),
+        ("took_s", "took (s)", "0.3", "0.1 to 0.5"),
+        ("confidence_end", "confidence end", "0.25", "0.13 to 0.51"),
+        ("right_at_end", "right at end (%)", "25.4", "12.7 to 50.8"),
+        ("pictures_to_localize", "pictures to localize (%)", "25.4", "12.7 to 50.8"),
+    ],
+)
+def test_units(metric: str, title: str, value: str, limits: str) -> None:
+    lines = printed(_groups([Group(BY, KNOWN, 0.254, 20, 0)], metric)).splitlines()
+    assert lines[0].strip() == title
+    assert value in lines[4]
+    assert limits in lines[4]
+
+
+def test_three_keys_fit_into_80_columns() -> None:
+    shown = printed(_groups([Group(BY, KNOWN, 0.254, 20, 0)], "error_m"))
+    row = next(line for line in shown.splitlines() if "color" in line)
+    for text in (*BY.values(), "5.0 to 20.0"):
+        assert text in row
+
+
+def test_what_is_not_known_is_a_dash() -> None:
+    shown = printed(_groups([Group({"feature": None}, NOT_KNOWN, float("nan"), 0, 4)], "error_m"))
+    assert "nan" not in shown
+    assert "None" not in shown
+    assert "failed" in shown
+
+
+def test_differences_of_pictures_are_pictures() -> None:
+    apart = Difference({"feature": "edges"}, {"feature": "color"}, Interval(2.0, 1.0, 3.0, 7))
+    shown = printed(_differences([apart], "pictures_to_localize"))
+    assert "both localized, less that of color" in shown.splitlines()[0]
+    assert "+2.0" in shown
