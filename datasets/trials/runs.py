@@ -146,11 +146,12 @@ class RunTally:
     def failure(self, lost_at: int | None, right_at_end: bool | None) -> str | None:
         """Say why a run failed: None for one that did not, or without truth (thesis 3.6.2 and figure 37).
 
-        A run fails that is not right at its end, or that was lost although its start was known and nobody
-        carried it away.
+        A run whose start was known and that nobody carried away fails if it was lost, any other if it is not
+        right at its end.
         """
-        lost_at = lost_at if self.known_start and self.kidnapped_at is None else None
-        if lost_at is None and right_at_end is not False:
+        tracking = self.known_start and self.kidnapped_at is None
+        lost_at = lost_at if tracking else None
+        if lost_at is None and (tracking or right_at_end is not False):
             return None
         last = len(self.scores) if lost_at is None else lost_at
         moved = [one for one in self.causes.found if one.kind in (SLIPPED, TURNED, JUMPED)]

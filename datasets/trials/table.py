@@ -153,7 +153,8 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
     columns = [_known(rows, name) for name in by]
     if metric not in NUMBERS:
         raise InputError(None, f"--metric: found {metric!r}, expected one of {', '.join(NUMBERS)}")
-    other = [name for name in _varied(rows) if name not in columns]
+    whole = {"label", "variant"} & set(columns)  # these say already which settings a run has
+    other = [] if whole else [name for name in _varied(rows) if name not in columns]
     same = ["part", "session", "seed", *other]
     kept = rows.filter(pl.col("error").is_null() & pl.col(metric).is_not_null())
     kept = kept.select(*dict.fromkeys([*columns, *same, "arena"]), pl.col(metric).cast(pl.Float64))
