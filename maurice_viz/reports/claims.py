@@ -5,7 +5,7 @@ A verdict goes as far as its interval: where that allows both, the claim is unde
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,30 +93,36 @@ def best_quality(material: Material) -> ClaimResult:
 
 def critical_count(material: Material) -> ClaimResult:
     """Find the smallest count from which runs are lost no more often than with the most particles."""
-    rows = material.part("position-tracking")
+    rows = _scored(material)
     counts = sorted(rows["particles"].unique())
     lost = {count: _lost(rows.filter(pl.col("particles") == count)) for count in counts}
+    _expect_several(material, counts)
     most = lost[counts[-1]]
     enough = [count for count in counts if lost[count].value <= most.high]
     first = min(count for count in counts if all(other in enough for other in counts if other >= count))
     least = f"{said(lost[counts[0]], '%', 100, 0)} lost with {counts[0]:,}"
-    told = f"{least}; as few as with {counts[-1]:,} from {first:,} on"
+    told = f"{least}; from {first:,} on as few as with {counts[-1]:,}"
     return ClaimResult(told, REPRODUCED if CRITICAL / AROUND <= first <= CRITICAL * AROUND else NOT)
 
 
 def error_by_count(material: Material) -> ClaimResult:
     """Fit the error of runs that were not lost against the log of the count."""
-    rows = material.part("position-tracking").filter(~pl.col("lost"))
+    rows = _scored(material).filter(~pl.col("lost"))
+    _expect_several(material, rows["particles"].unique().to_list())
     x, y = rows["particles"].to_numpy(), rows["error_m"].to_numpy() / INCH_M
     slope = log_fit(x, y, rows["seed"].to_numpy()).slope
     flat = not slope.excludes(0) and -TOLERATED <= slope.low <= slope.high <= TOLERATED
     verdict = REPRODUCED if flat else NOT if slope.excludes(0) else UNDECIDED
-    return ClaimResult(f"{said(slope, 'in a decade', 1, 2)}, of runs that were not lost", verdict)
+    return ClaimResult(
+        f"{said(slope, 'in per decade of particles', 1, 2)}, of runs that were not lost", verdict
+    )
 
 
 def error_a_thousand(material: Material) -> ClaimResult:
     """Compare the error per 1,000 in driven with 9 in, at the critical count and above."""
-    rows = material.part("position-tracking").filter((pl.col("particles") >= CRITICAL) & ~pl.col("lost"))
+    rows = _scored(material).filter((pl.col("particles") >= CRITICAL) & ~pl.col("lost"))
+    if rows.is_empty():
+        raise NothingToDraw(material.folder, f"holds no runs with {CRITICAL:,} particles that were not lost")
     values = 1000 * rows["error_m"].to_numpy() / rows["distance_m"].to_numpy()
     found = mean(values, rows["arena"].to_numpy())
     told = f"{said(found, 'in per 1,000 in')}; judged within a factor {FACTOR}"
@@ -125,7 +131,7 @@ def error_a_thousand(material: Material) -> ClaimResult:
 
 def hundred_particles(material: Material) -> ClaimResult:
     """Look how far runs with 100 particles get."""
-    rows = material.part("position-tracking", particles=100)
+    rows = _scored(material, particles=100)
     reached = rate(int(rows["reached"].sum()), len(rows))
     best = float(rows["before_loss_m"].to_numpy().max()) / INCH_M
     ours = f"{said(reached, '%', 100, 0)} drive 1,000 in; the best {best:,.0f} in"
@@ -175,9 +181,9 @@ def difference(
         rows = rows.filter(pl.col("session") == session) if session else rows
         rows = rows.sort(pl.col(key) != first)
         found = paired(rows, [key], metric)[0].figure if len(rows[key].unique()) == 2 else None
-        if found is None:
-            raise NothingToDraw(material.folder, f"holds no runs of {other}")
-        return ClaimResult(said(found, "in", 1 / INCH_M) + f", {other} less {first}", below(found, 0))
+        if found is None or not found.count:
+            raise NothingToDraw(material.folder, f"holds no runs of {first} and {other} on the same drives")
+        return ClaimResult(f"{other} less {first}: {said(found, 'in', 1 / INCH_M)}", below(found, 0))
 
     return test
 
@@ -186,8 +192,10 @@ def recovery(material: Material) -> ClaimResult:
     """Compare how often kidnapped runs are right at the end, with fresh particles and without."""
     rows = material.part("recovery")
     ends = {name: _right(some) for (name,), some in rows.group_by(["recovery.strategy"], maintain_order=True)}
+    others = {str(name): found for name, found in ends.items() if name not in ("none", "expansion", None)}
+    if "none" not in ends or not others:
+        raise NothingToDraw(material.folder, "holds no runs with and without fresh particles")
     none = ends["none"]
-    others = {str(name): found for name, found in ends.items() if name not in ("none", "expansion")}
     told = ", ".join(f"{name} {found.value:.0%}" for name, found in others.items())
     better = sum(found.low > none.high for found in others.values())
     ours = f"right at the end: without {said(none, '%', 100, 0)}; {told}"
@@ -197,6 +205,8 @@ def recovery(material: Material) -> ClaimResult:
 def brightness(material: Material) -> ClaimResult:
     """Compare the error of color in brighter light with that in the survey's."""
     rows = material.part("brightness", feature="color").filter(pl.col("lights").is_in(["", "dim:1.3@1"]))
+    if rows["lights"].n_unique() < 2:
+        raise NothingToDraw(material.folder, "holds no runs in the survey's light and in brighter light")
     pairs = rows.pivot("lights", index=["seed", "arena"], values="error_m").drop_nulls()
     apart = (pairs["dim:1.3@1"] - pairs[""]).to_numpy() / INCH_M
     found = mean(apart, pairs["arena"].to_numpy())
@@ -217,6 +227,19 @@ def update_cost(material: Material) -> ClaimResult:
 def never(why: str) -> Callable[[Material], ClaimResult]:
     """Return the test of what no simulation can show."""
     return lambda material: ClaimResult(why, UNTESTABLE)
+
+
+def _scored(material: Material, **wanted: int) -> pl.DataFrame:
+    """Return the runs of position tracking whose truth is known."""
+    rows = material.part("position-tracking", **wanted).filter(pl.col("lost").is_not_null())
+    if rows.is_empty():
+        raise NothingToDraw(material.folder, "holds no runs of position-tracking whose truth is known")
+    return rows
+
+
+def _expect_several(material: Material, counts: Sequence[int]) -> None:
+    if len(counts) < 2:
+        raise NothingToDraw(material.folder, "holds no runs with several particle counts")
 
 
 def _lost(rows: pl.DataFrame) -> Interval:

@@ -125,6 +125,7 @@ def _parts(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _about(rows: pl.DataFrame) -> str:
     versions = ", ".join(sorted(set(rows["version"].drop_nulls())))
-    arenas = rows["arena"].n_unique()
-    where = f"{len(rows):,} runs in {arenas} simulated arenas, none of them used for tuning"
+    arenas = rows["arena"].drop_nulls().n_unique()
+    simulated = f" in {arenas} simulated arenas, none of them used for tuning"
+    where = f"{len(rows):,} runs{simulated if arenas else ' over recorded sessions'}"
     return f"{where}; maurice-replay {versions}"
