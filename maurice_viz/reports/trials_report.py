@@ -12,8 +12,12 @@ from typing import Any
 import polars as pl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from maurice_datasets.trials.plan import shipped_plans
 from maurice_datasets.trials.rows import read_plan_of
+from maurice_datasets.trials.statistics import Interval
+from maurice_datasets.trials.table import grouped
 from maurice_loaders.files import expect_absent, write_whole
+from maurice_mcl.geometry import INCH_M
 
 from ..errors import OptionError
 from ..plots.calibration import expect_matplotlib
@@ -42,7 +46,7 @@ class PageFigure:
 
     number: int
     title: str
-    data: str  # SVG, base64
+    data: str  # PNG, base64
 
 
 def trials_report(
@@ -52,11 +56,11 @@ def trials_report(
     force: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
-    """Write one self-contained page about a folder of trials: claims with verdicts, then the figures.
+    """Write one self-contained page about a folder of trials: what every variant reached, with intervals.
 
-    Of each claim of the thesis it says: reproduced, not reproduced, undecided (the interval allows both) or
-    not testable. Returns the file. InputError for a folder without trials and for a file that exists, unless
-    `force` is given.
+    Trials of the shipped plans also get the thesis's claims and its figures. Of each claim it says:
+    reproduced, not reproduced, undecided (the interval allows both) or not testable. Returns the file.
+    InputError for a folder without trials and for a file that exists, unless `force` is given.
 
         >>> import maurice_viz as mv
         >>> mv.trials_report("trials", to="trials.html")  # doctest: +SKIP
@@ -74,8 +78,9 @@ def trials_report(
 def page_of(material: Material, progress: Callable[[int, int], None] | None = None) -> str:
     """Return the page."""
     plan, rows = read_plan_of(material.folder), material.rows
-    found = [(one, one.check(material)) for one in CLAIMS]
-    drawn = drawings(material, progress)
+    thesis = not {part["name"] for part in plan["parts"]}.isdisjoint(shipped_plans())
+    found = [(one, one.check(material)) for one in CLAIMS] if thesis else []
+    drawn = drawings(material, progress) if thesis else []
     page = Environment(
         loader=PackageLoader("maurice_viz.reports"), autoescape=True, undefined=StrictUndefined
     )
@@ -91,6 +96,7 @@ def page_of(material: Material, progress: Callable[[int, int], None] | None = No
             if any(one.number in numbers for one in drawn)
         ],
         parts=_parts(rows, plan),
+        results=_results(rows, plan),
         about=_about(rows),
         drawn=[one.number for one in drawn],
     )
@@ -117,10 +123,38 @@ def _parts(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
         {
             "title": part["title"],
             "runs": len(rows.filter(pl.col("part") == part["name"])),
-            "command": f"maurice-replay trials {part['name']} -o trials",
+            "command": f"maurice-replay trials {_plan_named(part['name'])} -o trials",
         }
         for part in plan["parts"]
     ]
+
+
+def _plan_named(part: str) -> str:
+    return part if part in shipped_plans() else f"{part}.toml"
+
+
+def _results(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what every variant of every part reached: rows of a table, part by part."""
+    found = []
+    for part in plan["parts"]:
+        some = rows.filter(pl.col("part") == part["name"])
+        by = ["session", "label"]
+        errors, rights = (grouped(some, by, metric) for metric in ("error_m", "right_at_end"))
+        recorded = some["arena"].null_count() == len(some)
+        unit, factor = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
+        lines = [
+            (*error.by.values(), error.runs, _said(error.figure, factor, 2), _said(right.figure, 100, 0))
+            for error, right in zip(errors, rights, strict=True)
+        ]
+        found.append({"title": part["title"], "unit": unit, "rows": lines})
+    return found
+
+
+def _said(figure: Interval, factor: float, digits: int) -> str:
+    if not figure.count:
+        return "not known"
+    value, low, high = (f"{one * factor:.{digits}f}" for one in (figure.value, figure.low, figure.high))
+    return f"{value} ({low} to {high})"
 
 
 def _about(rows: pl.DataFrame) -> str:

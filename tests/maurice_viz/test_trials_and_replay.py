@@ -38,3 +38,17 @@ def test_a_row_has_the_figures_of_a_replay(small_session: Path, tmp_path: Path) 
         assert row["heading_error_rad"] == score.heading_error_mean_rad
         assert row["wrong_confident"] == score.wrong_confident_share
         assert row["lost"] == score.lost
+
+
+def test_the_page_of_ones_own_trials_holds_what_every_variant_reached(
+    small_session: Path, tmp_path: Path
+) -> None:
+    file = small_session.with_name("mine.toml")
+    file.write_text(PLAN)
+    md.run_plan(md.read_plan(file), tmp_path / "out")
+    page = mv.trials_report(tmp_path / "out", tmp_path / "page.html").read_text()
+    assert "<td>robust</td><td>2</td>" in page
+    assert "Position error, mean (m)" in page
+    assert "maurice-replay trials mine.toml -o trials" in page
+    assert "thesis says" not in page
+    assert "<img" not in page
