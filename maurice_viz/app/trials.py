@@ -66,6 +66,9 @@ def trials_view(
     `run` is PART/SESSION/VARIANT/SEED; None: the run of the first part with the greatest `metric`. `by` is
     the setting along x; None: the number of particles, or the first setting that the part varies. `to` is the
     Rerun recording to write; None: a viewer, where there is a display. InputError for what is not there.
+
+        >>> import maurice_viz as mv
+        >>> mv.trials_view("trials", to="trials.rrd")  # doctest: +SKIP
     """
     if metric not in NUMBERS or metric in TIMES:
         there = ", ".join(name for name in NUMBERS if name not in TIMES)
