@@ -19,7 +19,8 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.rows import read_rows
-from maurice_datasets.trials.statistics import Interval, mean, rate, survival
+from maurice_datasets.trials.statistics import Interval, mean, rate
+from maurice_datasets.trials.table import curve_of
 from maurice_mcl.geometry import INCH_M
 
 TITLES = "filter, particles", "task", "tier", "drives", "error (in)", "of the oracle's", "heading (deg)"
@@ -58,10 +59,8 @@ def row(rows: pl.DataFrame) -> str:
     one, arenas = rows.row(0, named=True), rows["arena"].to_numpy()
     error = mean(rows["error_m"].to_numpy() / INCH_M, arenas)
     oracle = rows["oracle_m"].to_numpy().mean() / INCH_M
-    took = rows["pictures_to_localize"]
-    ends = rows["pictures_after"].to_numpy()
-    curve = survival(np.minimum(took.fill_null(2**31).to_numpy(), ends), took.is_not_null().to_numpy())
-    found = "-" if one["task"] == "tracking" else f"{curve.median:g}, {_rate(took.is_not_null())}"
+    localized = rows["pictures_to_localize"].is_not_null()
+    found = "-" if one["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized)}"
     light = f", lights {one['lights']}" if one["lights"] else ""
     of_oracle = Interval(*(value / oracle for value in (error.value, error.low, error.high)), error.count)
     cells = (

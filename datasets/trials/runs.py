@@ -15,7 +15,8 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_mcl.analysis.causes import JUMPED, SLIPPED, TURNED, CauseFinder
 from maurice_mcl.analysis.events import is_kidnapping
-from maurice_mcl.analysis.metrics import LOST_RAD, Scorer, StepScore, SuccessJudge, first_mostly
+from maurice_mcl.analysis.metrics import Scorer, StepScore, SuccessJudge, first_mostly
+from maurice_mcl.analysis.near_truth import has_near
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.localizer import Localizer
@@ -93,7 +94,8 @@ class RunTally:
         self.off_m.append(np.nan if score.position_error_m is None else score.position_error_m)
         self.sd_m.append(float(np.hypot(*record.mean_estimate.sd_m)))
         self.confidence.append(record.estimate.confidence)
-        self.near.append(truth is not None and has_near(record, truth))
+        right_m = record.estimate.radii.right_m
+        self.near.append(truth is not None and has_near(record.weighted, truth, right_m))
         self.driven_m.append(self.scorer.driven_m)
         self.time_s.append(moment.frame.time_s)
         self.ess += record.effective_sample_size / record.weighted.size
@@ -163,14 +165,6 @@ class RunTally:
 def _succeeded(judge: SuccessJudge, reading: int) -> bool:
     found = judge.result()[reading]
     return found.at_update is not None and found.failed is None
-
-
-def has_near(record: StepRecord, truth: F64) -> bool:
-    """Return whether a particle is near the truth: within the radius *right*, and of a like heading."""
-    poses, right_m = record.weighted.poses, record.estimate.radii.right_m
-    x, y = truth[:2] - record.weighted.origin
-    near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= right_m**2
-    return bool((np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)).any())
 
 
 def run_job(job: Job) -> list[Row]:

@@ -19,7 +19,8 @@ from .statistics import Interval, Survival, mean, rate, survival
 NUMBERS = [
     name for name, kind in TYPES.items() if kind in (pl.Float64, pl.Int64, pl.Boolean) and name not in KEY
 ]
-TIMES = {"pictures_to_localize": "pictures_after"}  # censored: where a run without is cut off
+LOCALIZED = "pictures_to_localize"
+TIMES = {LOCALIZED: "pictures_after"}  # censored: where a run without is cut off
 DEFAULT = "error_m"
 
 
@@ -121,18 +122,22 @@ def _group(by: dict[str, Any], rows: pl.DataFrame, metric: str) -> Group:
     good = rows.filter(pl.col("error").is_null())
     failed, curve = len(rows) - len(good), None
     if metric in TIMES:
-        good = good.filter(pl.col(TIMES[metric]).is_not_null())  # where the truth is known
-        ends = good[TIMES[metric]].to_numpy()
-        took = good[metric].fill_null(np.iinfo(np.int64).max).to_numpy()
-        curve = survival(np.minimum(took, ends), good[metric].is_not_null().to_numpy())
-        figure = rate(int(good[metric].is_not_null().sum()), len(good))
-        return Group(by, figure, curve.median, len(good), failed, curve)
+        curve = curve_of(good, metric)
+        return Group(by, rate(curve.events, curve.at_risk), curve.median, curve.at_risk, failed, curve)
     known = good.filter(pl.col(metric).is_not_null())
     values = known[metric].cast(pl.Float64).to_numpy()
     if rows.schema[metric] == pl.Boolean:
         return Group(by, rate(int(values.sum()), len(values)), np.nan, len(values), failed)
     middle = float(np.median(values)) if len(values) else np.nan
     return Group(by, mean(values, _arenas(known)), middle, len(values), failed)
+
+
+def curve_of(rows: pl.DataFrame, metric: str = LOCALIZED) -> Survival:
+    """Return the Kaplan-Meier curve of a time that runs took, of those whose truth is known."""
+    known = rows.filter(pl.col(TIMES[metric]).is_not_null())
+    took, ends = known[metric], known[TIMES[metric]].to_numpy()
+    times = np.minimum(took.fill_null(np.iinfo(np.int64).max).to_numpy(), ends)
+    return survival(times, took.is_not_null().to_numpy())
 
 
 def _arenas(rows: pl.DataFrame) -> Any:

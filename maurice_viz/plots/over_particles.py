@@ -9,8 +9,8 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.runs import IMPOVERISHED, MOVED_OTHERWISE, OTHER
-from maurice_datasets.trials.statistics import log_fit, survival
-from maurice_datasets.trials.table import grouped
+from maurice_datasets.trials.statistics import log_fit
+from maurice_datasets.trials.table import curve_of, grouped
 from maurice_mcl.analysis.metrics import GOAL_M
 from maurice_mcl.geometry import INCH_M
 
@@ -200,13 +200,6 @@ def localized_median(material: Material, features: Sequence[str]) -> Figure:
     axes.set_ylim(0)
     _finish(axes)
     return made
-
-
-def curve_of(rows: pl.DataFrame) -> Any:
-    """Return the Kaplan-Meier curve of the pictures that runs took to localize."""
-    took = rows["pictures_to_localize"]
-    ends = rows["pictures_after"].to_numpy()
-    return survival(np.minimum(took.fill_null(2**31).to_numpy(), ends), took.is_not_null().to_numpy())
 
 
 def _means(

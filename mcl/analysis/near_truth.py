@@ -88,6 +88,14 @@ def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[F64, Bool]:
     return away_m, (away_m <= radius_m) & alike
 
 
+def has_near(belief: Belief, truth: F64, radius_m: float) -> bool:
+    """Return whether a particle is within a radius of the true pose (3,), and of a like heading."""
+    poses = belief.poses
+    x, y = truth[:2] - belief.origin
+    near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= radius_m**2
+    return bool((np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)).any())
+
+
 def truth_fit(record: StepRecord, truth: F64, sensor: SensorModel) -> TruthFit | None:
     """Compare how well the picture fits the truth (3,) and the estimate; None where one is not on the map."""
     log_likelihood, origin = record.sighting.comparison.log_likelihood, sensor.library.origin

@@ -9,9 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 
-import numpy as np
-
-from ..arrays import F64
 from ..filter.localizer import LEFT_MAP
 from ..radii import USUAL
 from ..records import StepRecord
@@ -20,8 +17,8 @@ from ..session import Moment
 from .ambiguity import Ambiguity, AmbiguityFinder
 from .causes import CARRIED, DARK, JUMPED, LIGHTS, SLIPPED, TURNED, Cause, CauseFinder
 from .events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
-from .metrics import LOCALIZED_OF, LOST_FOR, LOST_RAD, StepScore, score_step
-from .near_truth import MOVED, OUTWEIGHED, Vanishing, VanishingFinder
+from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
+from .near_truth import MOVED, OUTWEIGHED, Vanishing, VanishingFinder, has_near
 
 EXPLAINS_FOR = 10  # updates after a cause in which a loss is due to it
 MOSTLY = 0.5  # share of the updates of a trouble from which on it counts as "sure"
@@ -197,7 +194,8 @@ class VerdictBuilder:
         score = score_step(record.estimate, moment.truth)
         fresh = 0 if record.injected is None else int(record.injected.sum())
         sure = score.wrong_and_confident is True
-        bereft = not score.localized and moment.truth is not None and not _has_near(record, moment.truth)
+        truth, reach_m = moment.truth, record.estimate.radii.cluster_m
+        bereft = not score.localized and truth is not None and not has_near(record.weighted, truth, reach_m)
         self._recent = [*self._recent, _Update(step, fresh, sure, bereft)][-LOCALIZED_OF[1] :]
         self._causes.see(moment, record)
         self._ambiguity.see(step, record, moment.truth)
@@ -276,14 +274,6 @@ class VerdictBuilder:
         loud = [one for one in near if one.kind in LOUD]
         chosen = loud or near
         return chosen[-1] if chosen else None
-
-
-def _has_near(record: StepRecord, truth: F64) -> bool:
-    """Return whether a particle is near the truth: within the radius "converged", and of a like heading."""
-    poses = record.weighted.poses
-    x, y = truth[:2] - record.weighted.origin
-    near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= record.estimate.radii.cluster_m**2
-    return bool((np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)).any())
 
 
 def _worse(

@@ -88,7 +88,7 @@ class Batch:
         put: Put,
         put_record: PutRecord,
     ) -> None:
-        """Process one frame in some runs (r,): the textbook's order, a row a run."""
+        """Process one frame in some runs (r,): the steps of `Localizer.step`, with one row for each run."""
         moved = self._moved(runs, frame)
         entries, found = self._looked_up(moved, comparison, values)
         posterior = self.log_weights[runs] + found
