@@ -11,7 +11,7 @@
 | `report` | one self-contained page about a saved run |
 | `events`, `keep_bookmark`, `drop_bookmarks`, `jump` | events, your notes, the open viewer's cursor |
 | `verify`, `export` | filter a saved run again to the last bit; files for other tools |
-| `inspect`, `diagnose`, `formats`, `convert` | what a recording holds, its faults, rewriting it |
+| `inspect`, `doctor`, `formats`, `convert` | what a recording holds, its faults, rewriting it |
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
 | `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
@@ -40,19 +40,19 @@ if TYPE_CHECKING:
     from .app.events import events as events
     from .app.events import jump as jump
     from .app.events import keep_bookmark as keep_bookmark
-    from .app.explain import explain as explain
-    from .app.inspect import diagnose as diagnose
-    from .app.inspect import formats as formats
-    from .app.inspect import inspect as inspect
     from .app.library import build_library as build_library
     from .app.library import check_library as check_library
     from .app.library import tune as tune
     from .app.replay import replay as replay
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
-    from .app.snapshot import movie as movie
-    from .app.snapshot import snapshot as snapshot
     from .app.trials import trials_view as trials_view
+    from .app.understand.explain import explain as explain
+    from .app.understand.inspect import doctor as doctor
+    from .app.understand.inspect import formats as formats
+    from .app.understand.inspect import inspect as inspect
+    from .app.understand.snapshot import movie as movie
+    from .app.understand.snapshot import snapshot as snapshot
     from .listener import Listener as Listener
     from .notebook import results as results
     from .notebook import show as show
@@ -70,24 +70,24 @@ _WHERE = {
     "check_library": ".app.library",
     "compare": ".app.compare",
     "convert": ".app.convert",
-    "diagnose": ".app.inspect",
+    "doctor": ".app.understand.inspect",
     "draw_figures": ".plots.figures",
     "drop_bookmarks": ".app.events",
     "events": ".app.events",
-    "explain": ".app.explain",
+    "explain": ".app.understand.explain",
     "figures": ".app.calibrate",
     "export": ".app.convert",
-    "formats": ".app.inspect",
-    "inspect": ".app.inspect",
+    "formats": ".app.understand.inspect",
+    "inspect": ".app.understand.inspect",
     "jump": ".app.events",
     "keep_bookmark": ".app.events",
     "make_trials": ".app.calibrate",
-    "movie": ".app.snapshot",
+    "movie": ".app.understand.snapshot",
     "replay": ".app.replay",
     "report": ".reports.make",
     "results": ".notebook",
     "show": ".notebook",
-    "snapshot": ".app.snapshot",
+    "snapshot": ".app.understand.snapshot",
     "traces": ".notebook",
     "trials_report": ".reports.trials_report",
     "trials_view": ".app.trials",
@@ -103,7 +103,7 @@ __all__ = [
     "check_library",
     "compare",
     "convert",
-    "diagnose",
+    "doctor",
     "draw_figures",
     "drop_bookmarks",
     "events",

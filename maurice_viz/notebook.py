@@ -20,7 +20,7 @@ from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
 from .app.output import verdict_of
 from .app.replay import replay
 from .app.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
-from .app.snapshot import draw_saved
+from .app.understand.snapshot import draw_saved
 from .listener import SILENT
 from .style import scale_for
 from .text.summary import to_json

@@ -9,9 +9,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from maurice_mcl.analysis.events import Say, in_meters
+from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
-from maurice_mcl.analysis.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.radii import USUAL, Radii

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.analysis.causes import JUMPED, SLIPPED, TURNED, CauseFinder
 from maurice_mcl.analysis.events import is_kidnapping
+from maurice_mcl.analysis.failures.causes import JUMPED, SLIPPED, TURNED, CauseFinder
+from maurice_mcl.analysis.failures.near_truth import has_near
 from maurice_mcl.analysis.metrics import Scorer, StepScore, SuccessJudge, first_mostly
-from maurice_mcl.analysis.near_truth import has_near
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.localizer import Localizer

@@ -15,8 +15,8 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.runs.writer import RunWriter
+from maurice_mcl.analysis.failures.verdict import decisive_step
 from maurice_mcl.analysis.run_comparison import Step
-from maurice_mcl.analysis.verdict import decisive_step
 
 from ..errors import SinkError, Terminated
 from ..listener import Listener

@@ -15,7 +15,7 @@ import rerun as rr
 from maurice_datasets.trials.statistics import mean
 from maurice_datasets.trials.table import DEFAULT, NUMBERS, TIMES
 from maurice_loaders.errors import InputError
-from maurice_mcl.analysis.verdict import decisive_step
+from maurice_mcl.analysis.failures.verdict import decisive_step
 
 from ..drawing.canvas import png
 from ..drawing.run_chart import SERIES, Mean, RunChart, Series

@@ -14,8 +14,8 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
-from .errors import errors_end_the_command, fail, stop_by_exception
-from .spelling import modern
+from .shared.errors import errors_end_the_command, fail, stop_by_exception
+from .shared.spelling import modern
 
 GROUPS = (
     "Replay and compare",

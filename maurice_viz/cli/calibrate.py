@@ -17,9 +17,9 @@ from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
 from ..app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json
 from ..plots.calibration import expect_matplotlib
 from ..style import Units
-from . import options as opt
-from .console import listening, note, print_json, results
-from .options import MOST_SEED, argument, option
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.options import MOST_SEED, argument, option
 
 DEG = 180 / math.pi
 

@@ -10,8 +10,8 @@ import typer
 
 from maurice_loaders.config_files import check_config, configuration_of, to_toml
 
-from . import options as opt
-from .console import print_json, results
+from .shared import options as opt
+from .shared.console import print_json, results
 
 
 def show(

@@ -13,10 +13,10 @@ from maurice_loaders.export.tables import PATHS
 from maurice_loaders.importing import Columns, ImportOptions, ImportSummary, import_pictures
 from maurice_loaders.reading import MAX_DT_S, ReadingOptions
 
-from . import options as opt
-from .console import listening, note, print_json, results
-from .errors import status_of
-from .options import MOST_SEED, argument, option, reading_of
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.errors import status_of
+from .shared.options import MOST_SEED, argument, option, reading_of
 
 if TYPE_CHECKING:
     from maurice_loaders.live.session import LiveSession
@@ -192,7 +192,7 @@ def formats(
     json_output: opt.Json = False,
 ) -> None:
     """List the formats of recordings that can be read, or detect a file's."""
-    from ..app.inspect import formats as find_formats
+    from ..app.understand.inspect import formats as find_formats
 
     found = find_formats(path)
     if json_output:

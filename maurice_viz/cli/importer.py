@@ -103,7 +103,7 @@ def _draw(path: Path, recording_id: str | None) -> None:
     from maurice_loaders.session_log.reader import SessionLog
 
     from ..app.saved import open_saved, playback_of
-    from .console import TO_CONSOLE
+    from .shared.console import TO_CONSOLE
 
     if path.name == MANIFEST:
         _play(playback_of(open_saved(path.parent, TO_CONSOLE), TO_CONSOLE), recording_id)
@@ -119,7 +119,7 @@ def _draw(path: Path, recording_id: str | None) -> None:
 def _usual_run(log: SessionLog) -> Playback:
     from ..app.open import RunSpec, make_runs, open_library_for
     from ..app.replay import playback_of_session
-    from .console import TO_CONSOLE
+    from .shared.console import TO_CONSOLE
 
     library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)
     runs = make_runs(log, library, [RunSpec()], TO_CONSOLE)
@@ -131,7 +131,7 @@ def _play(playback: Playback, recording_id: str | None) -> None:
     from ..app.output import layout_of, observed
     from ..app.run import collector_of, step_through
     from ..viewer.sinks import recording
-    from .console import TO_CONSOLE
+    from .shared.console import TO_CONSOLE
 
     rec = recording(playback.scene.info.name, recording_id)
     rec.stdout(default_blueprint=layout_of(playback.views, playback.scene))
@@ -146,7 +146,7 @@ def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     from ..app.drive import glances_of, moments_of
     from ..layouts.drive import DriveView, draw_drive, drive_blueprint, drive_paths
     from ..viewer.sinks import recording
-    from .console import note
+    from .shared.console import note
 
     advice = "This is a survey: a library is built from it."
     if log.kind == "session":

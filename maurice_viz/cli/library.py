@@ -19,9 +19,9 @@ from ..app.library import tune as tune_channels
 from ..app.open import library_at
 from ..style import Scale, scale_for, units_named
 from ..text.places import places_said, scores_of
-from . import options as opt
-from .console import listening, note, print_json, results
-from .options import argument, option, reading_of
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.options import argument, option, reading_of
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 MOST_PAIRS = 10  # listed; JSON has them all

@@ -8,7 +8,7 @@ import os
 import sys
 from contextlib import suppress
 
-from .errors import end_while_starting, status_of
+from .shared.errors import end_while_starting, status_of
 
 THREADS = (
     "OPENBLAS_NUM_THREADS",

@@ -14,13 +14,13 @@ from rich.table import Table
 from maurice_loaders.doctor import Diagnosis, fixed_options
 from maurice_loaders.inspection import Inspection
 
-from ..app.inspect import diagnose
-from ..app.inspect import inspect as inspect_recording
+from ..app.understand.inspect import doctor as diagnose
+from ..app.understand.inspect import inspect as inspect_recording
 from ..style import Units, units_named
 from ..text.diagnosis import describe, evidence_for, fix_for
-from . import options as opt
-from .console import listening, note, print_json, results
-from .options import option, reading_of, typed
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.options import option, reading_of, typed
 
 Options = Sequence[Sequence[str]]  # as typed: what fixes each finding, and last what fixes all; or nothing
 

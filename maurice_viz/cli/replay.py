@@ -20,9 +20,9 @@ from ..layouts import DETAILS
 from ..style import Scale, Units, units_named
 from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line
-from . import options as opt
-from .console import TO_CONSOLE, listening, note, print_json, results
-from .options import output_of, reading_of, settings_of
+from .shared import options as opt
+from .shared.console import TO_CONSOLE, listening, note, print_json, results
+from .shared.options import output_of, reading_of, settings_of
 
 if TYPE_CHECKING:
     from ..app.run import Report, RunScores

@@ -14,9 +14,9 @@ from rich.text import Text
 from maurice_mcl.analysis.events import KINDS, RunEvent
 
 from ..entities import Phase
-from . import options as opt
-from .console import listening, note, print_json, results
-from .options import argument, option
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.options import argument, option
 
 ALL_RUNS = "all"  # in a table: an event that every run of a comparison has
 BOOKMARKS, MORE, PICTURE, MOVIE = "Bookmarks", "One more reference", "Picture", "Movie"  # panels of the help
@@ -148,8 +148,8 @@ def explain(
     json_output: opt.Json = False,
 ) -> None:
     """Explain and show why the filter believed what it believed at one update of a saved run."""
-    from ..app.explain import check_picture, record, serve, show
-    from ..app.explain import explain as explain_run
+    from ..app.understand.explain import check_picture, record, serve, show
+    from ..app.understand.explain import explain as explain_run
 
     with listening() as listener:
         if output is not None:
@@ -222,7 +222,7 @@ def snapshot(
     window = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", size)  # the functions check its limits
     if window is None:
         raise typer.BadParameter(f"--size is like 1600x1000, found {size!r}")
-    from ..app import snapshot as app
+    from ..app.understand import snapshot as app
 
     shown: dict[str, Any] = {"view": view, "layout": layout, "size": (int(window[1]), int(window[2]))}
     with listening() as listener:

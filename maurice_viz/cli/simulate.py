@@ -11,9 +11,9 @@ import typer
 
 from maurice_loaders.errors import InputError
 
-from . import options as opt
-from .console import listening, note, print_json, results
-from .options import MOST_SEED, argument, option
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.options import MOST_SEED, argument, option
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally

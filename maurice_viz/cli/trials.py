@@ -28,9 +28,9 @@ from ..listener import progress_of
 from ..plots.figures import FORMATS, draw_figures
 from ..reports.trials_report import trials_report as write_report
 from ..text.trials import metric_title
-from . import options as opt
-from .console import listening, note, print_json, results
-from .options import argument, option
+from .shared import options as opt
+from .shared.console import listening, note, print_json, results
+from .shared.options import argument, option
 
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
 LOCALIZED = "pictures_to_localize"

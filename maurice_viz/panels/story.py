@@ -9,8 +9,8 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.events import KIDNAPPED
+from maurice_mcl.analysis.failures.verdict import RunVerdict, decisive_step
 from maurice_mcl.analysis.tour import tour_of
-from maurice_mcl.analysis.verdict import RunVerdict, decisive_step
 from maurice_mcl.arrays import F64
 from maurice_mcl.session import Moment
 

@@ -18,7 +18,7 @@ from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.analysis.events import KINDS
-from maurice_mcl.analysis.verdict import decisive_step
+from maurice_mcl.analysis.failures.verdict import decisive_step
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 

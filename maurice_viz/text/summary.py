@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from maurice_mcl.analysis.failures.near_truth import Vanishing
 from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
-from maurice_mcl.analysis.near_truth import Vanishing
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
     ComparisonResult,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.analysis.ambiguity import Ambiguity
-from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
+from maurice_mcl.analysis.failures.ambiguity import Ambiguity
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
+from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, GONE, LOST, SURE, TourMoment
-from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 
 from ..scene import EVENLY, LIKELY, NEVER, RunView
 from ..style import Scale

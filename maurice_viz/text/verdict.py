@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.analysis.ambiguity import Ambiguity
-from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED, Cause
 from maurice_mcl.analysis.events import KIDNAPPED, SEARCHING
-from maurice_mcl.analysis.verdict import RunVerdict, Trouble
+from maurice_mcl.analysis.failures.ambiguity import Ambiguity
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED, Cause
+from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble
 
 from ..style import Scale
 from .why import why

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from maurice_mcl.analysis.causes import SLIPPED, TURNED
-from maurice_mcl.analysis.near_truth import MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
-from maurice_mcl.analysis.verdict import Trouble
+from maurice_mcl.analysis.failures.causes import SLIPPED, TURNED
+from maurice_mcl.analysis.failures.near_truth import MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
+from maurice_mcl.analysis.failures.verdict import Trouble
 
 from ..style import Scale
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from .ambiguity import Ambiguity
-from .causes import Cause
 from .events import KIDNAPPED, SEARCHING
-from .verdict import RunVerdict, SureAndWrong, Trouble
+from .failures.ambiguity import Ambiguity
+from .failures.causes import Cause
+from .failures.verdict import RunVerdict, SureAndWrong, Trouble
 
 BEGINS, FOUND, DIVIDED, BEFELL, GONE, LOST, SURE, BACK, WORST, ENDS = (
     "begins",

@@ -17,7 +17,7 @@ from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app.compare import names_of
 from maurice_viz.app.open import RunSpec, make_runs, open_library_for
-from maurice_viz.app.snapshot import draw_saved
+from maurice_viz.app.understand.snapshot import draw_saved
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
 

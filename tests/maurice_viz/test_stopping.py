@@ -22,7 +22,7 @@ from maurice_loaders.runs.manifest import read_manifest
 from maurice_loaders.runs.writer import RunWriter
 from maurice_viz.app.run import stops_between
 from maurice_viz.cli.app import app
-from maurice_viz.cli.errors import errors_end_the_command
+from maurice_viz.cli.shared.errors import errors_end_the_command
 from maurice_viz.viewer import sinks
 
 
@@ -196,7 +196,7 @@ def test_a_job_in_the_background_keeps_ignoring_ctrl_c():
 
 ENDING = """
 import atexit, os, signal, maurice_viz.cli.app, maurice_viz.cli.main
-from maurice_viz.cli.errors import errors_end_the_command, stop_by_exception
+from maurice_viz.cli.shared.errors import errors_end_the_command, stop_by_exception
 def app():
     with errors_end_the_command():
         stop_by_exception()

@@ -127,6 +127,7 @@ def test_who_joins_late_does_not_start_where_the_robot_was(
 def test_a_file_that_grows_gives_the_same_figures(small_session: Path, tmp_path: Path) -> None:
     expected = figures(run(small_session, "--json", "--no-recording"))
     growing = tmp_path / "growing.log"
+    growing.touch()
 
     def write() -> None:
         with growing.open("wb", buffering=0) as log:

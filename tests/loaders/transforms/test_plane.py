@@ -20,8 +20,8 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import OdometryPose, TruthPose
 from maurice_mcl.arrays import F64
-from maurice_viz.app.inspect import diagnose
-from maurice_viz.cli.spelling import modern
+from maurice_viz.app.understand.inspect import doctor
+from maurice_viz.cli.shared.spelling import modern
 
 STEPS = 120
 BEGIN_S = 1_700_000_000.0
@@ -127,7 +127,7 @@ def test_the_plane_of_the_motion_is_found_and_said(
     inspected = inspect_recording(RecordedSession(open_recording(path)))
     assert text in inspected.warnings
     assert inspected.distance_truth_m == pytest.approx(way(wanted), rel=1e-9)
-    assert text in diagnose(path).said
+    assert text in doctor(path).said
     if writer == "bag":
         np.testing.assert_allclose(odometry(path), wanted, atol=1e-9)
     asked = ReadingOptions(plane=name)

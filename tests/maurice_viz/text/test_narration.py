@@ -7,9 +7,9 @@ import pytest
 from rich.console import Console
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.analysis.causes import Cause
+from maurice_mcl.analysis.failures.causes import Cause
+from maurice_mcl.analysis.failures.verdict import RunVerdict
 from maurice_mcl.analysis.metrics import Scorer, Success
-from maurice_mcl.analysis.verdict import RunVerdict
 from maurice_mcl.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
 from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase

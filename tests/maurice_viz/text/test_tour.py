@@ -2,9 +2,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from maurice_mcl.analysis.causes import CARRIED, Cause
+from maurice_mcl.analysis.failures.causes import CARRIED, Cause
+from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble
 from maurice_mcl.analysis.tour import tour_of
-from maurice_mcl.analysis.verdict import RunVerdict, Trouble
 from maurice_viz.scene import LIKELY, NEVER, RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words

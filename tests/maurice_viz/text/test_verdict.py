@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.analysis.ambiguity import Ambiguity
-from maurice_mcl.analysis.causes import TURNED, Cause
-from maurice_mcl.analysis.near_truth import DROPPED, MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
-from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
+from maurice_mcl.analysis.failures.ambiguity import Ambiguity
+from maurice_mcl.analysis.failures.causes import TURNED, Cause
+from maurice_mcl.analysis.failures.near_truth import DROPPED, MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
+from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import said, verdict_line
 

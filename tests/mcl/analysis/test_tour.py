@@ -1,10 +1,10 @@
 from __future__ import annotations
 
-from maurice_mcl.analysis.ambiguity import Ambiguity
-from maurice_mcl.analysis.causes import CARRIED, Cause
-from maurice_mcl.analysis.near_truth import MOVED, Vanishing
+from maurice_mcl.analysis.failures.ambiguity import Ambiguity
+from maurice_mcl.analysis.failures.causes import CARRIED, Cause
+from maurice_mcl.analysis.failures.near_truth import MOVED, Vanishing
+from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_mcl.analysis.tour import tour_of
-from maurice_mcl.analysis.verdict import RunVerdict, SureAndWrong, Trouble
 
 CARRY = Cause(CARRIED, 51, 51, None, 1.7)
 LOST = RunVerdict(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from helpers.step_records import at, made
-from maurice_mcl.analysis.near_truth import (
+from maurice_mcl.analysis.failures.near_truth import (
     DROPPED,
     MISLED,
     MOVED,

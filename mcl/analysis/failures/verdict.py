@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 
-from ..filter.localizer import LEFT_MAP
-from ..radii import USUAL
-from ..records import StepRecord
-from ..sensor.model import SensorModel
-from ..session import Moment
+from ...filter.localizer import LEFT_MAP
+from ...radii import USUAL
+from ...records import StepRecord
+from ...sensor.model import SensorModel
+from ...session import Moment
+from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
+from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
 from .causes import CARRIED, DARK, JUMPED, LIGHTS, SLIPPED, TURNED, Cause, CauseFinder
-from .events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
-from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .near_truth import MOVED, OUTWEIGHED, Vanishing, VanishingFinder, has_near
 
 EXPLAINS_FOR = 10  # updates after a cause in which a loss is due to it

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from maurice_loaders.doctor import Diagnosis
-from maurice_loaders.doctor import diagnose as diagnose_recording
+from maurice_loaders.doctor import Diagnosis, diagnose
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
@@ -19,8 +18,8 @@ from maurice_loaders.recorded_session import RecordedSession
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 
-from ..listener import SILENT, Listener, progress_of
-from .open import default_said, library_at
+from ...listener import SILENT, Listener, progress_of
+from ..open import default_said, library_at
 
 EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
 
@@ -90,7 +89,7 @@ def _about_places(path: Path, found: Inspection) -> list[str]:
         return []
 
 
-def diagnose(
+def doctor(
     session: str | Path,
     library: str | Path | None = None,
     *,
@@ -108,7 +107,7 @@ def diagnose(
     cannot be read, or the file exists (unless `force`).
 
         >>> import maurice_viz as mv
-        >>> diagnosis = mv.diagnose("session.log")
+        >>> diagnosis = mv.doctor("session.log")
         >>> len(diagnosis.findings)
         0
     """
@@ -116,7 +115,7 @@ def diagnose(
     if to is not None:
         expect_absent(Path(to), force=force)
     references = _library(path, library, options, listener) if pictures else None
-    found = diagnose_recording(path, options, references, progress_of(listener, "pictures"))
+    found = diagnose(path, options, references, progress_of(listener, "pictures"))
     if to is not None and found.fixed != options:
         write_reading(to, found.fixed, force=force)
     return found

@@ -17,23 +17,23 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ..entities import STEP, RunPaths
-from ..errors import OptionError, SinkError
-from ..layouts.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
-from ..listener import SILENT, Listener
-from ..scene import SceneInfo
-from ..style import scale_for
-from ..text.explanation import say_step
-from ..text.explanation_table import to_json
-from ..viewer import sinks
-from ..viewer.open_viewers import viewer_binary
-from ..viewer.snapshot import expect_driver, headless_viewer
-from ..viewer.web import WebViewer
-from .convert import chosen_label
-from .open import typed_pose
-from .output import OutputOptions, serving
-from .saved import Opened, open_saved
-from .saved_steps import Restored
+from ...entities import STEP, RunPaths
+from ...errors import OptionError, SinkError
+from ...layouts.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
+from ...listener import SILENT, Listener
+from ...scene import SceneInfo
+from ...style import scale_for
+from ...text.explanation import say_step
+from ...text.explanation_table import to_json
+from ...viewer import sinks
+from ...viewer.open_viewers import viewer_binary
+from ...viewer.snapshot import expect_driver, headless_viewer
+from ...viewer.web import WebViewer
+from ..convert import chosen_label
+from ..open import typed_pose
+from ..output import OutputOptions, serving
+from ..saved import Opened, open_saved
+from ..saved_steps import Restored
 
 SIZE = (1600, 1000)
 

@@ -12,11 +12,11 @@ from functools import reduce
 
 import numpy as np
 
-from ..arrays import F64
-from ..geometry import compose_motions
-from ..records import StepRecord
-from ..session import Moment
-from .events import is_kidnapping
+from ...arrays import F64
+from ...geometry import compose_motions
+from ...records import StepRecord
+from ...session import Moment
+from ..events import is_kidnapping
 
 CARRIED = "carried"  # the log says so: expected None, actual meters
 JUMPED = "jumped"  # the truth moved much farther than odometry says: expected and actual meters

@@ -16,11 +16,11 @@ from maurice_loaders.reading import FIELDS, ReadingOptions, option_value, read_r
 from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
-from ..errors import OptionError
-from ..layouts import DETAILS, LAYOUT_NAMES
+from ...errors import OptionError
+from ...layouts import DETAILS, LAYOUT_NAMES
 
 if TYPE_CHECKING:
-    from ..app.output import OutputOptions
+    from ...app.output import OutputOptions
 
 FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
 MOST_SEED = 2**32 - 1
@@ -208,12 +208,12 @@ def output_of(
     force: bool,
 ) -> OutputOptions:
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
-    from ..app.output import OutputOptions
+    from ...app.output import OutputOptions
 
     file = None if rrd in (None, "auto", "none", "web") else Path(str(rrd))
     web = None
     if rrd == "web":
-        from ..viewer.web import WebViewer  # imports Rerun
+        from ...viewer.web import WebViewer  # imports Rerun
 
         web = WebViewer()
     return OutputOptions(stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail, web=web)

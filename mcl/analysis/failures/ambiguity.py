@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import F64
-from ..filter.estimate import modes
-from ..records import StepRecord
+from ...arrays import F64
+from ...filter.estimate import modes
+from ...records import StepRecord
 
 SECOND = 0.25  # share of the weight that the second place needs
 TOGETHER = 0.7  # share of the weight that both need

@@ -10,17 +10,17 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, temporary_folder, write_whole
 from maurice_loaders.runs.store import open_runs
 
-from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
-from ..errors import OptionError
-from ..listener import SILENT, Listener
-from ..viewer import sinks
-from ..viewer.movie import SUFFIXES as MOVIES
-from ..viewer.movie import film, from_png
-from ..viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
-from .events import PHASES
-from .output import layout_of, observed
-from .run import collector_of, step_through
-from .saved import open_saved, playback_of
+from ...entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
+from ...errors import OptionError
+from ...listener import SILENT, Listener
+from ...viewer import sinks
+from ...viewer.movie import SUFFIXES as MOVIES
+from ...viewer.movie import film, from_png
+from ...viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
+from ..events import PHASES
+from ..output import layout_of, observed
+from ..run import collector_of, step_through
+from ..saved import open_saved, playback_of
 
 SMALLEST_PX, LARGEST_PX = 200, 8000
 SIZE = (1600, 1000)

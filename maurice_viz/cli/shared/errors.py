@@ -99,6 +99,6 @@ def _end_at_once(number: int, frame: FrameType | None) -> None:
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    from ..errors import Terminated
+    from ...errors import Terminated
 
     raise Terminated if number == signal.SIGTERM else KeyboardInterrupt

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..arrays import F64, Bool
-from ..records import Belief, StepRecord
-from ..sensor.model import SensorModel
-from .metrics import LOST_FOR, LOST_RAD
+from ...arrays import F64, Bool
+from ...records import Belief, StepRecord
+from ...sensor.model import SensorModel
+from ..metrics import LOST_FOR, LOST_RAD
 
 NEVER = "never"  # no particle was ever near the truth
 MOVED = "moved"  # the motion took them away

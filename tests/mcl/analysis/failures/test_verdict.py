@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from helpers.step_records import at, made, moment
-from maurice_mcl.analysis.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED
-from maurice_mcl.analysis.near_truth import MOVED
-from maurice_mcl.analysis.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED
+from maurice_mcl.analysis.failures.near_truth import MOVED
+from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.filter.localizer import LEFT_MAP
 
 HERE = at(1, 1, 1.0)

@@ -1,0 +1,1 @@
+"""Answers about a recording or a run: inspect, doctor, explain, snapshot."""
