@@ -7,7 +7,7 @@ BIN := .venv/bin
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
 
-# Without the tests that are marked slow: a few minutes.
+# Without the tests that are marked slow: a few minutes; `.ci/run` calls it.
 test: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
 
