@@ -1,0 +1,46 @@
+"""The kinds of cause that a diagnosis names, and one finding: a time that a run was lost, and its cause.
+
+docs/diagnose.md says which evidence decides for each kind, and in which order they are looked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+SENSOR, AMBIGUITY = "sensor", "ambiguity"
+PROPOSAL, RESAMPLING = "impoverished", "resampling"
+MOTION, KIDNAPPED, LEFT_MAP = "motion", "kidnapped", "left_map"
+LIBRARY_GAP, LIGHTING, VIEW = "library_gap", "lighting", "changed_view"
+NUMERIC, DATA, UNKNOWN = "numeric", "data", "unknown"
+
+CAUSES: Mapping[str, str] = {
+    DATA: "the recording: dropped pictures, clock jumps",
+    NUMERIC: "all weights were zero",
+    KIDNAPPED: "the robot was carried to another place, unseen by its odometry",
+    LEFT_MAP: "the robot drove, or the cloud was driven, off the map",
+    MOTION: "the robot moved in a way that the motion model excludes",
+    LIGHTING: "the light is not that of the references",
+    VIEW: "something is in view that the references do not show, or the map changed",
+    LIBRARY_GAP: "no reference is near the true place",
+    AMBIGUITY: "other places look the same",
+    SENSOR: "the picture fits wrong places better than the true one",
+    PROPOSAL: "no particle was at the true place",
+    RESAMPLING: "particles at the true place had weight, and were not copied, by chance",
+    UNKNOWN: "none of these",
+}  # in the order in which they are looked for
+
+Value = float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """One time that a run was lost or had not found itself, with the one cause that explains it."""
+
+    kind: str  # a key of CAUSES
+    first: int  # step at which the cause shows first
+    last: int  # step until which it was lost: the one before it was localized again, or the last one
+    lost: int  # first step at which the run was off; at `first` or later, except for a run never localized
+    evidence: Mapping[str, Value] = field(default_factory=dict)  # named numbers and words that decide
+    truth_known: bool = True  # False: said without ground truth, from the evidence alone
+    also: tuple[str, ...] = ()  # further kinds that had a part in it, the likelier first
