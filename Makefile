@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check bench difficulty results fuzz stops soak docs clean
+.PHONY: demo test test-all check bench causes difficulty results fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -23,6 +23,11 @@ check: .venv/installed-dev
 # All comparisons with the peers, some minutes; the tables go into docs/performance.md.
 bench: .venv/installed-dev
 	$(BIN)/python -m benchmarks --write
+
+# How often `diagnose` names the cause that was planted: some minutes, and it goes on where it stopped. The table
+# goes into docs/diagnose.md.
+causes: .venv/installed-dev
+	$(BIN)/python benchmarks/causes.py -o .causes --write
 
 # How hard the simulated arena is: a quarter of an hour, and it goes on where it stopped.
 difficulty: .venv/installed-dev

@@ -1,0 +1,190 @@
+"""How often a diagnosis is right: planted causes by the first cause that is named (docs/diagnose.md).
+
+    python benchmarks/causes.py -o .causes            # the judged set; goes on where it stopped
+    python benchmarks/causes.py -o .causes --write    # and the table goes into docs/diagnose.md
+    python benchmarks/causes.py --set develop --kinds motion lighting --show    # while something is tuned
+
+Nothing was tuned on the drives of the judged set; one of its worlds is seen nowhere else. A planted run
+counts only where the cause did harm: the run is lost with it, and the same filter is not lost without it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import joblib
+
+from maurice_datasets.planted.places import SETS
+from maurice_datasets.planted.planting import PLACES, planted
+from maurice_datasets.planted.ways import HEALTHY, WAYS
+from maurice_datasets.trials.statistics import rate
+from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
+from maurice_mcl.analysis.failures.kinds import UNKNOWN
+
+DOCS = Path(__file__).parents[1] / "docs" / "diagnose.md"
+MARK = "planted causes"
+NONE = "none"
+DRIVES = 20  # of each kind
+Row = dict[str, Any]
+
+
+def main() -> None:
+    asked = _asked()
+    cv2.setNumThreads(1)
+    file = asked.output / f"{asked.set}.jsonl"
+    if asked.anew and file.exists():
+        file.unlink()
+    rows = _known(file)
+    done = {(row["planted"], row["number"]) for row in rows}
+    jobs = [job for job in jobs_of(asked.kinds, asked.drives) if job not in done]
+    for row in made(asked.set, jobs, asked.jobs):
+        rows.append(row)
+        _keep(file, row)
+        if asked.show:
+            print(said(row), flush=True)
+    chosen = [row for row in rows if row["planted"] in asked.kinds and row["number"] < asked.drives]
+    text = "\n".join([*table(chosen), "", *notes(chosen)])
+    print(text)
+    if asked.write:
+        write(text)
+
+
+def _asked() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python benchmarks/causes.py", description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path(".causes"))
+    parser.add_argument("--set", choices=SETS, default="judge")
+    parser.add_argument("--kinds", nargs="*", choices=WAYS, default=list(WAYS), metavar="KIND")
+    parser.add_argument("--drives", type=int, default=DRIVES, help="of each kind")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--anew", action="store_true", help="diagnose again what was diagnosed before")
+    parser.add_argument("--show", action="store_true", help="print every diagnosis with its evidence")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/diagnose.md")
+    return parser.parse_args()
+
+
+def jobs_of(kinds: Iterable[str], drives: int) -> list[tuple[str, int]]:
+    """Return all runs, those of one world and drive after another: rendering is shared."""
+    numbers = sorted(range(drives), key=lambda number: (number % PLACES, number))
+    return [(kind, number) for number in numbers for kind in kinds]
+
+
+def made(which: str, jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[Row]:
+    """Diagnose all runs; those of one number in one process."""
+    numbers = list(dict.fromkeys(number for _, number in jobs))
+    each = [[job for job in jobs if job[1] == number] for number in numbers]
+    parallel = joblib.Parallel(workers, return_as="generator_unordered", batch_size=1)
+    for rows in parallel(joblib.delayed(diagnosed)(which, some) for some in each):
+        yield from rows
+
+
+def diagnosed(which: str, jobs: Sequence[tuple[str, int]]) -> list[Row]:
+    """Make some runs and diagnose them."""
+    cv2.setNumThreads(1)
+    return [_row(which, kind, number) for kind, number in jobs]
+
+
+def _row(which: str, kind: str, number: int) -> Row:
+    world, arena = SETS[which].place_of(number)
+    row: Row = {"planted": kind, "number": number, "world": Path(world).stem, "arena": arena}
+    run = planted(kind, number, which)
+    if run is None:
+        return row | {"named": None, "way": "", "discarded": 0}
+    builder = DiagnosisBuilder(run.localizer)
+    for moment, record in run.steps():
+        builder.add(moment, record)
+    failures = builder.result()
+    row |= {"way": run.planting.way, "since": run.planting.since, "lost": run.outcome.lost_from}
+    row |= {"discarded": run.discarded, "named": failures[0].kind if failures else NONE}
+    if failures:
+        first = failures[0]
+        row |= {"first": first.first, "at": first.lost, "also": list(first.also)}
+        row |= {"evidence": {name: str(value) for name, value in first.evidence.items()}}
+        row |= {"later": [one.kind for one in failures[1:]]}
+    return row
+
+
+def said(row: Row) -> str:
+    """Return one diagnosis in a line."""
+    right = "ok   " if row["named"] in (row["planted"], _right(row["planted"])) else "WRONG"
+    where = f"{row['planted']} {row['number']} ({row['world']} {row['arena']}; {row['way']})"
+    when = (
+        f"since {row.get('since')}, lost from {row.get('lost')}; says {row.get('first')} to {row.get('at')}"
+    )
+    return f"{right} {where}: {row['named']} {row.get('also', '')} [{when}] {row.get('evidence', '')}"
+
+
+def _right(kind: str) -> str:
+    return NONE if kind == HEALTHY else kind
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """Return the confusion matrix: planted causes down, named causes across."""
+    kinds = [kind for kind in WAYS if any(row["planted"] == kind for row in rows)]
+    named = [NONE, *(kind for kind in WAYS if kind != HEALTHY), UNKNOWN]
+    named = [one for one in named if any(row["named"] == one for row in rows)]
+    lines = [f"| planted \\ named | runs | {' | '.join(_short(one) for one in named)} | right |"]
+    lines.append(f"|---|{'---:|' * (len(named) + 1)}---|")
+    for kind in kinds:
+        some = [row for row in rows if row["planted"] == kind and row["named"]]
+        counts = Counter(row["named"] for row in some)
+        cells = [_cell(counts[one], one == _right(kind)) for one in named]
+        right = rate(counts[_right(kind)], len(some))
+        share = f"{right.value:.0%} [{right.low:.0%}, {right.high:.0%}]" if some else "-"
+        lines.append(f"| {kind} | {len(some)} | {' | '.join(cells)} | {share} |")
+    return lines
+
+
+def _short(kind: str) -> str:
+    return kind.replace("_", " ")
+
+
+def _cell(count: int, right: bool) -> str:
+    return f"**{count}**" if right else str(count or "")
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """Return what was left out."""
+    missing = Counter(row["planted"] for row in rows if row["named"] is None)
+    sick = [row for row in rows if row["planted"] != HEALTHY and row["named"]]
+    well = [row for row in rows if row["planted"] == HEALTHY and row["named"]]
+    right = rate(sum(row["named"] == row["planted"] for row in sick), len(sick))
+    left = sum(row["discarded"] for row in rows)
+    share = f"{right.value:.1%} [{right.low:.1%}, {right.high:.1%}] of {right.count} runs"
+    lines = [
+        f"All planted causes together: {share}; and {len(well)} healthy ones. {left} further runs were",
+        "discarded, as the cause did no harm in them, or not the harm that is its own.",
+    ]
+    if missing:
+        without = ", ".join(f"{count} of {kind}" for kind, count in missing.items())
+        lines.append(f"No drive that was tried did harm for {without}.")
+    return lines
+
+
+def _known(file: Path) -> list[Row]:
+    if not file.is_file():
+        return []
+    return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+
+
+def _keep(file: Path, row: Mapping[str, Any]) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("a", encoding="utf-8") as out:
+        out.write(json.dumps(row) + "\n")
+
+
+def write(text: str) -> None:
+    """Put the table between its marks in the docs, `<!-- planted causes -->` and `<!-- end -->`."""
+    page = DOCS.read_text(encoding="utf-8")
+    marked = re.compile(rf"(<!-- {MARK} -->\n).*?(<!-- end -->)", re.DOTALL)
+    DOCS.write_text(marked.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Simulated drives, and what can be done to one that was driven already: its pictures, odometry and gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.geometry import wrap
+from maurice_mcl.session import Moment
+
+from ..render.camera_session import session_camera
+from ..render.conditions import Conditions
+from ..sessions import SimulatedSession, session_info
+from ..simulation import SimulationPlan, stage
+from ..tasks import TASKS
+from ..trials.drives import Held
+from .places import Ground
+
+UPDATES = 48
+Picture = Callable[[U8], U8]
+
+
+def drive(
+    ground: Ground, seed: int, *, task: str = "tracking", crowded: bool = False, **changes: Any
+) -> Held:
+    """Drive a seed in a world, and forget what the log would say of it: a diagnosis must see it by itself.
+
+    `changes` are fields of a `SimulationPlan`. Wheels slip only where they are asked to; with `crowded`
+    people stand in view of every picture, where there is room for them.
+    """
+    plan = SimulationPlan(
+        TASKS[task],
+        world=ground.name,
+        arena_seed=ground.arena_seed,
+        seed=seed,
+        updates=UPDATES,
+        slip_chance=0.0,
+        **changes,
+    )
+    set_up = stage(plan, ground.world)
+    if crowded:
+        camera = session_camera(set_up.world, seed, Conditions(occluded=1.0))
+        set_up = replace(set_up, camera=camera)
+    info = replace(session_info(set_up), survey=None, notes=())
+    return Held(info, tuple(replace(one, events=()) for one in SimulatedSession(set_up, info).moments()))
+
+
+@lru_cache(3)
+def plain_drive(ground: Ground, seed: int) -> Held:
+    """Return the drive of a seed in which nothing happens; many causes can be planted in one."""
+    return drive(ground, seed)
+
+
+def with_moments(held: Held, moments: Sequence[Moment], start: F64 | None = None) -> Held:
+    """Return a drive with other moments, and with another start where one is given."""
+    info = held.info if start is None else replace(held.info, start=start)
+    return Held(info, tuple(moments))
+
+
+def anywhere(held: Held) -> Held:
+    """Return a drive that starts at a place that nobody knows."""
+    return Held(replace(held.info, start=None), held.all_moments)
+
+
+def started_at(held: Held, start: F64) -> Held:
+    """Return a drive whose header names another start."""
+    turned = np.append(start[:2], wrap(start[2:])[0])
+    return with_moments(held, held.all_moments, turned)
+
+
+def pictures_changed(held: Held, change: Picture, since: int = 1) -> Held:
+    """Return a drive whose pictures are changed from an update on."""
+    return with_moments(
+        held, [_seen(one, change) if one.frame.step >= since else one for one in held.moments()]
+    )
+
+
+def _seen(moment: Moment, change: Picture) -> Moment:
+    return replace(
+        moment, frame=replace(moment.frame, image=np.ascontiguousarray(change(moment.frame.image)))
+    )
+
+
+def frozen(held: Held, since: int, count: int) -> Held:
+    """Return a drive whose camera gives the same picture again and again for some updates."""
+    still = held.all_moments[since - 2].frame.image
+
+    def shown(moment: Moment) -> Moment:
+        stuck = since <= moment.frame.step < since + count
+        return _seen(moment, lambda image: still) if stuck else moment
+
+    return with_moments(held, [shown(moment) for moment in held.moments()])
+
+
+def odometry_changed(held: Held, change: Callable[[F64], F64], steps: range) -> Held:
+    """Return a drive whose odometry (M, 3) reports something else at some updates."""
+
+    def told(moment: Moment) -> Moment:
+        if moment.frame.step not in steps:
+            return moment
+        return replace(moment, frame=replace(moment.frame, motions=change(moment.frame.motions.copy())))
+
+    return with_moments(held, [told(moment) for moment in held.moments()])
+
+
+def gap(held: Held, since: int, count: int) -> Held:
+    """Return a drive whose log lacks everything of some updates, pictures and odometry alike."""
+    kept = [one for one in held.moments() if not since <= one.frame.step < since + count]
+    numbered = [replace(one, frame=replace(one.frame, step=k)) for k, one in enumerate(kept, start=1)]
+    return with_moments(held, numbered)
+
+
+def joined(first: Held, second: Held, since: int) -> Held:
+    """Return the pictures of one drive up to an update, and of another along the same path from there on."""
+    moments = [*first.all_moments[: since - 1], *second.all_moments[since - 1 :]]
+    return with_moments(first, moments)

@@ -1,0 +1,116 @@
+"""Whether a run failed, when, and whether that is the harm that was to be done: judged by the truth alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from maurice_mcl.analysis.failures.kinds import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
+from maurice_mcl.analysis.failures.near_truth import near_truth
+from maurice_mcl.analysis.metrics import LOST_FOR, StepScore, first_mostly, first_run_of, score_step
+from maurice_mcl.config.build import make_localizer
+from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
+from maurice_mcl.filter.localizer import LEFT_MAP as LEFT
+from maurice_mcl.records import Comparison, StepRecord
+from maurice_mcl.sensor.ahead import Compared
+from maurice_mcl.session import Moment
+
+from .ways import HEALTHY, LOOKS, Planting
+
+NEVER = 1_000_000  # a step that no drive has
+ALL_BUT_ONE = 1.5  # an effective sample size below this: one particle has all weight
+Steps = Iterator[tuple[Moment, StepRecord]]
+
+
+def localizer_of(planting: Planting) -> Localizer:
+    """Build the filter of a planted drive, without a seed."""
+    return make_localizer(planting.library, settings=planting.settings).of_session(planting.session)
+
+
+def steps_of(localizer: Localizer, planting: Planting, comparisons: Sequence[Comparison], seed: int) -> Steps:
+    """Run a filter with a seed over a planted drive whose pictures are compared already."""
+    seeded = replace(localizer, seed=seed)
+    state = seeded.initialize(planting.session.info.start)
+    for moment, comparison in zip(planting.session.moments(), comparisons, strict=True):
+        state, record = seeded.step(state, moment.frame, Compared(comparison, 0.0))
+        yield moment, record
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One run against the truth. Steps are numbers of pictures."""
+
+    updates: int
+    localized_at: int | None  # first of five updates of which four are localized
+    lost_from: int | None  # first of four updates in a row that are too far off, after it was localized or
+    # from the beginning where the start was known
+    right_share: float  # of all updates
+    held_from: int | None  # first step at which particles near the truth had weight for a copy or more
+    dropped_at: int | None  # step at which resampling left none of those, for good
+    left_at: int | None  # first step at which no particle was in free space
+    one_left: float  # share of the updates in which one particle had all weight
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run was lost, or never found itself."""
+        return self.localized_at is None or self.lost_from is not None
+
+
+def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
+    """Follow a run to its end."""
+    scores: list[StepScore] = []
+    held = dropped = left = None
+    alone = 0
+    for moment, record in steps:
+        if moment.truth is None:
+            raise ValueError("expected the truth at every picture of a planted drive")
+        scores.append(score_step(record.estimate, moment.truth))
+        near, size, step = near_truth(record, moment.truth), record.weighted.size, moment.frame.step
+        _, weighed, after = near.shares
+        counted = weighed * size >= 1
+        held = moment.frame.step if held is None and counted else held
+        dropped = step if counted and after == 0 else (None if after > 0 else dropped)
+        if left is None and {LEFT, ALL_ZERO} & set(record.events):
+            left = step
+        alone += record.effective_sample_size < ALL_BUT_ONE
+    localized = first_mostly(np.array([one.localized is True for one in scores], bool))
+    return Outcome(
+        updates=len(scores),
+        localized_at=localized,
+        lost_from=_lost_from(scores, 0 if start_known else localized),
+        right_share=float(np.mean([one.correct is True for one in scores])),
+        held_from=held,
+        dropped_at=dropped,
+        left_at=left,
+        one_left=alone / len(scores),
+    )
+
+
+def _lost_from(scores: Sequence[StepScore], first: int | None) -> int | None:
+    """Return the first update of a loss after the first update; None where it never was localized."""
+    if first is None:
+        return None
+    found = first_run_of([one.lost is True for one in scores[first:]], LOST_FOR)
+    return None if found is None else first + found - LOST_FOR + 1
+
+
+def is_harm(kind: str, planting: Planting, outcome: Outcome) -> bool:
+    """Return whether a run failed in the way, and at the time, that the planted cause makes it fail."""
+    if kind == HEALTHY:
+        return not outcome.failed
+    special = {
+        PROPOSAL: outcome.left_at is None and (outcome.held_from or NEVER) > LOOKS,
+        RESAMPLING: outcome.dropped_at is not None,
+        LEFT_MAP: outcome.left_at is not None,
+        NUMERIC: outcome.one_left > 0.9,
+    }
+    return outcome.failed and special.get(kind, True) and _in_time(planting, outcome)
+
+
+def _in_time(planting: Planting, outcome: Outcome) -> bool:
+    """Return whether a run with a known start was lost after the cause began, and soon after."""
+    if planting.session.info.start is None or outcome.lost_from is None:
+        return outcome.right_share < 0.5
+    return planting.since <= outcome.lost_from <= planting.since + planting.late

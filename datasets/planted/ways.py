@@ -1,0 +1,345 @@
+"""The ways in which each kind of cause is planted. Each takes a world, a seed and a random generator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.analysis.failures.kinds import (
+    AMBIGUITY,
+    DATA,
+    KIDNAPPED,
+    LEFT_MAP,
+    LIBRARY_GAP,
+    LIGHTING,
+    MOTION,
+    NUMERIC,
+    PROPOSAL,
+    RESAMPLING,
+    SENSOR,
+    VIEW,
+)
+from maurice_mcl.arrays import F64, U8
+from maurice_mcl.library import Library
+from maurice_mcl.sensor.descriptors.registry import weights_of
+
+from ..render.conditions import LightChange
+from ..robot.planner import free_pose, raster
+from ..trials.drives import Held
+from .drives import (
+    anywhere,
+    drive,
+    frozen,
+    gap,
+    joined,
+    odometry_changed,
+    pictures_changed,
+    plain_drive,
+    started_at,
+)
+from .places import FEATURE, Ground, part_of, twin_of
+
+HEALTHY = "healthy"
+FILTER: Mapping[str, Any] = {"sensor.weights": weights_of(FEATURE), "particles": 1000}
+SEARCHING: Mapping[str, Any] = {**FILTER, "particles": 3000}  # enough to find itself without a known start
+FAR_M = 1.5  # a wrong start is at least so far away
+GAP_M = 1.3  # around the middle of a gap in the library
+SINCE = (16, 26)  # updates between which a cause begins
+LOOKS = 12  # updates after a cause within which a run must be lost
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Planting:
+    """A drive with a cause in it, and the filter that is to run over it."""
+
+    way: str  # in a few words
+    since: int  # first update at which it can do harm
+    session: Held
+    library: Library
+    settings: Mapping[str, Any] = field(default_factory=lambda: dict(FILTER))
+    late: int = LOOKS  # updates after `since` within which a loss is due to it
+
+
+Way = Callable[[Ground, int, np.random.Generator], Planting]
+
+
+def _since(rng: np.random.Generator) -> int:
+    return int(rng.integers(*SINCE))
+
+
+# Nothing planted that does harm.
+
+
+def tracked(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """Nothing happens, and the start is known."""
+    return Planting("start known", 1, plain_drive(ground, seed), ground.library)
+
+
+def found(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """Nothing happens, and the start is not known."""
+    return Planting("start not known", 1, anywhere(plain_drive(ground, seed)), ground.library, SEARCHING)
+
+
+def a_little_dimmer(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The light dims so little that it does no harm."""
+    at = _since(rng)
+    dim = (LightChange("dim", at, amount=0.85),)
+    return Planting("the light dims a little", at, drive(ground, seed, lights=dim), ground.library)
+
+
+def one_piece_moved(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """One piece of furniture was moved after the survey."""
+    return Planting("one piece of furniture moved", 1, drive(ground, seed, moved=1), ground.library)
+
+
+def short_gap(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """One update is missing."""
+    at = _since(rng)
+    return Planting("one picture missing", at, gap(plain_drive(ground, seed), at, 1), ground.library)
+
+
+# What the camera sees.
+
+
+def swapped_colors(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The camera gives blue as red."""
+    session = pictures_changed(plain_drive(ground, seed), lambda image: image[..., ::-1])
+    return Planting("the camera gives blue as red", 1, session, ground.library, late=40)
+
+
+def upside_down(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The camera was mounted upside down."""
+    session = pictures_changed(plain_drive(ground, seed), lambda image: image[::-1, ::-1])
+    return Planting("the camera is upside down", 1, session, ground.library, late=40)
+
+
+def one_color_dead(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """One color of the camera is dead."""
+    dead = int(rng.integers(3))
+    session = pictures_changed(plain_drive(ground, seed), lambda image: _without(image, dead))
+    return Planting(f"color {['red', 'green', 'blue'][dead]} is dead", 1, session, ground.library, late=40)
+
+
+def _without(image: U8, color: int) -> U8:
+    left = image.copy()
+    left[..., color] = 0
+    return left
+
+
+def mixed_up_channel(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """One channel of the library holds what it measured elsewhere, and has the most weight."""
+    name = str(rng.choice(list(ground.library.index)))
+    index = dict(ground.library.index)
+    order = rng.permutation(ground.library.size)
+    index[name] = replace(index[name], references=index[name].references[order])
+    weights = {**weights_of(FEATURE), name: 3.0}
+    settings = {**FILTER, "sensor.weights": weights}
+    library = replace(ground.library, index=index)
+    return Planting(f"channel {name} mixed up", 1, plain_drive(ground, seed), library, settings, late=40)
+
+
+def dimmed(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The light falls at one update and stays low."""
+    at, share = _since(rng), float(rng.uniform(0.04, 0.12))
+    dim = (LightChange("dim", at, amount=share),)
+    way = f"the light falls to {share:.0%}"
+    return Planting(way, at, drive(ground, seed, lights=dim), ground.library, late=20)
+
+
+def lamps_off(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """All lamps go off; windows remain, where there are any."""
+    at = _since(rng)
+    lamps = [source for source in ground.world.sources if source.endswith("lamp")]
+    off = tuple(LightChange("off", at, source=lamp) for lamp in lamps)
+    return Planting("all lamps go off", at, drive(ground, seed, lights=off), ground.library, late=20)
+
+
+def people_in_view(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """People stand in view of every picture, where there is room."""
+    at = _since(rng)
+    session = joined(plain_drive(ground, seed), drive(ground, seed, crowded=True), at)
+    return Planting("people in view", at, session, ground.library, late=24)
+
+
+def furniture_moved(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """Much of the furniture was moved after the survey."""
+    most = len(ground.world.furniture)
+    session = drive(ground, seed, moved=min(most, 5))
+    return Planting("furniture moved after the survey", 1, session, ground.library, late=40)
+
+
+def something_ahead(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """A bag or a box rides along in front of the camera and hides most of what it saw."""
+    at, color = _since(rng), rng.integers(20, 200, 3)
+    left, grain = float(rng.uniform(0, 0.3)), rng.normal(0, 8, (144, 176, 1))
+
+    def covered(image: U8) -> U8:
+        rows, columns = image.shape[:2]
+        now = image.astype(np.float64)
+        first, last = int(left * columns), int((left + 0.7) * columns)
+        now[rows // 8 :, first:last] = (color + grain[:rows, :columns])[rows // 8 :, first:last]
+        return np.asarray(np.clip(now, 0, 255), np.uint8)
+
+    session = pictures_changed(plain_drive(ground, seed), covered, at)
+    return Planting("something hides most of the view", at, session, ground.library, late=24)
+
+
+# How the robot moves, and what its odometry tells.
+
+
+def carried_away(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The robot is carried to another place."""
+    at = _since(rng)
+    session = drive(ground, seed, task="kidnapped", kidnap_at=at - 1)
+    return Planting("carried away", at, Held(session.info, session.all_moments), ground.library)
+
+
+def spinning_wheels(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The wheels spin for some updates."""
+    at = _since(rng)
+    session = drive(ground, seed, slip_at=range(at, at + 6))
+    return Planting("the wheels spin", at, session, ground.library, late=18)
+
+
+def skidded(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The robot is turned around, unseen by its odometry."""
+    at, turn = _since(rng), float(rng.choice([-1, 1]) * np.radians(rng.uniform(60, 140)))
+
+    def unseen(motions: F64) -> F64:
+        motions[0, 2] -= turn  # the robot turned by so much more than its wheels say
+        return motions
+
+    session = odometry_changed(plain_drive(ground, seed), unseen, range(at, at + 1))
+    return Planting("skids around", at, session, ground.library)
+
+
+def encoder_stuck(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """Turns are read much too large for some updates."""
+    at = _since(rng)
+
+    def more(motions: F64) -> F64:
+        motions[:, 2] *= 2.5
+        return motions
+
+    session = odometry_changed(plain_drive(ground, seed), more, range(at, at + 8))
+    return Planting("turns are read 2.5 times too large", at, session, ground.library)
+
+
+def off_the_map(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """One movement is read so long that it leads off the map."""
+    at, way_m = _since(rng), float(rng.uniform(8, 20)) + max(ground.library.arena.size_m)
+
+    def far(motions: F64) -> F64:
+        motions[-1, 0] += way_m
+        return motions
+
+    session = odometry_changed(plain_drive(ground, seed), far, range(at, at + 1))
+    return Planting("one movement far too long", at, session, ground.library)
+
+
+def begun_outside(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The header names a start off the map."""
+    held, angle = plain_drive(ground, seed), float(rng.uniform(-np.pi, np.pi))
+    out_m = float(np.hypot(*ground.library.arena.size_m)) + 2
+    start = _start(held) + np.array([out_m * np.cos(angle), out_m * np.sin(angle), 0.0])
+    return Planting("the start is off the map", 1, started_at(held, start), ground.library)
+
+
+def _start(held: Held) -> F64:
+    if held.info.start is None:
+        raise ValueError("expected a drive with a known start")
+    return held.info.start
+
+
+# The library.
+
+
+def region_left_out(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The survey leaves out what is around a place that the drive comes to."""
+    held, at = plain_drive(ground, seed), _since(rng)
+    truths = np.array([moment.truth for moment in held.all_moments])
+    places, middle = ground.library.poses[:, :2], truths[at + 3, :2]
+    kept = np.linalg.norm(places - middle, axis=1) > GAP_M
+    inside = np.linalg.norm(truths[:, :2] - middle, axis=1) < GAP_M
+    since = int(np.argmax(inside)) + 1
+    return Planting("a region is not surveyed", since, held, part_of(ground.library, kept), late=24)
+
+
+# The filter.
+
+
+def looking_alike(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The map has two halves that look the same; the start is not known."""
+    session = anywhere(plain_drive(ground, seed))
+    return Planting("two halves look the same", 1, session, twin_of(ground.library), SEARCHING)
+
+
+def wrong_start(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The header names a start far from the true one."""
+    held, map_ = plain_drive(ground, seed), raster(ground.world.arena)
+    if map_ is None:
+        raise ValueError("expected a world with room to drive in")
+    start = free_pose(map_, rng, _start(held), FAR_M)
+    return Planting("the start is wrong", 1, started_at(held, start), ground.library)
+
+
+def too_few(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """Far too few particles for a start that is not known."""
+    settings = {**FILTER, "particles": int(rng.integers(15, 40))}
+    session = anywhere(plain_drive(ground, seed))
+    return Planting("too few particles everywhere", 1, session, ground.library, settings)
+
+
+def dropped_by_chance(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """Few particles, a flat likelihood and multinomial resampling: the good ones may go by bad luck."""
+    settings = {
+        **FILTER,
+        "particles": int(rng.integers(60, 160)),
+        "sensor.sharpness": 0.25,
+        "resampling.scheme": "multinomial",
+    }
+    session = anywhere(plain_drive(ground, seed))
+    return Planting("few particles, resampled by chance", 1, session, ground.library, settings)
+
+
+def absurdly_sharp(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """A likelihood so sharp that all weights but one are zero."""
+    settings = {**SEARCHING, "sensor.sharpness": 10_000.0, "particles": int(rng.integers(200, 600))}
+    session = anywhere(plain_drive(ground, seed))
+    return Planting("all weights but one are zero", 1, session, ground.library, settings)
+
+
+# The recording.
+
+
+def log_with_a_gap(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The log lacks some updates, pictures and odometry alike."""
+    at, count = _since(rng), int(rng.integers(6, 11))
+    return Planting("the log has a gap", at, gap(plain_drive(ground, seed), at, count), ground.library)
+
+
+def stuck_camera(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """The camera gives the same picture again and again."""
+    at, count = _since(rng), int(rng.integers(10, 16))
+    session = frozen(plain_drive(ground, seed), at, count)
+    return Planting("the camera repeats one picture", at, session, ground.library, late=16)
+
+
+WAYS: Mapping[str, tuple[Way, ...]] = {
+    HEALTHY: (tracked, found, tracked, a_little_dimmer, one_piece_moved, found, short_gap),
+    SENSOR: (swapped_colors, upside_down, one_color_dead, mixed_up_channel),
+    AMBIGUITY: (looking_alike,),
+    PROPOSAL: (wrong_start, too_few),
+    RESAMPLING: (dropped_by_chance,),
+    MOTION: (spinning_wheels, skidded, encoder_stuck),
+    LIBRARY_GAP: (region_left_out,),
+    LIGHTING: (dimmed, lamps_off),
+    VIEW: (people_in_view, furniture_moved, something_ahead),
+    KIDNAPPED: (carried_away,),
+    LEFT_MAP: (off_the_map, begun_outside),
+    NUMERIC: (absurdly_sharp,),
+    DATA: (log_with_a_gap, stuck_camera),
+}
