@@ -20,7 +20,7 @@ from maurice_mcl.session import Moment
 from .ways import HEALTHY, LOOKS, Planting
 
 NEVER = 1_000_000  # a step that no drive has
-ALL_BUT_ONE = 1.5  # an effective sample size below this: one particle has all weight
+MOST = 0.5  # of the weights
 Steps = Iterator[tuple[Moment, StepRecord]]
 
 
@@ -50,7 +50,7 @@ class Outcome:
     held_from: int | None  # first step at which particles near the truth had weight for a copy or more
     dropped_at: int | None  # step at which resampling left none of those, for good
     left_at: int | None  # first step at which no particle was in free space
-    one_left: float  # share of the updates in which one particle had all weight
+    zero_at: int | None  # first step at which most weights in free space were zero
 
     @property
     def failed(self) -> bool:
@@ -62,7 +62,7 @@ def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
     """Follow a run to its end."""
     scores: list[StepScore] = []
     held = dropped = left = None
-    alone = 0
+    zero = None
     for moment, record in steps:
         if moment.truth is None:
             raise ValueError("expected the truth at every picture of a planted drive")
@@ -74,7 +74,7 @@ def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
         dropped = step if counted and after == 0 else (None if after > 0 else dropped)
         if left is None and {LEFT, ALL_ZERO} & set(record.events):
             left = step
-        alone += record.effective_sample_size < ALL_BUT_ONE
+        zero = step if zero is None and _is_zero(record) else zero
     localized = first_mostly(np.array([one.localized is True for one in scores], bool))
     return Outcome(
         updates=len(scores),
@@ -84,8 +84,17 @@ def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
         held_from=held,
         dropped_at=dropped,
         left_at=left,
-        one_left=alone / len(scores),
+        zero_at=zero,
     )
+
+
+def _is_zero(record: StepRecord) -> bool:
+    """Return whether numbers were too small or too large for the weights of particles in free space."""
+    inside = record.sighting.entries >= 0
+    if not inside.any():
+        return False
+    weights = np.exp(record.weighted.log_weights[inside])
+    return ALL_ZERO in record.events or float(np.mean(weights == 0)) >= MOST
 
 
 def _lost_from(scores: Sequence[StepScore], first: int | None) -> int | None:
@@ -104,7 +113,7 @@ def is_harm(kind: str, planting: Planting, outcome: Outcome) -> bool:
         PROPOSAL: outcome.left_at is None and (outcome.held_from or NEVER) > LOOKS,
         RESAMPLING: outcome.dropped_at is not None,
         LEFT_MAP: outcome.left_at is not None,
-        NUMERIC: outcome.one_left > 0.9,
+        NUMERIC: outcome.zero_at is not None,
     }
     return outcome.failed and special.get(kind, True) and _in_time(planting, outcome)
 

@@ -29,7 +29,9 @@ from maurice_mcl.sensor.descriptors.registry import weights_of
 from ..render.conditions import LightChange
 from ..robot.planner import free_pose, raster
 from ..trials.drives import Held
+from ..worlds.world import clearance
 from .drives import (
+    Picture,
     anywhere,
     drive,
     frozen,
@@ -45,10 +47,12 @@ from .places import FEATURE, Ground, part_of, twin_of
 HEALTHY = "healthy"
 FILTER: Mapping[str, Any] = {"sensor.weights": weights_of(FEATURE), "particles": 1000}
 SEARCHING: Mapping[str, Any] = {**FILTER, "particles": 3000}  # enough to find itself without a known start
+STARTS, STAYS = 60, 16  # wrong starts tried; updates for which their way shall stay on the map
 FAR_M = 1.5  # a wrong start is at least so far away
 GAP_M = 1.3  # around the middle of a gap in the library
 SINCE = (16, 26)  # updates between which a cause begins
 LOOKS = 12  # updates after a cause within which a run must be lost
+LASTING = 48  # the same for a cause that lasts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,21 +110,27 @@ def short_gap(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
 
 def swapped_colors(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """The camera gives blue as red."""
-    session = pictures_changed(plain_drive(ground, seed), lambda image: image[..., ::-1])
-    return Planting("the camera gives blue as red", 1, session, ground.library, late=40)
+    return _seen_so(ground, seed, rng, "the camera gives blue as red", lambda image: image[..., ::-1])
 
 
 def upside_down(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """The camera was mounted upside down."""
-    session = pictures_changed(plain_drive(ground, seed), lambda image: image[::-1, ::-1])
-    return Planting("the camera is upside down", 1, session, ground.library, late=40)
+    return _seen_so(ground, seed, rng, "the camera is upside down", lambda image: image[::-1, ::-1])
 
 
 def one_color_dead(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """One color of the camera is dead."""
     dead = int(rng.integers(3))
-    session = pictures_changed(plain_drive(ground, seed), lambda image: _without(image, dead))
-    return Planting(f"color {['red', 'green', 'blue'][dead]} is dead", 1, session, ground.library, late=40)
+    way = f"color {['red', 'green', 'blue'][dead]} is dead"
+    return _seen_so(ground, seed, rng, way, lambda image: _without(image, dead))
+
+
+def _seen_so(ground: Ground, seed: int, rng: np.random.Generator, way: str, change: Picture) -> Planting:
+    """Change all pictures, of drives with a known start and of others."""
+    session = pictures_changed(plain_drive(ground, seed), change)
+    if rng.random() < 0.5:
+        return Planting(way, 1, session, ground.library, late=LASTING)
+    return Planting(way, 1, anywhere(session), ground.library, SEARCHING)
 
 
 def _without(image: U8, color: int) -> U8:
@@ -138,7 +148,7 @@ def mixed_up_channel(ground: Ground, seed: int, rng: np.random.Generator) -> Pla
     weights = {**weights_of(FEATURE), name: 3.0}
     settings = {**FILTER, "sensor.weights": weights}
     library = replace(ground.library, index=index)
-    return Planting(f"channel {name} mixed up", 1, plain_drive(ground, seed), library, settings, late=40)
+    return Planting(f"channel {name} mixed up", 1, plain_drive(ground, seed), library, settings, late=LASTING)
 
 
 def dimmed(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -146,7 +156,7 @@ def dimmed(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     at, share = _since(rng), float(rng.uniform(0.04, 0.12))
     dim = (LightChange("dim", at, amount=share),)
     way = f"the light falls to {share:.0%}"
-    return Planting(way, at, drive(ground, seed, lights=dim), ground.library, late=20)
+    return Planting(way, at, drive(ground, seed, lights=dim), ground.library, late=LASTING)
 
 
 def lamps_off(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -154,21 +164,21 @@ def lamps_off(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     at = _since(rng)
     lamps = [source for source in ground.world.sources if source.endswith("lamp")]
     off = tuple(LightChange("off", at, source=lamp) for lamp in lamps)
-    return Planting("all lamps go off", at, drive(ground, seed, lights=off), ground.library, late=20)
+    return Planting("all lamps go off", at, drive(ground, seed, lights=off), ground.library, late=LASTING)
 
 
 def people_in_view(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """People stand in view of every picture, where there is room."""
     at = _since(rng)
     session = joined(plain_drive(ground, seed), drive(ground, seed, crowded=True), at)
-    return Planting("people in view", at, session, ground.library, late=24)
+    return Planting("people in view", at, session, ground.library, late=LASTING)
 
 
 def furniture_moved(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """Much of the furniture was moved after the survey."""
     most = len(ground.world.furniture)
     session = drive(ground, seed, moved=min(most, 5))
-    return Planting("furniture moved after the survey", 1, session, ground.library, late=40)
+    return Planting("furniture moved after the survey", 1, session, ground.library, late=LASTING)
 
 
 def something_ahead(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -184,7 +194,7 @@ def something_ahead(ground: Ground, seed: int, rng: np.random.Generator) -> Plan
         return np.asarray(np.clip(now, 0, 255), np.uint8)
 
     session = pictures_changed(plain_drive(ground, seed), covered, at)
-    return Planting("something hides most of the view", at, session, ground.library, late=24)
+    return Planting("something hides most of the view", at, session, ground.library, late=LASTING)
 
 
 # How the robot moves, and what its odometry tells.
@@ -229,15 +239,16 @@ def encoder_stuck(ground: Ground, seed: int, rng: np.random.Generator) -> Planti
 
 
 def off_the_map(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
-    """One movement is read so long that it leads off the map."""
-    at, way_m = _since(rng), float(rng.uniform(8, 20)) + max(ground.library.arena.size_m)
+    """Movements are read so long that they lead off the map, for some updates."""
+    at, count = _since(rng), int(rng.integers(4, 8))
+    way_m = float(rng.uniform(8, 20)) + max(ground.library.arena.size_m)
 
     def far(motions: F64) -> F64:
         motions[-1, 0] += way_m
         return motions
 
-    session = odometry_changed(plain_drive(ground, seed), far, range(at, at + 1))
-    return Planting("one movement far too long", at, session, ground.library)
+    session = odometry_changed(plain_drive(ground, seed), far, range(at, at + count))
+    return Planting("movements far too long", at, session, ground.library)
 
 
 def begun_outside(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -265,7 +276,7 @@ def region_left_out(ground: Ground, seed: int, rng: np.random.Generator) -> Plan
     kept = np.linalg.norm(places - middle, axis=1) > GAP_M
     inside = np.linalg.norm(truths[:, :2] - middle, axis=1) < GAP_M
     since = int(np.argmax(inside)) + 1
-    return Planting("a region is not surveyed", since, held, part_of(ground.library, kept), late=24)
+    return Planting("a region is not surveyed", since, held, part_of(ground.library, kept), late=LASTING)
 
 
 # The filter.
@@ -282,8 +293,21 @@ def wrong_start(ground: Ground, seed: int, rng: np.random.Generator) -> Planting
     held, map_ = plain_drive(ground, seed), raster(ground.world.arena)
     if map_ is None:
         raise ValueError("expected a world with room to drive in")
-    start = free_pose(map_, rng, _start(held), FAR_M)
+    truths = np.array([moment.truth for moment in held.all_moments[:STAYS]])
+    starts = [free_pose(map_, rng, _start(held), FAR_M) for _ in range(STARTS)]
+    start = max(starts, key=lambda one: _stays(ground, _start(held), one, truths))
     return Planting("the start is wrong", 1, started_at(held, start), ground.library)
+
+
+def _stays(ground: Ground, start: F64, wrong: F64, truths: F64) -> int:
+    """Return for how many updates the way that was driven stays on the map from a wrong start."""
+    turn = wrong[2] - start[2]
+    cos, sin = np.cos(turn), np.sin(turn)
+    ways = (truths[:, :2] - start[:2]) @ np.array([[cos, sin], [-sin, cos]]) + wrong[:2]
+    free = clearance(ground.world.arena, ways) > 0.05
+    x_min, y_min, x_max, y_max = ground.world.arena.bounds
+    free &= (ways > (x_min, y_min)).all(axis=1) & (ways < (x_max, y_max)).all(axis=1)
+    return len(free) if free.all() else int(np.argmin(free))
 
 
 def too_few(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -309,7 +333,16 @@ def absurdly_sharp(ground: Ground, seed: int, rng: np.random.Generator) -> Plant
     """A likelihood so sharp that all weights but one are zero."""
     settings = {**SEARCHING, "sensor.sharpness": 10_000.0, "particles": int(rng.integers(200, 600))}
     session = anywhere(plain_drive(ground, seed))
-    return Planting("all weights but one are zero", 1, session, ground.library, settings)
+    return Planting("a likelihood far too sharp", 1, session, ground.library, settings)
+
+
+def not_a_number(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
+    """One channel of the library holds what is not a number."""
+    name = str(rng.choice(list(ground.library.index)))
+    index = dict(ground.library.index)
+    index[name] = replace(index[name], references=np.full_like(index[name].references, np.nan))
+    library = replace(ground.library, index=index)
+    return Planting(f"channel {name} is not a number", 1, plain_drive(ground, seed), library, late=LASTING)
 
 
 # The recording.
@@ -340,6 +373,6 @@ WAYS: Mapping[str, tuple[Way, ...]] = {
     VIEW: (people_in_view, furniture_moved, something_ahead),
     KIDNAPPED: (carried_away,),
     LEFT_MAP: (off_the_map, begun_outside),
-    NUMERIC: (absurdly_sharp,),
+    NUMERIC: (absurdly_sharp, not_a_number),
     DATA: (log_with_a_gap, stuck_camera),
 }
