@@ -5,6 +5,7 @@ References are placed by hand, so a little off; they are labeled with where they
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from maurice_loaders.errors import InputError
 from maurice_loaders.files import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.arrays import F64, U8
@@ -30,6 +32,8 @@ from .worlds.build import build_world, check_tier, load_plan
 from .worlds.world import World, clearance, inside
 
 SURVEY_S = 12.0  # to place the robot and take one reference; invented
+LATER = 1_000_000  # number of the first reference of a later survey: its noise is its own
+POSE_COLUMNS, FARTHEST = ("x_m", "y_m", "heading_deg"), 1e6
 AHEAD_M = 1.6  # of some poses one with so much room ahead is preferred
 
 
@@ -97,16 +101,33 @@ def _surveyor_of(world: World) -> Surveyor:
     return Surveyor(headings=world.headings)
 
 
+def added_references(nominal: F64, camera: CameraSession, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
+    """Return the nominal pose (3,) and the picture of each reference (L, 3) of a later survey."""
+    sd = np.array([surveyor.place_sd_m, surveyor.place_sd_m, surveyor.heading_sd_rad])
+    rng = stream(Domain.SIMULATOR, camera.seed, LATER, SimPurpose.SURVEY_PLACING)
+    placed = nominal + rng.standard_normal(nominal.shape) * sd
+    for number, (label, pose) in enumerate(zip(nominal, placed, strict=True), start=LATER):
+        yield label, camera.take(number, pose)
+
+
 def write_survey(
-    path: Path, world: World, camera: CameraSession, surveyor: Surveyor, report: Progress
+    path: Path,
+    world: World,
+    camera: CameraSession,
+    surveyor: Surveyor,
+    report: Progress,
+    poses: F64 | None = None,
 ) -> None:
-    """Write the covered pictures, then every reference with its nominal pose."""
-    total = len(world.nodes) * surveyor.headings
+    """Write the covered pictures, then every reference with its nominal pose, or those at `poses` (L, 3)."""
+    total = len(world.nodes) * surveyor.headings if poses is None else len(poses)
+    taken = references(world.nodes, camera, surveyor)
+    if poses is not None:
+        taken = added_references(poses, camera, surveyor)
     with SessionWriter(path, _survey_info(world, camera), kind="survey") as log:
         for number in range(surveyor.covered):
             log.image(number * FRAME_S, camera.take_covered(number), covered=True, camera="front")
         t_s = surveyor.covered * FRAME_S
-        for number, (pose, picture) in enumerate(references(world.nodes, camera, surveyor), start=1):
+        for number, (pose, picture) in enumerate(taken, start=1):
             log.image(t_s + number * SURVEY_S, picture, pose=pose, camera="front")
             report(number, total, "survey")
 
@@ -130,6 +151,7 @@ def write_survey_folder(
     seed: int,
     *,
     half_resolution: bool = False,
+    poses: F64 | None = None,
     force: bool = False,
     progress: Progress | None = None,
 ) -> Path:
@@ -137,7 +159,7 @@ def write_survey_folder(
     report = progress or (lambda done, total, what: None)
     with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
         camera = survey_camera(world, seed, half_resolution=half_resolution)
-        write_survey(filling / SURVEY.name, world, camera, _surveyor_of(world), report)
+        write_survey(filling / SURVEY.name, world, camera, _surveyor_of(world), report, poses)
         seal(filling, f"survey-{GENERATOR}-{seed}")
     return folder / SURVEY.name
 
@@ -150,6 +172,7 @@ def survey(
     seed: int = 0,
     spacing_m: float | None = None,
     headings: int | None = None,
+    poses: F64 | None = None,
     half_resolution: bool = False,
     force: bool = False,
     progress: Progress | None = None,
@@ -157,7 +180,8 @@ def survey(
     """Take the reference pictures of a simulated world; return the path of the survey's log.
 
     `world` is a name or a TOML file (docs/worlds.md), `tier` nominal, dim or hard; `seed` draws everything
-    that the file leaves to it. `spacing_m` between places and `headings` per place override the file. Raises
+    that the file leaves to it. `spacing_m` between places and `headings` per place override the file;
+    with `poses` (L, 3), in meters and radians, only these are taken. Raises
     InputError for a world, tier or folder that cannot be used (`force` replaces an earlier survey),
     and for a full disk.
 
@@ -167,8 +191,22 @@ def survey(
     """
     drawn = surveyed_world(world, seed, tier, spacing_m, headings)
     return write_survey_folder(
-        Path(to), drawn, seed, half_resolution=half_resolution, force=force, progress=progress
+        Path(to), drawn, seed, half_resolution=half_resolution, poses=poses, force=force, progress=progress
     )
+
+
+def read_poses(path: Path) -> F64:
+    """Read poses (L, 3) from a table with the columns x_m, y_m and heading_deg. InputError for any other."""
+    expected = "expected a table (.csv) with the columns x_m, y_m and heading_deg, as `library check` writes"
+    try:
+        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+        found = [[float(row[name]) for name in POSE_COLUMNS] for row in rows]
+    except (OSError, UnicodeDecodeError, KeyError, TypeError, ValueError, csv.Error) as problem:
+        raise InputError(path, f"cannot be read ({' '.join(str(problem).split())}); {expected}") from None
+    poses = np.array(found, np.float64).reshape(-1, 3)
+    if not len(poses) or not (np.abs(poses) < FARTHEST).all():
+        raise InputError(path, f"found {'a pose out of range' if len(poses) else 'no pose'}; {expected}")
+    return np.column_stack([poses[:, :2], wrap(np.radians(poses[:, 2]))])
 
 
 def surveyed_world(

@@ -7,6 +7,7 @@
 | `show` | shows a run, a recording or a session in a notebook's widget |
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
 | `explain` | explains one update of a saved run |
+| `check` | whether a filter does on drives what is demanded of it, with many seeds |
 | `snapshot`, `movie` | a picture or a movie of what the viewer shows |
 | `report` | one self-contained page about a saved run |
 | `events`, `keep_bookmark`, `drop_bookmarks`, `jump` | events, your notes, the open viewer's cursor |
@@ -41,12 +42,13 @@ if TYPE_CHECKING:
     from .app.events import jump as jump
     from .app.events import keep_bookmark as keep_bookmark
     from .app.library import build_library as build_library
-    from .app.library import check_library as check_library
     from .app.library import tune as tune
+    from .app.library_check import check_library as check_library
     from .app.replay import replay as replay
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
     from .app.trials import trials_view as trials_view
+    from .app.understand.check import check as check
     from .app.understand.explain import explain as explain
     from .app.understand.inspect import doctor as doctor
     from .app.understand.inspect import formats as formats
@@ -67,7 +69,8 @@ _WHERE = {
     "build_library": ".app.library",
     "calibrate_motion": ".app.calibrate",
     "calibrate_noise": ".app.calibrate",
-    "check_library": ".app.library",
+    "check": ".app.understand.check",
+    "check_library": ".app.library_check",
     "compare": ".app.compare",
     "convert": ".app.convert",
     "doctor": ".app.understand.inspect",
@@ -100,6 +103,7 @@ __all__ = [
     "build_library",
     "calibrate_motion",
     "calibrate_noise",
+    "check",
     "check_library",
     "compare",
     "convert",

@@ -55,10 +55,7 @@ class Coverage:
 
 def coverage_of(library: Library, reach_m: float) -> Coverage:
     """Measure how free space is covered, ignoring walls between entry and place."""
-    places = distinct_places(library.poses[:, :2])[0]
-    grid = make_grid(library.arena, places)
-    mapped = len(library.arena.walls) > 0 or len(library.arena.obstacles) > 0
-    free = grid.free if mapped else grid.free & _between(places, grid)
+    grid, free, mapped = free_space(library)
     points = grid.centers()[free.ravel()]
     cell_m2 = grid.cell_m**2
     if not len(points):
@@ -68,6 +65,17 @@ def coverage_of(library: Library, reach_m: float) -> Coverage:
     directions = _directions(library.poses, points[near], reach_m)
     gaps = _gaps(points, distance, free, reach_m, cell_m2)
     return Coverage(reach_m, mapped, float(len(points) * cell_m2), float(near.mean()), directions, gaps)
+
+
+def free_space(library: Library) -> tuple[Grid, Bool, bool]:
+    """Return a grid, which of its cells a robot can reach from the references, and whether a map says so.
+
+    Where no wall is known, free space is the hull of the references.
+    """
+    places = distinct_places(library.poses[:, :2])[0]
+    grid = make_grid(library.arena, places)
+    mapped = len(library.arena.walls) > 0 or len(library.arena.obstacles) > 0
+    return grid, grid.free if mapped else grid.free & _between(places, grid), mapped
 
 
 def _between(places: F64, grid: Grid) -> Bool:
@@ -132,6 +140,8 @@ class SelfSimilarity:
     alias: I32  # (L,) the most similar far entry; -1 for none
     margin: F64  # (L,) nats by which that is less similar than the best neighbor; below 0: aliased; nan
     ambiguity: F64  # (L,) effective number of places that fit as well: exp of the entropy, 1 or more
+    confusion: F64  # (L,) share of the likelihood elsewhere that lies at far entries
+    rank: I32  # (L,) of the best neighbor among all entries elsewhere, far ones counted; 1 is right
     similarity: F64  # (6,) median cost in nats at places nearer than 1, 2, 3, 5, 8 spacings, and beyond
 
     @property
@@ -161,7 +171,7 @@ def self_similarity_of(
     between = max(spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING_M)
     places, place_of = places_of(library.poses[:, :2], between)
     between = max(between, _spacing(library, place_of))
-    found: list[tuple[int, float, float, int, float, float]] = []
+    found: list[tuple[int, float, float, int, float, float, float, int]] = []
     curve: list[F64] = []
     for entry in range(library.size):
         others = np.flatnonzero(place_of != place_of[entry])
@@ -171,7 +181,7 @@ def self_similarity_of(
         if progress:
             progress(entry + 1, library.size)
     columns = [np.array(column) for column in zip(*found, strict=True)]
-    retrieved, error_m, error_rad, alias, margin, ambiguity = columns
+    retrieved, error_m, error_rad, alias, margin, ambiguity, confusion, rank = columns
     return SelfSimilarity(
         spacing_m=between,
         places=places,
@@ -182,6 +192,8 @@ def self_similarity_of(
         alias=alias.astype(np.int32),
         margin=margin,
         ambiguity=ambiguity,
+        confusion=confusion,
+        rank=rank.astype(np.int32),
         similarity=_medians(np.array(curve)),
     )
 
@@ -203,20 +215,24 @@ def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
 
 def _one(
     library: Library, place_of: I32, between: float, entry: int, others: Index, cost: F64
-) -> tuple[int, float, float, int, float, float]:
+) -> tuple[int, float, float, int, float, float, float, int]:
     """Return the values of `SelfSimilarity` for one entry."""
     if not len(others):
-        return -1, np.nan, np.nan, -1, np.nan, 1.0
+        return -1, np.nan, np.nan, -1, np.nan, 1.0, 0.0, 1
     apart_m, turned = _apart(library, entry, others)
     best = int(cost[others].argmin())
     near = (apart_m <= NEAR * between) & (turned <= SAME_WAY_RAD)
     far = apart_m > FAR * between
-    alias, margin = -1, np.nan
+    alias, margin, confusion, rank = -1, np.nan, 0.0, 1
     if far.any():
+        share = np.exp(cost[others].min() - cost[others])
+        confusion = float(share[far].sum() / share.sum())
+        rank += int((cost[others][far] < cost[others][near].min()).sum()) if near.any() else 0
         alias = int(others[far][cost[others][far].argmin()])
         margin = float(cost[alias] - cost[others][near].min()) if near.any() else np.nan
     ambiguity = _ambiguity(place_of[others], cost[others])
-    return int(others[best]), float(apart_m[best]), float(turned[best]), alias, margin, ambiguity
+    retrieved = int(others[best]), float(apart_m[best]), float(turned[best])
+    return *retrieved, alias, margin, ambiguity, confusion, rank
 
 
 def _apart(library: Library, entry: int, others: Index) -> tuple[F64, F64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -316,4 +316,45 @@ class SelectedSurvey:
         return SurveyPicture(file, picture.image, picture.pose, picture.covered)
 
 
-Survey = SessionLog | RecordedSession | SelectedSurvey  # where a library's pictures come from
+class JoinedSurvey:
+    """Several surveys of one place as one; name, map and units are those of the first."""
+
+    def __init__(self, surveys: Sequence[SessionLog | RecordedSession | SelectedSurvey]) -> None:
+        self._surveys = tuple(surveys)
+
+    @property
+    def path(self) -> Path:
+        """The log, file or folder of the first."""
+        return self._surveys[0].path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What the header of the first says."""
+        return self._surveys[0].info
+
+    @property
+    def problem_count(self) -> int:
+        """How much was skipped."""
+        return sum(one.problem_count for one in self._surveys)
+
+    @property
+    def problems(self) -> tuple[InputError, ...]:
+        """The first of it."""
+        return tuple(problem for one in self._surveys for problem in one.problems)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks for the user."""
+        return tuple(text for one in self._surveys for text in one.warnings)
+
+    def count_pictures(self) -> int:
+        """Return the number of pictures, including covered ones."""
+        return sum(one.count_pictures() for one in self._surveys)
+
+    def survey_pictures(self) -> Iterator[SurveyPicture]:
+        """Yield all pictures, survey by survey."""
+        for one in self._surveys:
+            yield from one.survey_pictures()
+
+
+Survey = SessionLog | RecordedSession | SelectedSurvey | JoinedSurvey  # where a library's pictures come from

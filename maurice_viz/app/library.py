@@ -1,9 +1,9 @@
-"""Libraries of references: built from a survey or a drive, checked for quality, channels tuned to one."""
+"""Libraries of references: built from a survey or a drive, channels tuned to one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from maurice_loaders.files import expect_absent, temporary_folder, toml_value, w
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
-from maurice_loaders.libraries.survey import EVERY, SelectedSurvey, open_survey, read_every
+from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.calibration.sensor import (
     Measuring,
@@ -30,15 +30,13 @@ from maurice_mcl.calibration.sensor import (
 )
 from maurice_mcl.calibration.sensor import tune as fit_channels
 from maurice_mcl.library import Library
-from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
+from maurice_mcl.library_quality import Coverage, coverage_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.sensor.left_out import PlaceScore, score_places
-from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
-from ..style import scale_for
 from .open import default_said, library_at, open_session, remark_open, remark_skipped
 
 
@@ -47,6 +45,7 @@ def build_library(
     to: str | Path,
     *,
     every: str | None = None,
+    add: Sequence[str | Path] = (),
     yaw_rad: float = 0.0,
     map_file: str | Path | None = None,
     map_unit: str = "mm",
@@ -57,7 +56,8 @@ def build_library(
     """Build a library from a survey log, or from a drive with truth, and save it to the folder `to`.
 
     `every` is the distance and the angle between entries of a drive, as "0.4m,45deg" (the default of a drive;
-    a survey log is taken whole). `yaw_rad` is the yaw of the robot's camera from the survey's camera, in
+    a survey log is taken whole). `add` are further surveys, whose references are added, such as those that
+    `check_library` asked for. `yaw_rad` is the yaw of the robot's camera from the survey's camera, in
     radians, counter-clockwise. `map_file` replaces the survey's map: a ROS `map.yaml`, or wall segments
     in `map_unit` ("mm" or "m"). Returns the library, and for a drive how much of the map it covers.
 
@@ -75,6 +75,9 @@ def build_library(
         raise OptionError(str(problem)) from None
     with temporary_folder("maurice-library") as kept:
         source = open_survey(survey, options, spaced, kept, progress_of(listener, "choose pictures"))
+        chosen = source.chosen.every or EVERY if isinstance(source, SelectedSurvey) else None
+        if add:
+            source = JoinedSurvey([source, *(open_survey(Path(one), options) for one in add)])
         built = measure(
             survey,
             keep_going=options.keep_going,
@@ -87,104 +90,7 @@ def build_library(
         )
         remark_open(built, listener)
         save_library(built, Path(to), force=force)
-        if isinstance(source, SelectedSurvey):
-            return built, coverage_of(built, (source.chosen.every or EVERY).distance_m)
-        return built, None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LibraryCheck:
-    """How well a library distinguishes its places, and where it has gaps."""
-
-    library: Library
-    similarity: SelfSimilarity
-    coverage: Coverage
-    telling: PlaceScore  # whether its places can be told apart, with the fitted scales
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON, in meters and radians."""
-        found, covered = self.similarity, self.coverage
-        known, places = found.retrieved >= 0, found.at_places(found.ambiguity)
-        return {
-            "name": self.library.name,
-            "entries": self.library.size,
-            "places": len(found.places),
-            "spacing_m": found.spacing_m,
-            "covered_share": covered.covered,
-            "directions_share": covered.directions,
-            "gaps": [asdict(gap) for gap in covered.gaps],
-            "retrieved_right_share": found.retrieved_right,
-            "retrieval_error_median_m": float(np.median(found.error_m[known])) if known.any() else None,
-            "retrieval_error_90_m": float(np.percentile(found.error_m[known], 90)) if known.any() else None,
-            "look_alikes": [
-                {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
-                for entry in found.aliased.tolist()
-            ],
-            "ambiguity_median": float(np.median(places)),
-            "ambiguity": [
-                {"x_m": float(x), "y_m": float(y), "places": float(value)}
-                for (x, y), value in zip(found.places, places, strict=True)
-            ],
-            "similarity_nats": [None if np.isnan(v) else float(v) for v in found.similarity],
-            "places_told_apart": self.telling.to_json(),
-        }
-
-    def draw(self, to: str | Path, *, force: bool = False) -> Path:
-        """Write the map of expected ambiguity (.png) and return its path.
-
-        Raises OptionError for another ending and InputError if the file exists (unless `force`).
-        """
-        from ..drawing.canvas import png
-        from ..plots.sheets import draw_ambiguity
-
-        path = _checked_map(Path(to), force=force)
-        scale = scale_for(self.library.display_units, self.library.arena)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, png(draw_ambiguity(self.library, self.similarity, scale)), force=force)
-        return path
-
-
-def check_library(
-    library: str | Path,
-    *,
-    feature: str = "blended",
-    to: str | Path | None = None,
-    force: bool = False,
-    listener: Listener = SILENT,
-) -> LibraryCheck:
-    """Compare a library's pictures with each other: aliases, retrieval error, ambiguity, coverage.
-
-    `feature` is a feature or a channel by name. `to` also draws the map of expected ambiguity (.png). Raises
-    InputError for a library that cannot be opened or lacks a channel of the feature.
-
-        >>> import maurice_viz as mv
-        >>> check = mv.check_library("survey.log")
-        >>> check.library.size, check.similarity.spacing_m
-        (160, 0.5)
-    """
-    path = Path(library)
-    if to is not None:
-        _checked_map(Path(to), force=force)
-    opened = library_at(path, listener)
-    weights = FEATURES.get(feature, {feature: 1.0})
-    missing = [name for name in weights if name not in opened.index]
-    if missing:
-        found = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
-        raise InputError(path, f"{found}, and {missing[0]} is wanted; build the library again")
-    nearest = nearest_reference(opened.poses, opened.arena)
-    sensor = SensorModel(opened, nearest, SensorParameters(dict(weights)))
-    similarity = self_similarity_of(opened, sensor, progress_of(listener, "compare"))
-    check = LibraryCheck(opened, similarity, coverage_of(opened, similarity.spacing_m), score_places(sensor))
-    if to is not None:
-        check.draw(to, force=force)
-    return check
-
-
-def _checked_map(path: Path, *, force: bool) -> Path:
-    if path.suffix != ".png":
-        raise OptionError(f"--map ends in .png, found {str(path)!r}")
-    expect_absent(path, force=force)
-    return path
+        return built, None if chosen is None else coverage_of(built, chosen.distance_m)
 
 
 BEFORE = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with

@@ -43,11 +43,16 @@ class Playback:
     views: Sequence[RunView]
     scene: DriveScene
     remarks: Callable[[ResultCollector], None]  # reports at the end what the scores do not say
+    drawn: range | None = None  # steps that are drawn; None: all of them
 
     @property
     def labels(self) -> list[str]:
         """The runs' labels, in order."""
         return [run.label for run in self.views]
+
+    def draws(self, steps: Mapping[str, Step]) -> bool:
+        """Return whether an update is drawn."""
+        return self.drawn is None or all(one.frame.step in self.drawn for one, _ in steps.values())
 
     @property
     def other_drives(self) -> set[str]:
@@ -154,13 +159,14 @@ def step_through(
                     pairs = collector.add_steps(steps)
                     for label, writer in writers.items():
                         writer.add(*steps[label])
-                    for label, observer in observers.items():
-                        observer.see(*steps[label])
-                    if comparison is not None:
-                        comparison.see(steps, pairs)
-                    if verdict is not None:
-                        moment, _ = next(iter(steps.values()))
-                        verdict.see(moment, collector.verdicts())
+                    if playback.draws(steps):
+                        for label, observer in observers.items():
+                            observer.see(*steps[label])
+                        if comparison is not None:
+                            comparison.see(steps, pairs)
+                        if verdict is not None:
+                            moment, _ = next(iter(steps.values()))
+                            verdict.see(moment, collector.verdicts())
                 listener.progress(collector.updates, playback.total, "replay")
     finally:
         if comparison is not None and collector.updates:

@@ -48,6 +48,7 @@ COMMANDS = {
         Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY),
         Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND),
         Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND),
+        Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND),
         Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND),
         Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND),
         Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND),

@@ -11,11 +11,13 @@ import typer
 from rich.table import Table
 
 from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.library_advice import AMBIGUITY, CONFUSED, GAP, HEADING, LibraryAdvice
 from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
 
-from ..app.library import TuningResult, build_library, check_library
+from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
+from ..app.library_check import check_library
 from ..app.open import library_at
 from ..style import Scale, scale_for, units_named
 from ..text.places import places_said, scores_of
@@ -46,6 +48,10 @@ def build(
             metavar="LENGTH,ANGLE",
         ),
     ] = None,
+    add: Annotated[
+        list[Path] | None,
+        option("--add", "Another survey of the same place, whose references are added.", metavar="SURVEY"),
+    ] = None,
     yaw: Annotated[
         float,
         option(
@@ -68,6 +74,7 @@ def build(
             survey,
             output,
             every=every,
+            add=add or (),
             yaw_rad=yaw_rad,
             map_file=map_file,
             map_unit=map_unit,
@@ -155,22 +162,30 @@ def check(
     draw: Annotated[
         Path | None, option("--map", "Draw the map of expected ambiguity.", metavar="OUT.png")
     ] = None,
+    poses: Annotated[
+        Path | None,
+        option("--poses", "Write the references to add as a table, for `survey --poses`.", metavar="OUT.csv"),
+    ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Compare a library's pictures with each other: aliases, retrieval error, ambiguity, gaps."""
+    """Compare a library's pictures with each other: aliases, ambiguity, gaps, and references to add."""
     with listening() as listener:
-        found = check_library(library, feature=feature or "blended", to=draw, force=force, listener=listener)
+        found = check_library(
+            library, feature=feature or "blended", to=draw, poses=poses, force=force, listener=listener
+        )
     if json_output:
         print_json(found.to_json())
         return
     scale = scale_for(found.library.display_units, found.library.arena)
     table = _check_table(found.library, found.similarity, found.coverage, scale)
     table.add_row("places", scores_of(found.telling))
+    table.add_row("to add", _to_add(found.advice, scale))
     results.print(table)
     gaps, pairs = _gap_lines(found.coverage, scale), _pair_lines(found.library, found.similarity, scale)
+    more = (*_missing_lines(found.advice, scale), *_add_lines(found.advice, scale))
     places = places_said(found.library.name, weights_of(feature or "blended"), found.telling)
-    for line in (*places, *gaps, *pairs):
+    for line in (*places, *gaps, *pairs, *more):
         results.print(line, soft_wrap=True)
 
 
@@ -192,10 +207,34 @@ def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
 def _pair_lines(library: Library, found: SelfSimilarity, scale: Scale) -> Iterator[str]:
     for entry in found.aliased[:MOST_PAIRS].tolist():
         one, other = (scale.say_pose(library.poses[k]) for k in (entry, found.alias[entry]))
-        by = -found.margin[entry]
-        yield f"alias: {one} is more like {other} than like its neighbors, by {by:.2f} nats"
+        by, share = -found.margin[entry], found.confusion[entry]
+        taken = f"its neighbors are match {found.rank[entry]}, and {share:.0%} of the likelihood is far away"
+        yield f"alias: {one} is more like {other} than like its neighbors, by {by:.2f} nats: {taken}"
     if len(found.aliased) > MOST_PAIRS:
         yield f"... and {len(found.aliased) - MOST_PAIRS} more aliases; --json lists all"
+
+
+def _to_add(advice: LibraryAdvice, scale: Scale) -> str:
+    if not advice.added:
+        return "nothing: every heading has a reference near, and no place is confused"
+    reasons = {GAP: "in gaps", HEADING: "for headings", AMBIGUITY: "between places that are confused"}
+    counts = [f"{advice.count(why)} {where}" for why, where in reasons.items() if advice.count(why)]
+    return f"{len(advice.added)} references: {', '.join(counts)}"
+
+
+def _missing_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
+    for one in advice.missing[:MOST_PLACES]:
+        degrees = ", ".join(f"{round(np.degrees(heading))}" for heading in one.headings_rad)
+        yield f"headings: none near ({scale.say(one.x_m)}, {scale.say(one.y_m)}) looks {degrees} deg"
+    if len(advice.missing) > MOST_PLACES:
+        yield f"... and {len(advice.missing) - MOST_PLACES} more places that lack headings; --json lists all"
+
+
+def _add_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
+    for one in advice.added[:MOST_PAIRS]:
+        yield f"add: {scale.say_pose(one.pose)} ({one.why})"
+    if len(advice.added) > MOST_PAIRS:
+        yield f"... and {len(advice.added) - MOST_PAIRS} more to add; --poses OUT.csv writes all"
 
 
 def _check_table(library: Library, found: SelfSimilarity, covered: Coverage, scale: Scale) -> Table:
@@ -208,6 +247,10 @@ def _check_table(library: Library, found: SelfSimilarity, covered: Coverage, sca
     table.add_row("retrieval error", _error(found, scale))
     share = len(found.aliased) / library.size
     table.add_row("aliases", f"{len(found.aliased)} of {library.size} entries ({share:.0%})")
+    mean, often = float(found.confusion.mean()), int((found.confusion > CONFUSED).sum())
+    table.add_row(
+        "confused", f"{mean:.0%} of the likelihood is far away on average; over half for {often} entries"
+    )
     middle, most = float(np.median(places)), float(places.max())
     table.add_row("ambiguity", f"{middle:.1f} places fit as well (median), {most:.1f} at worst")
     for place in np.argsort(-places, kind="stable")[:MOST_PLACES].tolist():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,13 +12,13 @@ from maurice_loaders.errors import InputError
 
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import MOST_SEED, argument, option
+from .shared.options import MOST_SEED, argument, option, read_length
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally
 
 WORLD, DRIVE, LIVE = "World and camera", "Drive", "Live robot"
-METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
+LEAST_SPACING_M = 0.02
 
 _world = partial(option, "--world", "A world's name, or the path of a TOML file.")
 _tier = partial(option, "--tier", "nominal | dim | hard.")
@@ -176,6 +175,10 @@ def survey(
     headings: Annotated[
         int | None, option("--headings", "References per node. [default: the world's]", min=1, max=360)
     ] = None,
+    poses: Annotated[
+        Path | None,
+        option("--poses", "Take only these: x_m, y_m, heading_deg, as from `library check`.", metavar="CSV"),
+    ] = None,
     contact_sheet: Annotated[
         Path | None,
         option("--contact-sheet", "Draw 24 views of the world (.png or .jpg).", metavar="OUT.png"),
@@ -191,17 +194,17 @@ def survey(
         raise typer.BadParameter("give -o DIR, or --contact-sheet OUT.png, or both")
     if contact_sheet is not None and contact_sheet.suffix not in (".png", ".jpg"):
         raise typer.BadParameter(f"--contact-sheet ends in .png or .jpg, found {str(contact_sheet)!r}")
-    try:
-        spacing_m = None if spacing is None else read_length(spacing)
-    except ValueError as problem:
-        raise typer.BadParameter(str(problem)) from None
-    from maurice_datasets.surveys import surveyed_world, write_survey_folder
+    spacing_m = None if spacing is None else read_length(spacing, "--spacing", LEAST_SPACING_M)
+    if poses is not None and (spacing is not None or headings is not None):
+        raise typer.BadParameter("--poses names every reference: --spacing and --headings do not apply")
+    from maurice_datasets.surveys import read_poses, surveyed_world, write_survey_folder
 
     from ..plots.sheets import write_contact_sheet
 
     made: dict[str, object] = {}
     with listening() as listener:
         drawn = surveyed_world(world, arena_seed, tier, spacing_m, headings)
+        chosen = None if poses is None else read_poses(poses)
         how: dict[str, Any] = {
             "half_resolution": half_resolution,
             "force": force,
@@ -211,20 +214,13 @@ def survey(
             write_contact_sheet(contact_sheet, drawn, arena_seed, **how)
             made["contact_sheet"] = str(contact_sheet)
         if output is not None:
-            log = write_survey_folder(output, drawn, arena_seed, **how)
-            made |= {"survey": str(log), "references": len(drawn.nodes) * drawn.headings}
+            log = write_survey_folder(output, drawn, arena_seed, poses=chosen, **how)
+            count = len(drawn.nodes) * drawn.headings if chosen is None else len(chosen)
+            made |= {"survey": str(log), "references": count}
     if json_output:
         print_json(made)
         return
     results.print("\n".join(str(path) for key, path in made.items() if key != "references"))
     if output is not None:
-        note(f"now try: maurice-replay library build {made['survey']} -o LIBRARY")
-
-
-def read_length(text: str) -> float:
-    """Read a length like 18in, 0.6m, 45cm or 1.5ft in meters; ValueError for other words."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|cm|m)\s*", text)
-    length = float(found[1]) * METERS[found[2]] if found else 0.0
-    if not 0.02 <= length <= 1000:
-        raise ValueError(f"--spacing is a length from 2 cm like 18in, 45cm, 0.6m or 1.5ft, found {text!r}")
-    return length
+        first = made["survey"] if chosen is None else f"SURVEY --add {made['survey']}"
+        note(f"now try: maurice-replay library build {first} -o LIBRARY")

@@ -12,12 +12,13 @@ import numpy as np
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
+from maurice_mcl.library_advice import LibraryAdvice
 from maurice_mcl.library_quality import SelfSimilarity
 from maurice_mcl.map import spacing
 
 from ..drawing.canvas import TEXT, Canvas, draw_ground, jpeg, long_side, png, put_text
 from ..panels.world import clipped
-from ..style import DEAD, GROUND, PALE, RGB, WALL, Scale, scale_for, shade
+from ..style import DEAD, FRESH, GROUND, PALE, RGB, WALL, Scale, scale_for, shade
 
 if TYPE_CHECKING:
     from maurice_datasets.worlds.world import World
@@ -27,11 +28,17 @@ SHEET_QUALITY = 80
 
 MOST_PAIRS = 60  # lines between aliases; more cannot be distinguished
 DOT = 0.32  # radius, of the distance from a place to the next
+RAY = 0.3  # of a reference to add, of the same distance
 DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays readable
 
 
-def draw_ambiguity(library: Library, found: SelfSimilarity, scale: Scale) -> U8:
-    """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between aliases."""
+def draw_ambiguity(
+    library: Library, found: SelfSimilarity, scale: Scale, advice: LibraryAdvice | None = None
+) -> U8:
+    """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between aliases.
+
+    With `advice`, rays from a small dot are references to add, each in its heading.
+    """
     canvas = draw_ground(library.arena, scale)
     image = canvas.image.copy()
     for wall in clipped(library.arena.walls, library.arena.bounds):
@@ -49,8 +56,17 @@ def draw_ambiguity(library: Library, found: SelfSimilarity, scale: Scale) -> U8:
         label = f"{value:.0f}"
         height = radius * 0.8
         put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
+    added = () if advice is None else advice.added
+    for one in added:
+        tip = one.pose[:2] + RAY * spacing(found.places) * np.array(
+            [np.cos(one.pose[2]), np.sin(one.pose[2])]
+        )
+        start, end = _pixels(canvas, np.array([one.pose[:2], tip]), scale)
+        cv2.line(image, start, end, FRESH, 2, cv2.LINE_AA)
+        cv2.circle(image, start, max(radius // 4, 2), FRESH, -1, cv2.LINE_AA)
     text_px = TEXT * long_side(library.arena, scale) / canvas.unit_per_px
     what = "number of places that fit a picture taken here; lines: aliases"
+    what += f"; pink: {len(added)} references to add" if added else ""
     put_text(image, what, text_px, 1.6 * text_px, text_px, PALE)
     return image
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -235,6 +236,19 @@ def _toml(pair: str, value: str) -> Any:
         return tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError as problem:
         raise OptionError(f"--set {pair}: {problem}") from None
+
+
+METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000.0) -> float:
+    """Read an option's length, such as 18in, 0.6m, 45cm or 1.5ft, in meters. OptionError for other words."""
+    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|mm|cm|m)\s*", text)
+    length_m = float(found[1]) * METERS[found[2]] if found else 0.0
+    if not (found and max(least_m, 1e-9) <= length_m <= most_m):
+        limit = f" from {least_m * 100:g} cm" if least_m else " above 0"
+        raise OptionError(f"{name} is a length{limit} like 18in, 45cm, 0.6m or 1.5ft, found {text!r}")
+    return length_m
 
 
 # How a recording is read: from a TOML file or as KEY=VALUE; the keys are those of the file.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_datasets.trials.statistics import log_fit, mean, rate, survival
+from maurice_datasets.trials.statistics import log_fit, mean, rate, rate_difference, survival
 
 
 def test_wilson_by_hand() -> None:
@@ -63,3 +63,12 @@ def test_a_log_fit_finds_the_slope() -> None:
     assert fit.slope.low < -2 < fit.slope.high
     assert fit.slope.high - fit.slope.low < 0.2
     assert fit.at(np.array([100.0])) == pytest.approx(1, abs=0.8)
+
+
+def test_paired_rates_have_the_published_interval():
+    before = np.array([1] * 36 + [0] * 12 + [1] * 2, bool)
+    after = np.array([1] * 48 + [0] * 2, bool)
+    found = rate_difference(before, after)  # Newcombe 1998, table II, method 10: 36, 12, 2, 0
+    assert (round(found.value, 4), round(found.low, 4), round(found.high, 4)) == (0.2, 0.0569, 0.3404)
+    back = rate_difference(after, before)
+    assert (back.low, back.high) == pytest.approx((-found.high, -found.low))

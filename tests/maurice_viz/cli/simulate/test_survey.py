@@ -11,7 +11,8 @@ import pytest
 
 from helpers.commands import failure, run
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_viz.cli.simulate import read_length
+from maurice_viz.cli.shared.options import read_length
+from maurice_viz.errors import OptionError
 
 SMALL = """
 format = 1
@@ -51,16 +52,16 @@ def test_a_survey_and_a_sheet_of_one_s_own_world(world, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "metres"), [("18in", 0.4572), ("0.6m", 0.6), ("45 cm", 0.45), ("2ft", 0.6096)]
+    ("text", "metres"), [("18in", 0.4572), ("0.6m", 0.6), ("45 cm", 0.45), ("2ft", 0.6096), ("60mm", 0.06)]
 )
 def test_lengths_have_units(text, metres):
-    assert read_length(text) == pytest.approx(metres)
+    assert read_length(text, "--spacing") == pytest.approx(metres)
 
 
 @pytest.mark.parametrize("text", ["18", "in", "-3in", "nanm", "0in", "3 miles", ""])
 def test_words_that_are_no_lengths_are_refused(text):
-    with pytest.raises(ValueError, match="spacing"):
-        read_length(text)
+    with pytest.raises(OptionError, match="spacing"):
+        read_length(text, "--spacing")
 
 
 def test_refusals(world, tmp_path):

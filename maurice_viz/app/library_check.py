@@ -1,0 +1,162 @@
+"""The library doctor: how well a library distinguishes its places, where it has gaps, and what to add."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files import expect_absent, write_whole
+from maurice_mcl.arrays import F64
+from maurice_mcl.library import Library
+from maurice_mcl.library_advice import Confusion, LibraryAdvice, ProposedReference, advise
+from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
+from maurice_mcl.sensor.descriptors.registry import FEATURES
+from maurice_mcl.sensor.left_out import PlaceScore, score_places
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
+
+from ..errors import OptionError
+from ..listener import SILENT, Listener, progress_of
+from ..style import scale_for
+from .open import library_at
+
+COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LibraryCheck:
+    """How well a library distinguishes its places, and where it has gaps."""
+
+    library: Library
+    similarity: SelfSimilarity
+    coverage: Coverage
+    telling: PlaceScore  # whether its places can be told apart, with the fitted scales
+    advice: LibraryAdvice  # what will be confused, and which references to add
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON, in meters and radians."""
+        found, covered = self.similarity, self.coverage
+        known, places = found.retrieved >= 0, found.at_places(found.ambiguity)
+        return {
+            "name": self.library.name,
+            "entries": self.library.size,
+            "places": len(found.places),
+            "spacing_m": found.spacing_m,
+            "covered_share": covered.covered,
+            "directions_share": covered.directions,
+            "gaps": [asdict(gap) for gap in covered.gaps],
+            "retrieved_right_share": found.retrieved_right,
+            "retrieval_error_median_m": float(np.median(found.error_m[known])) if known.any() else None,
+            "retrieval_error_90_m": float(np.percentile(found.error_m[known], 90)) if known.any() else None,
+            "look_alikes": [
+                {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
+                for entry in found.aliased.tolist()
+            ],
+            "confusions": [self._confusion(one) for one in self.advice.confusions],
+            "missing_headings": [asdict(one) for one in self.advice.missing],
+            "add": [self._added(one) for one in self.advice.added],
+            "ambiguity_median": float(np.median(places)),
+            "ambiguity": [
+                {"x_m": float(x), "y_m": float(y), "places": float(value)}
+                for (x, y), value in zip(found.places, places, strict=True)
+            ],
+            "similarity_nats": [None if np.isnan(v) else float(v) for v in found.similarity],
+            "places_told_apart": self.telling.to_json(),
+        }
+
+    def _confusion(self, one: Confusion) -> dict[str, Any]:
+        return asdict(one) | {"pose": self._pose(one.entry), "like_pose": self._pose(one.like)}
+
+    def _pose(self, entry: int) -> dict[str, float]:
+        return _pose(self.library.poses[entry])
+
+    @staticmethod
+    def _added(one: ProposedReference) -> dict[str, Any]:
+        return _pose(one.pose) | {"why": one.why}
+
+    def write_poses(self, to: str | Path, *, force: bool = False) -> Path:
+        """Write the references to add as a table (.csv) that `survey --poses` takes, or a person drives.
+
+        Raises InputError if the file exists (unless `force`).
+        """
+        lines = [",".join(COLUMNS)]
+        for one in self.advice.added:
+            x_m, y_m, heading_rad = one.pose.tolist()
+            lines.append(f"{x_m:.4f},{y_m:.4f},{np.degrees(heading_rad):.2f},{one.why}")
+        path = Path(to)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, ("\n".join(lines) + "\n").encode(), force=force)
+        return path
+
+    def draw(self, to: str | Path, *, force: bool = False) -> Path:
+        """Write the map of expected ambiguity (.png) and return its path.
+
+        Raises OptionError for another ending and InputError if the file exists (unless `force`).
+        """
+        from ..drawing.canvas import png
+        from ..plots.sheets import draw_ambiguity
+
+        path = _checked_map(Path(to), force=force)
+        scale = scale_for(self.library.display_units, self.library.arena)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, png(draw_ambiguity(self.library, self.similarity, scale, self.advice)), force=force)
+        return path
+
+
+def check_library(
+    library: str | Path,
+    *,
+    feature: str = "blended",
+    to: str | Path | None = None,
+    poses: str | Path | None = None,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> LibraryCheck:
+    """Compare a library's pictures with each other: aliases, ambiguity, coverage, and what to add.
+
+    `feature` is a feature or a channel by name. `to` also draws the map of expected ambiguity and of
+    references to add (.png), `poses` writes these as a table (.csv). Raises
+    InputError for a library that cannot be opened or lacks a channel of the feature.
+
+        >>> import maurice_viz as mv
+        >>> check = mv.check_library("survey.log")
+        >>> check.library.size, check.similarity.spacing_m
+        (160, 0.5)
+    """
+    path = Path(library)
+    if to is not None:
+        _checked_map(Path(to), force=force)
+    if poses is not None:
+        expect_absent(Path(poses), force=force)
+    opened = library_at(path, listener)
+    weights = FEATURES.get(feature, {feature: 1.0})
+    missing = [name for name in weights if name not in opened.index]
+    if missing:
+        found = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
+        raise InputError(path, f"{found}, and {missing[0]} is wanted; build the library again")
+    nearest = nearest_reference(opened.poses, opened.arena)
+    sensor = SensorModel(opened, nearest, SensorParameters(dict(weights)))
+    similarity = self_similarity_of(opened, sensor, progress_of(listener, "compare"))
+    covered, telling = coverage_of(opened, similarity.spacing_m), score_places(sensor)
+    check = LibraryCheck(opened, similarity, covered, telling, advise(opened, similarity))
+    if to is not None:
+        check.draw(to, force=force)
+    if poses is not None:
+        check.write_poses(poses, force=force)
+    return check
+
+
+def _pose(pose: F64) -> dict[str, float]:
+    x_m, y_m, heading_rad = pose.tolist()
+    return {"x_m": x_m, "y_m": y_m, "heading_rad": heading_rad}
+
+
+def _checked_map(path: Path, *, force: bool) -> Path:
+    if path.suffix != ".png":
+        raise OptionError(f"--map ends in .png, found {str(path)!r}")
+    expect_absent(path, force=force)
+    return path

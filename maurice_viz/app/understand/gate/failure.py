@@ -1,0 +1,97 @@
+"""The run that failed a check: replayed once more, to say why, and to draw the steps around the failure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files import write_whole
+from maurice_mcl.library import Library
+
+from ....listener import Listener
+from ....playback import FilterRun, run_together, shared
+from ....scene import Detail, RunView
+from ....style import scale_for
+from ....text.verdict import said
+from ...open import AnySession
+from ...output import DriveScene, OutputOptions
+from ...run import Playback, play
+
+AROUND = 10  # steps drawn before and after the first that failed
+DIAGNOSIS = "diagnosis.txt"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replayed:
+    """What is needed to make a run again, picture by picture."""
+
+    session: AnySession
+    library: Library
+    run: FilterRun
+    steps: Sequence[int]  # numbers of the updates
+
+
+@dataclass(frozen=True, slots=True)
+class FailedRun:
+    """One run that failed: why, and where that can be looked at."""
+
+    seed: int
+    step: int  # the first that failed
+    why: str
+    recording: Path | None = None  # the steps around it
+
+    @property
+    def said(self) -> str:
+        """Return it in a line."""
+        return f"seed {self.seed}, step {self.step}: {self.why}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        recording = None if self.recording is None else str(self.recording)
+        return {"seed": self.seed, "step": self.step, "why": self.why, "recording": recording}
+
+
+def failed_run(
+    replayed: Replayed, seed: int, update: int, name: str, artifacts: Path | None, listener: Listener
+) -> FailedRun:
+    """Make the run of a seed again; say why it failed and, with a folder, draw the steps around an update."""
+    step = replayed.steps[update]
+    around = replayed.steps[max(update - AROUND, 0) : update + AROUND + 1]
+    words = re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
+    stem = f"{words}-seed-{seed}"
+    file = None if artifacts is None else artifacts / f"{stem}-step-{step}.rrd"
+    if file is not None:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    run = replace(replayed.run, localizer=replace(replayed.run.localizer, seed=seed))
+    session = replayed.session
+    total, has_truth = session.overview()
+    scene = DriveScene(session.info, replayed.library, has_truth, len(around))
+    playback = Playback(
+        shared(run_together([run], session.moments())),
+        total,
+        [RunView.live(run.label, run.localizer)],
+        scene,
+        lambda collector: None,
+        drawn=range(around[0], around[-1] + 1),
+    )
+    output = OutputOptions(
+        rrd=file, headless=True, no_recording=file is None, force=True, detail=Detail.LIGHT.value
+    )
+    scores = play(playback, output, listener)
+    scale = scale_for(session.info.display_units, replayed.library.arena)
+    found = FailedRun(seed, step, said(scores.runs[0].verdict, scale), file)
+    if artifacts is not None:
+        write_whole(artifacts / f"{stem}-{DIAGNOSIS}", f"{found.said}\n".encode(), force=True)
+    return found
+
+
+def expect_new_artifacts(folder: Path, *, force: bool) -> None:
+    """Refuse a folder that holds something, unless `force`. InputError."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(folder, "found a file, expected a folder for artifacts")
+    if not force and folder.is_dir() and any(folder.iterdir()):
+        raise InputError(folder, "holds something already; choose another folder, or --force")
