@@ -96,8 +96,7 @@ def without_reference(points: F64, poses: F64, reach_m: float) -> Bool:
     for number, direction in enumerate(headings()):
         these = poses[np.abs(wrap(poses[:, 2] - direction)) <= VIEW_RAD / 2 + 1e-6]
         if len(these):
-            distance, _ = place_tree(these[:, :2]).query(points)
-            lacking[:, number] = distance > reach_m * (1 + 1e-6)
+            lacking[:, number] = _distance(these, points) > reach_m * (1 + 1e-6)
     return lacking
 
 
@@ -140,7 +139,7 @@ class _Planned:
         lacking = without_reference(places, self.poses, self.spacing_m)
         order = np.argsort(-lacking.sum(axis=1), kind="stable")
         return tuple(
-            MissingHeadings(*places[k].tolist(), tuple(headings()[lacking[k]].tolist()))
+            MissingHeadings(float(places[k, 0]), float(places[k, 1]), tuple(headings()[lacking[k]].tolist()))
             for k in order.tolist()
             if lacking[k].any()
         )
@@ -151,7 +150,7 @@ class _Planned:
             return
         reach_m, least = FILLED * self.spacing_m, LEAST_AREA * self.spacing_m**2 / self.area_m2
         near = _near(self.standing, self.points, reach_m)
-        empty_m, _ = place_tree(self.poses[:, :2]).query(self.standing)
+        empty_m = _distance(self.poses, self.standing)
         while len(self.added) < MOST_ADDED:
             gain = near @ self.lacking.astype(np.float64)  # (K, DIRECTIONS)
             best = int(np.where(gain >= least, gain, 0.0).sum(axis=1).argmax())
@@ -175,17 +174,24 @@ class _Planned:
             around = self.standing[np.hypot(*(self.standing - (x, y)).T) <= self.spacing_m]
             if not len(around):
                 continue
-            distance, _ = place_tree(same[:, :2]).query(around)
-            if distance.max() < APART * self.spacing_m:
+            distance_m = _distance(same, around)
+            if distance_m.max() < APART * self.spacing_m:
                 continue
-            pose = np.array([*around[distance.argmax()], heading])
+            pose = np.array([*around[distance_m.argmax()], heading])
             self.added.append(ProposedReference(pose, AMBIGUITY))
             there = np.vstack([there, pose[None]])
 
 
+def _distance(poses: F64, points: F64) -> F64:
+    """Return how far (C,) the nearest pose (L, 3) is from each point (C, 2)."""
+    return np.asarray(place_tree(poses[:, :2]).query(points)[0], np.float64)
+
+
 def _near(some: F64, points: F64, reach_m: float) -> csr_matrix:
     """Return (K, C): 1 where a point is within reach."""
-    found = place_tree(points).query_ball_point(some, reach_m)
-    columns = np.concatenate([np.asarray(one, np.intp) for one in found]) if len(found) else np.zeros(0, int)
+    found = [
+        np.asarray(one, np.intp) for one in np.asarray(place_tree(points).query_ball_point(some, reach_m))
+    ]
+    columns = np.concatenate(found) if found else np.zeros(0, np.intp)
     rows = np.repeat(np.arange(len(found)), [len(one) for one in found])
     return csr_matrix((np.ones(len(columns)), (rows, columns)), (len(some), len(points)))

@@ -319,7 +319,7 @@ class SelectedSurvey:
 class JoinedSurvey:
     """Several surveys of one place as one; name, map and units are those of the first."""
 
-    def __init__(self, surveys: Sequence[SessionLog | RecordedSession | SelectedSurvey]) -> None:
+    def __init__(self, surveys: Sequence[Survey]) -> None:
         self._surveys = tuple(surveys)
 
     @property

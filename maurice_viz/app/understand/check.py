@@ -11,6 +11,8 @@ import numpy as np
 
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.analysis.demands import Demands
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
@@ -121,19 +123,22 @@ def check(
         False
     """
     demands = Demands(max_error_m, localized_by, converged_by, min_localized)
-    named = [None if one is None else Path(one) for one in (against, save_baseline, junit, artifacts, config)]
-    files = CheckFiles(*named[:-1], force=force)
-    spec = RunSpec(preset, feature, particles, 0, start, named[-1], dict(settings or {}))
+    files = CheckFiles(_path(against), _path(save_baseline), _path(junit), _path(artifacts), force)
+    spec = RunSpec(preset, feature, particles, 0, start, _path(config), dict(settings or {}))
     _expect_sense(demands, seeds, files)
     files.check()
     baseline = None if files.against is None else read_baseline(files.against)
     at = Path(library) if isinstance(library, str) else library
     how = reading or ReadingOptions()
     asked = CheckedFilter(spec, at, demands, seeds, baseline, files.artifacts, how)
-    several = isinstance(session, Sequence) and not isinstance(session, str)
-    result = CheckResult(_checked(asked, session if several else [session], listener or SILENT))
+    drives = [session] if isinstance(session, (str, Path, SessionLog, RecordedSession)) else session
+    result = CheckResult(_checked(asked, drives, listener or SILENT))
     files.write(result)
     return result
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)
 
 
 def _checked(

@@ -60,7 +60,7 @@ class DriveCheck:
     @property
     def passed(self) -> bool:
         """Whether every demand holds and nothing grew worse."""
-        return all(one.passed for one in (*self.demands, *self.changes))
+        return all(one.passed for one in self.demands) and all(one.passed for one in self.changes)
 
     @property
     def doubts(self) -> list[str]:
