@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.analysis.events import Say, in_meters
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
@@ -67,7 +68,7 @@ def _compared(
 ) -> Iterator[tuple[Moment, tuple[Compared, ...]]]:
     sensors = [run.localizer.sensor for run in runs]
     if not live:
-        return compared_ahead(sensors, moments)
+        return compared_ahead(sensors, moments, known_descriptors())
     return ((moment, compared(sensors, moment.frame.image)) for moment in moments)
 
 

@@ -92,6 +92,11 @@ class Drive:
     bench: Bench
     arena: int | None  # seed of the simulated arena
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether it is simulated, and not recorded."""
+        return self.arena is not None
+
 
 def open_drive(spec: SessionSpec, seed: int) -> Drive:
     """Return the drive of run `seed`: simulated anew, or the recorded one. InputError for neither."""

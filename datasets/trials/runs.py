@@ -6,33 +6,30 @@ import hashlib
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.analysis.events import is_kidnapping
-from maurice_mcl.analysis.failures.causes import JUMPED, SLIPPED, TURNED, CauseFinder
-from maurice_mcl.analysis.failures.near_truth import has_near
-from maurice_mcl.analysis.metrics import Scorer, StepScore, SuccessJudge, first_mostly
-from maurice_mcl.arrays import F64
+from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.config.parameters import FilterParameters
+from maurice_mcl.filter.batch_step import can_batch
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.records import FilterState, StepRecord
 from maurice_mcl.sensor.ahead import compared_ahead
 from maurice_mcl.session import Moment
 
 from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
-from .plan import Part, Plan, SessionSpec, configuration_of
+from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
+from .tally import BatchTally, RunTally
 
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
-SEEDS_A_JOB = 32  # of a recorded session
-IMPOVERISHED, MOVED_OTHERWISE, OTHER = "impoverishment", "motion", "other"
-BEFORE = 10  # updates: a slip explains a loss that comes so soon after it
+SEEDS_A_JOB = 64  # of a recorded session: these are stepped as one array
+Stepper = RunTally | BatchTally
+NO_PICTURE = np.zeros((0, 0, 3), np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,171 +57,107 @@ class Job:
     spec: SessionSpec
     seed: int  # of the drive; 0 for a recorded one
     asked: tuple[TrialRun, ...]
+    alone: bool = False  # step every run by itself, so that its time is its own
 
 
-@dataclass(slots=True)
-class RunTally:
-    """One run's figures, update by update; keeps a few numbers per update and no cloud."""
-
-    localizer: Localizer
-    state: FilterState
-    judge: SuccessJudge
-    known_start: bool
-    scorer: Scorer = field(default_factory=Scorer)
-    causes: CauseFinder = field(default_factory=CauseFinder)
-    scores: list[StepScore] = field(default_factory=list)
-    off_m: list[float] = field(default_factory=list)
-    sd_m: list[float] = field(default_factory=list)
-    confidence: list[float] = field(default_factory=list)
-    driven_m: list[float] = field(default_factory=list)
-    time_s: list[float] = field(default_factory=list)
-    near: list[bool] = field(default_factory=list)
-    ess: float = 0.0
-    fresh: int = 0
-    took_s: float = 0.0
-    kidnapped_at: int | None = None
-
-    def add(self, moment: Moment, record: StepRecord) -> None:
-        """Process the next update."""
-        truth, motions = moment.truth, moment.frame.motions
-        score = self.scorer.add(record.estimate, truth, motions)
-        self.judge.add(record, truth)
-        self.causes.see(moment, record)
-        self.scores.append(score)
-        self.off_m.append(np.nan if score.position_error_m is None else score.position_error_m)
-        self.sd_m.append(float(np.hypot(*record.mean_estimate.sd_m)))
-        self.confidence.append(record.estimate.confidence)
-        right_m = record.estimate.radii.right_m
-        self.near.append(truth is not None and has_near(record.weighted, truth, right_m))
-        self.driven_m.append(self.scorer.driven_m)
-        self.time_s.append(moment.frame.time_s)
-        self.ess += record.effective_sample_size / record.weighted.size
-        self.fresh += record.injected is not None
-        self.took_s += sum(record.took_s.values())
-        if any(is_kidnapping(text) for text in moment.events):
-            self.kidnapped_at = len(self.scores)
-
-    def row(self) -> Row:
-        """Return all figures: meters, radians, seconds; None where the truth is not known."""
-        found, since = self.scorer.result(), (self.kidnapped_at or 1) - 1
-        localized = first_mostly(np.array([one.localized is True for one in self.scores[since:]], bool))
-        at = None if localized is None else since + localized - 1
-        begun_m, begun_s = (values[since] if since else 0.0 for values in (self.driven_m, self.time_s))
-        good = len(self.scores) if found.lost_at_update is None else found.lost_at_update - 4
-        return {
-            "updates": found.updates,
-            "distance_m": found.distance_m,
-            "error_m": found.position_error_mean_m,
-            "error_median_m": found.position_error_median_m,
-            "final_error_m": found.position_error_final_m,
-            "heading_error_rad": found.heading_error_mean_rad,
-            "relative_error_m": None if found.relative is None else found.relative.position_median_m,
-            "lost": found.lost,
-            "lost_at_update": found.lost_at_update,
-            "before_loss_m": (self.driven_m[good - 1] if good > 0 else 0.0)
-            if found.lost is not None
-            else None,
-            "reached": found.reached,
-            "kidnapped_at_update": self.kidnapped_at,
-            "pictures_to_localize": localized,
-            "localized_m": None if at is None else self.driven_m[at] - begun_m,
-            "localized_s": None if at is None else self.time_s[at] - begun_s,
-            "pictures_after": None if found.lost is None else len(self.scores) - since,
-            "right_at_end": found.right_at_end,
-            "wrong_confident": found.wrong_confident_share,
-            "succeeded_tenth": _succeeded(self.judge, 0),
-            "succeeded_circle": _succeeded(self.judge, 1),
-            "confidence_end": self.confidence[-1],
-            "sd_end_m": self.sd_m[-1],
-            "ess_share": self.ess / len(self.scores),
-            "reseeded": self.fresh,
-            "failure": self.failure(found.lost_at_update, found.right_at_end),
-            "took_s": self.took_s,
-            "off_m": self.off_m,
-            "sd_m": self.sd_m,
-            "confidence": self.confidence,
-        }
-
-    def failure(self, lost_at: int | None, right_at_end: bool | None) -> str | None:
-        """Say why a run failed: None for one that did not, or without truth (thesis 3.6.2 and figure 37).
-
-        A run whose start was known and that nobody carried away fails if it was lost, any other if it is not
-        right at its end.
-        """
-        tracking = self.known_start and self.kidnapped_at is None
-        lost_at = lost_at if tracking else None
-        if lost_at is None and (tracking or right_at_end is not False):
-            return None
-        last = len(self.scores) if lost_at is None else lost_at
-        moved = [one for one in self.causes.found if one.kind in (SLIPPED, TURNED, JUMPED)]
-        if lost_at is not None and any(last - BEFORE <= one.step <= last for one in moved):
-            return MOVED_OTHERWISE
-        return IMPOVERISHED if not all(self.near[:last]) else OTHER
-
-
-def _succeeded(judge: SuccessJudge, reading: int) -> bool:
-    found = judge.result()[reading]
-    return found.at_update is not None and found.failed is None
+class Unread(Exception):
+    """A recording that cannot be read on: no run over it can be made."""
 
 
 def run_job(job: Job) -> list[Row]:
-    """Return a row for each run; one that fails is a row with its error."""
+    """Return a row for each run; one that fails is a row with its error.
+
+    Runs that differ in their seeds alone are stepped as one array. If such a step fails, its runs are made
+    once more, one by one: so the others of a failing run are rows.
+    """
     try:
         drive = open_drive(job.spec, job.seed)
     except Exception as problem:
         return [_failed(asked, job.spec, problem) for asked in job.asked]
-    tallies: dict[int, RunTally] = {}
-    rows: dict[int, Row] = {}
-    for number, asked in enumerate(job.asked):
-        try:
-            tallies[number] = _begun(drive, asked)
-        except Exception as problem:
-            rows[number] = _failed(asked, job.spec, problem)
-    truths: list[F64 | None] = []
-    for number, why in _stepped(drive, tallies, truths):
-        del tallies[number]
-        rows[number] = _failed(job.asked[number], job.spec, why)
-    oracle = oracle_m(drive.bench.library, truths)
-    for number, tally in tallies.items():
-        about = _about(job.asked[number], job.spec) | {"arena": drive.arena, "oracle_m": oracle}
-        rows[number] = about | tally.row()
+    rows, again = _rows(job, drive, together=not job.alone)
+    if again:
+        rows |= _rows(job, drive, together=False, numbers=again)[0]
     return [rows[number] for number in sorted(rows)]
 
 
-def _begun(drive: Drive, asked: TrialRun) -> RunTally:
-    localizer = filter_for(drive, asked.settings, asked.seed)
-    size_m = drive.bench.library.arena.size_m
-    return RunTally(
-        localizer, localizer.initialize(drive.start), SuccessJudge(size_m), drive.start is not None
-    )
+def _rows(
+    job: Job, drive: Drive, *, together: bool, numbers: Sequence[int] = ()
+) -> tuple[dict[int, Row], list[int]]:
+    """Return the rows of some of a job's runs, by number, all by default; and the runs to be made again."""
+    rows: dict[int, Row] = {}
+    again: list[int] = []
+    steppers: list[Stepper] = []
+    for one in _begun(job, drive, numbers or range(len(job.asked)), together):
+        if isinstance(one, tuple):
+            rows[one[0]] = _failed(job.asked[one[0]], job.spec, one[1])
+        else:
+            steppers.append(one)
+    moments: list[Moment] = []
+    for stepper, why in _stepped(drive, steppers, moments):
+        steppers.remove(stepper)
+        if len(stepper.numbers) > 1 and not isinstance(why, Unread):
+            again += stepper.numbers
+            continue
+        rows |= {number: _failed(job.asked[number], job.spec, why) for number in stepper.numbers}
+    oracle = oracle_m(drive.bench.library, [moment.truth for moment in moments])
+    for stepper in steppers:
+        for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
+            about = _about(job.asked[number], job.spec) | {"arena": drive.arena, "oracle_m": oracle}
+            rows[number] = about | figures.row()
+    return rows, again
+
+
+def _begun(
+    job: Job, drive: Drive, numbers: Sequence[int], together: bool
+) -> Iterator[Stepper | tuple[int, Exception]]:
+    """Initialize runs, those of one filter together where batches know it; yield them, or why one failed."""
+    alike: dict[str, list[tuple[int, Localizer]]] = {}
+    for number in numbers:
+        asked = job.asked[number]
+        try:
+            localizer = filter_for(drive, asked.settings, asked.seed)
+        except Exception as problem:
+            yield number, problem
+            continue
+        batched = together and can_batch(localizer) and asked.settings.get("control") != SHUFFLED
+        key = repr(sorted(asked.settings.items())) if batched else str(number)
+        alike.setdefault(key, []).append((number, localizer))
+    arena = drive.bench.library.arena
+    for some in alike.values():
+        try:
+            if len(some) > 1:
+                yield BatchTally.begin([one for one, _ in some], [one for _, one in some], drive.start, arena)
+            else:
+                yield RunTally.begin(*some[0], drive.start, arena)
+        except Exception as problem:
+            yield from ((number, problem) for number, _ in some)
 
 
 def _stepped(
-    drive: Drive, tallies: Mapping[int, RunTally], truths: list[F64 | None]
-) -> Iterator[tuple[int, Exception]]:
-    """Step all runs through the drive and note the truths; yield those that fail, to be left out.
+    drive: Drive, steppers: Sequence[Stepper], moments: list[Moment]
+) -> Iterator[tuple[Stepper, Exception]]:
+    """Step all runs through the drive, noting its moments without pictures; yield those that fail.
 
     A recording that cannot be read on fails all of them.
     """
-    sensors = {id(one.localizer.sensor): one.localizer.sensor for one in tallies.values()}
-    source = compared_ahead(list(sensors.values()), drive.session.moments())
+    left = list(steppers)
+    sensors = {id(one.localizer.sensor): one.localizer.sensor for one in left}
     try:
-        for moment, pictures in source:
-            truths.append(moment.truth)
+        known = None if drive.is_simulated else known_descriptors()  # drawn anew, pictures are never the same
+        for moment, pictures in compared_ahead(list(sensors.values()), drive.session.moments(), known):
+            moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
             picture_of = dict(zip(sensors, pictures, strict=True))
-            for number, tally in list(tallies.items()):
+            for stepper in list(left):
                 try:
-                    picture = picture_of[id(tally.localizer.sensor)]
-                    tally.state, record = tally.localizer.step(tally.state, moment.frame, picture)
-                    tally.add(moment, record)
+                    stepper.step(moment, picture_of[id(stepper.localizer.sensor)])
                 except Exception as problem:
-                    yield number, problem
+                    left.remove(stepper)
+                    yield stepper, problem
+        if not moments:
+            raise InputError(None, "found no picture, expected one or more")
     except Exception as problem:
-        for number in list(tallies):
-            yield number, problem
-    if not truths:
-        for number in list(tallies):
-            yield number, InputError(None, "found no picture, expected one or more")
+        for stepper in left:
+            yield stepper, Unread(str(problem) or type(problem).__name__)
 
 
 def _about(asked: TrialRun, spec: SessionSpec) -> Row:
@@ -275,13 +208,13 @@ def jobs_of(plan: Plan, done: set[Key], most: int = 256) -> Iterator[Job]:
             users.setdefault(spec.drive, []).append((part, spec.label))
     for spec, seeds in _drives(users):
         waiting: list[TrialRun] = []
-        for asked in (one for seed in seeds for one in _asked(users[spec], seed) if one.key not in done):
+        for asked in (one for one in _asked(users[spec], seeds) if one.key not in done):
             waiting.append(asked)
             if len(waiting) == most:
-                yield Job(spec, seeds[0], tuple(waiting))
+                yield Job(spec, seeds[0], tuple(waiting), plan.timing)
                 waiting = []
         if waiting:
-            yield Job(spec, seeds[0], tuple(waiting))
+            yield Job(spec, seeds[0], tuple(waiting), plan.timing)
 
 
 def _drives(
@@ -302,14 +235,15 @@ def _drives(
                     yield spec, (seed,)
 
 
-def _asked(users: Sequence[tuple[Part, str]], seed: int) -> Iterator[TrialRun]:
+def _asked(users: Sequence[tuple[Part, str]], seeds: Sequence[int]) -> Iterator[TrialRun]:
+    """Yield the runs over one drive, those of one filter after one another."""
     for part, label in users:
-        if seed >= part.seeds:
-            continue
         varied = tuple(part.variants.varied)
         for variant in range(len(part.variants)):
             one = part.variants[variant]
-            yield TrialRun(part.name, label, variant, one.label, one.settings, varied, seed)
+            for seed in seeds:
+                if seed < part.seeds:
+                    yield TrialRun(part.name, label, variant, one.label, one.settings, varied, seed)
 
 
 def run_alone(plan: Plan, part: str, session: str, variant: int, seed: int) -> Row:

@@ -12,6 +12,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, temporary_folder, toml_value, write_whole
 from maurice_loaders.libraries.files import hash_file
+from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
@@ -291,10 +292,10 @@ def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
     """Measure a drive; of a long one, or where it is one among many, evenly chosen pictures."""
     listener, measuring = tuning.listener, tuning.measuring
     log = open_session(path, ReadingOptions(keep_going=tuning.keep_going), listener)
-    pictures, _ = log.overview()
-    taken = spread_out(pictures, max(1, measuring.most_pictures() // among))
+    taken = spread_out(log.overview()[0], max(1, measuring.most_pictures() // among))
     nearest = nearest_reference(tuning.library.poses, tuning.library.arena)
-    found = drive_samples(measuring, nearest, log.moments(), taken, progress_of(listener, path.name))
+    advance, known = progress_of(listener, path.name), known_descriptors()
+    found = drive_samples(measuring, nearest, log.moments(), taken, advance, known)
     remark_skipped(log, listener)
     if not found:
         raise InputError(path, "found no picture with a true pose in the library's free space to tune with")

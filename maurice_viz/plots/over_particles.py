@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from maurice_datasets.trials.runs import IMPOVERISHED, MOVED_OTHERWISE, OTHER
 from maurice_datasets.trials.statistics import log_fit
 from maurice_datasets.trials.table import curve_of, grouped
+from maurice_datasets.trials.tally import IMPOVERISHED, MOVED_OTHERWISE, OTHER
 from maurice_mcl.analysis.metrics import GOAL_M
 from maurice_mcl.geometry import INCH_M
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from maurice_datasets.trials.runs import IMPOVERISHED, MOVED_OTHERWISE
 from maurice_datasets.trials.statistics import Interval, log_fit, mean, rate
 from maurice_datasets.trials.table import paired
+from maurice_datasets.trials.tally import IMPOVERISHED, MOVED_OTHERWISE
 from maurice_mcl.geometry import INCH_M
 
 from ..plots.material import Material, NothingToDraw

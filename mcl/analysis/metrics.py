@@ -93,8 +93,8 @@ def segment_errors(truths: F64, estimates: F64, segment_m: float) -> F64:
     steps_m = np.hypot(*np.diff(truths[:, :2], axis=0).T)
     first, driven_m = 0, 0.0
     errors: list[tuple[float, float]] = []
-    for last, step_m in enumerate(steps_m, start=1):
-        driven_m += float(step_m)
+    for last, step_m in enumerate(steps_m.tolist(), start=1):
+        driven_m += step_m
         if driven_m >= segment_m:
             true, ours = (motion_between(poses[first], poses[last]) for poses in (truths, estimates))
             errors.append(
@@ -132,6 +132,49 @@ class RunScore:
     relative: RelativeError | None = None  # over segments of 4 radii of *right*
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RunErrors:
+    """U updates against the truth, as arrays (U,); NaN and False where it is not known."""
+
+    known: Bool  # whether the truth is
+    off_m: F64  # position error
+    off_rad: F64  # heading error
+    converged: Bool
+    correct: Bool
+    lost: Bool  # too far off at this update
+
+    @property
+    def localized(self) -> Bool:
+        """Converged and correct."""
+        return self.converged & self.correct
+
+    def score(self, driven_m: F64, odometry_m: float, relative: RelativeError | None) -> RunScore:
+        """Return the score; `driven_m` (U,) is the true distance up to each update."""
+        known, updates = self.known, len(self.known)
+        scored = known & (np.arange(updates) >= FIRST_SCORED - 1)
+        off_m, off_rad = self.off_m[scored], self.off_rad[scored]
+        lost_at = first_run_of(self.lost.tolist(), LOST_FOR)
+        good = updates if lost_at is None else lost_at - LOST_FOR  # updates before it was lost
+        anything, some = bool(known.any()), len(off_m) > 0
+        return RunScore(
+            updates=updates,
+            distance_m=float(driven_m[-1]) if anything else odometry_m,
+            position_error_mean_m=float(np.mean(off_m)) if some else None,
+            position_error_median_m=float(np.median(off_m)) if some else None,
+            position_error_final_m=float(self.off_m[known][-1]) if anything else None,
+            heading_error_mean_rad=float(np.mean(off_rad)) if some else None,
+            heading_error_median_rad=float(np.median(off_rad)) if some else None,
+            localized_at_update=first_mostly(self.localized),
+            localized_share=_share(self.localized[known]),
+            lost=lost_at is not None if anything else None,
+            lost_at_update=lost_at,
+            reached=bool(good > 0 and driven_m[good - 1] >= GOAL_M) if anything else None,
+            wrong_confident_share=_share((self.converged & ~self.correct)[known]),
+            right_at_end=mostly_at_end(self.correct[known]),
+            relative=relative,
+        )
+
+
 @dataclass(slots=True)
 class Scorer:
     """Scores one run; keeps a few numbers per update. One without truth is in no error or share."""
@@ -165,29 +208,18 @@ class Scorer:
 
     def result(self) -> RunScore:
         """Return the score of the run so far."""
-        known = [s for s in self._steps if s.correct is not None]
-        scored = [s for s in self._steps[FIRST_SCORED - 1 :] if s.correct is not None]
-        off_m = [s.position_error_m for s in scored if s.position_error_m is not None]
-        off_rad = [s.heading_error_rad for s in scored if s.heading_error_rad is not None]
-        lost_at = first_run_of([s.lost is True for s in self._steps], LOST_FOR)
-        good = len(self._steps) if lost_at is None else lost_at - LOST_FOR  # updates before it was lost
-        return RunScore(
-            updates=len(self._steps),
-            distance_m=self._driven_m[-1] if known else self._odometry_m,
-            position_error_mean_m=float(np.mean(off_m)) if off_m else None,
-            position_error_median_m=float(np.median(off_m)) if off_m else None,
-            position_error_final_m=known[-1].position_error_m if known else None,
-            heading_error_mean_rad=float(np.mean(off_rad)) if off_rad else None,
-            heading_error_median_rad=float(np.median(off_rad)) if off_rad else None,
-            localized_at_update=first_mostly(np.array([s.localized is True for s in self._steps], bool)),
-            localized_share=_share([s.localized for s in known]),
-            lost=lost_at is not None if known else None,
-            lost_at_update=lost_at,
-            reached=good > 0 and self._driven_m[good - 1] >= GOAL_M if known else None,
-            wrong_confident_share=_share([s.wrong_and_confident for s in known]),
-            right_at_end=mostly_at_end([s.correct for s in known]),
-            relative=self._relative(),
-        )
+        return self.errors().score(np.array(self._driven_m), self._odometry_m, self._relative())
+
+    def errors(self) -> RunErrors:
+        """Return the errors of all updates so far."""
+        steps = self._steps
+        numbers = np.array([[one.position_error_m, one.heading_error_rad] for one in steps], np.float64)
+        flags = [
+            [one.correct is not None, one.converged, one.correct is True, one.lost is True] for one in steps
+        ]
+        off_m, off_rad = numbers.reshape(-1, 2).T
+        known, converged, correct, lost = np.array(flags, bool).reshape(-1, 4).T
+        return RunErrors(known, off_m, off_rad, converged, correct, lost)
 
     def _relative(self) -> RelativeError | None:
         pairs = np.array(self._pairs).reshape(-1, 2, 3)
@@ -207,20 +239,21 @@ def first_run_of(flags: list[bool], length: int) -> int | None:
 def first_mostly(localized: Bool) -> int | None:
     """Return the first localized update, from 1, that begins five of which at least four are localized."""
     needed, window = LOCALIZED_OF
-    for first in range(len(localized) - window + 1):
-        if localized[first] and localized[first : first + window].sum() >= needed:
+    flags = localized.tolist()
+    for first in range(len(flags) - window + 1):
+        if flags[first] and sum(flags[first : first + window]) >= needed:
             return first + 1
     return None
 
 
-def mostly_at_end(correct: list[bool | None]) -> bool | None:
+def mostly_at_end(correct: Bool) -> bool | None:
     """Return whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
     needed, window = RIGHT_AT_END
-    return sum(flag is True for flag in correct[-window:]) >= needed if len(correct) >= window else None
+    return int(correct[-window:].sum()) >= needed if len(correct) >= window else None
 
 
-def _share(flags: list[bool | None]) -> float | None:
-    return sum(flag is True for flag in flags) / len(flags) if flags else None
+def _share(flags: Bool) -> float | None:
+    return int(flags.sum()) / len(flags) if len(flags) else None
 
 
 def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None) -> RunScore:

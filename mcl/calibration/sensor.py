@@ -16,8 +16,8 @@ import numpy as np
 from ..arrays import F32, F64, I32, U8
 from ..geometry import wrap
 from ..library import ChannelIndex, Library
+from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.descriptors.channel import BINS, LOW, WIDTH, camera_histogram
-from ..sensor.descriptors.registry import CHANNELS
 from ..sensor.distances import DISTANCES
 from ..sensor.left_out import log_scores, neighbors
 from ..sensor.references import NearestReference
@@ -286,9 +286,10 @@ def drive_samples(
     moments: Iterable[Moment],
     taken: frozenset[int],
     progress: Progress | None = None,
+    known: KnownDescriptors | None = None,
 ) -> list[Sample]:
     """Measure the pictures of a drive with a number (from 0) in `taken` and a truth in free space."""
-    pictures = _of_drive(measuring, nearest, moments, taken)
+    pictures = _of_drive(measuring, nearest, moments, taken, known)
     return _blocks(_counted(pictures, len(taken), progress), measuring)
 
 
@@ -306,14 +307,19 @@ def library_samples(measuring: Measuring, most: int, progress: Progress | None =
 
 
 def _of_drive(
-    measuring: Measuring, nearest: NearestReference, moments: Iterable[Moment], taken: frozenset[int]
+    measuring: Measuring,
+    nearest: NearestReference,
+    moments: Iterable[Moment],
+    taken: frozenset[int],
+    known: KnownDescriptors | None,
 ) -> Iterator[tuple[F32, int]]:
     for number, moment in enumerate(moments):
         if number in taken:
             entry = -1 if moment.truth is None else true_entry(nearest, measuring.library, moment.truth)
-            image = moment.frame.image
-            descriptors = {name: CHANNELS[name].describe(image) for name in measuring.distances}
+            descriptors, _ = measured(moment.frame.image, measuring.distances, known)
             yield measuring.of(descriptors), entry
+    if known is not None:
+        known.flush()
 
 
 def _left_out(measuring: Measuring, entry: int, truth: int) -> tuple[F32, int]:

@@ -10,22 +10,23 @@ five clouds, and thousands of runs would hold millions. A run worth a look can b
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import partial
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F64, I32
+from ..arrays import F32, F64, I32
 from ..radii import Radii
-from ..records import Comparison, Estimate, StepRecord
+from ..records import Comparison, Estimate, FilterState, StepRecord
 from ..sensor.ahead import Compared, compared_ahead
 from ..sensor.model import SensorModel
-from ..session import Moment
+from ..session import Frame, Moment
 from .batch_step import Batch, Runs, can_batch
 from .estimate import CIRCLE_M, share_within
 from .localizer import RESAMPLED, Localizer
+
+Starts = Sequence[F64 | None] | F64 | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +82,7 @@ def run_batch(
     localizer: Localizer,
     moments: Sequence[Moment],
     seeds: Sequence[int],
-    starts: Sequence[F64 | None] | F64 | None = None,
+    starts: Starts = None,
     comparisons: Sequence[Comparison] | None = None,
 ) -> tuple[RunTrace, ...]:
     """Run a filter over the same moments once per seed; return a trace for each, in order.
@@ -92,40 +93,86 @@ def run_batch(
     """
     if comparisons is None:
         comparisons = compared_once(localizer.sensor, moments)
-    places = [starts] * len(seeds) if starts is None or isinstance(starts, np.ndarray) else starts
-    numbers = _Numbers.make(len(seeds), len(moments), localizer.particles)
-    if len(seeds) and can_batch(localizer):
-        _together(Batch.begin(localizer, seeds, places), moments, comparisons, numbers)
-    else:
-        for run, (seed, start) in enumerate(zip(seeds, places, strict=True)):
-            _alone(replace(localizer, seed=seed), moments, start, comparisons, numbers, run)
-    return numbers.traces(seeds, localizer.radii, moments)
+    runs = SteppedRuns.begin(localizer, seeds, starts)
+    for moment, comparison in zip(moments, comparisons, strict=True):
+        runs.advance(moment.frame, comparison)
+    return runs.traces()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SteppedRuns:
+    """Runs of one filter side by side, a frame at a time: for sessions that are not held in memory."""
+
+    localizer: Localizer
+    seeds: Sequence[int]
+    batch: Batch | None  # None: this filter's runs are stepped one by one
+    states: list[FilterState]  # of these
+    numbers: _Numbers
+
+    @classmethod
+    def begin(cls, localizer: Localizer, seeds: Sequence[int], starts: Starts = None) -> SteppedRuns:
+        """Initialize every run; arguments as for `run_batch`."""
+        places = [starts] * len(seeds) if starts is None or isinstance(starts, np.ndarray) else starts
+        numbers = _Numbers(len(seeds), localizer.particles)
+        if len(seeds) and can_batch(localizer):
+            return cls(localizer, seeds, Batch.begin(localizer, seeds, places), [], numbers)
+        of_seeds = zip(seeds, places, strict=True)
+        states = [replace(localizer, seed=seed).initialize(start) for seed, start in of_seeds]
+        return cls(localizer, seeds, None, states, numbers)
+
+    def advance(self, frame: Frame, comparison: Comparison) -> None:
+        """Process one frame in every run."""
+        self.numbers.begin(frame)
+        if self.batch is not None:
+            self.batch.advance(frame, comparison, self.numbers.put_some, self.numbers.put)
+            return
+        for run, seed in enumerate(self.seeds):  # what every batch must equal
+            localizer = replace(self.localizer, seed=seed)
+            self.states[run], record = localizer.step(self.states[run], frame, Compared(comparison, 0.0))
+            self.numbers.put(run, record)
+
+    @property
+    def weighted(self) -> F32:
+        """The particles (3, R, N) of the last update before resampling, where runs are stepped together."""
+        if self.batch is None:
+            raise ValueError("these runs are stepped one by one, and have no common array")
+        return self.batch.weighted
+
+    def traces(self) -> tuple[RunTrace, ...]:
+        """Return the runs so far."""
+        return self.numbers.traces(self.seeds, self.localizer.radii)
 
 
 SIZES = {"poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}  # of the others: one number
 COUNTS = ("particles", "parents", "fresh")
 WITHOUT_NUMBERS = ("seed", "radii", "steps", "times_s", "events")
+COLUMNS = tuple(one.name for one in fields(RunTrace) if one.name not in WITHOUT_NUMBERS)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class _Numbers:
-    """The numbers of R runs while they are made."""
+    """The numbers of R runs while they are made: by the fields of a trace, (R, ...) for each update."""
 
-    columns: dict[str, NDArray[Any]]  # (R, U, ...) by the fields of a trace
-    events: list[list[tuple[str, ...]]]  # (R, U)
+    runs: int
     particles: int  # of a run, where nothing changes it
+    updates: list[dict[str, NDArray[Any]]] = field(default_factory=list)
+    events: list[list[tuple[str, ...]]] = field(default_factory=list)  # (R,) for each update
+    steps: list[int] = field(default_factory=list)
+    times_s: list[float] = field(default_factory=list)
 
-    @classmethod
-    def make(cls, runs: int, updates: int, particles: int) -> _Numbers:
-        """Return R runs of U updates, all zero."""
-        names = [f.name for f in fields(RunTrace) if f.name not in WITHOUT_NUMBERS]
-        columns = {
-            name: np.zeros((runs, updates, *SIZES.get(name, ())), "int32" if name in COUNTS else "float64")
-            for name in names
-        }
-        return cls(columns, [[()] * updates for _ in range(runs)], particles)
+    def begin(self, frame: Frame) -> None:
+        """Make room for an update."""
+        self.updates.append(
+            {
+                name: np.zeros((self.runs, *SIZES.get(name, ())), "int32" if name in COUNTS else "float64")
+                for name in COLUMNS
+            }
+        )
+        self.events.append([()] * self.runs)
+        self.steps.append(frame.step)
+        self.times_s.append(frame.time_s)
 
-    def put(self, update: int, run: int, record: StepRecord) -> None:
+    def put(self, run: int, record: StepRecord) -> None:
         """Keep the numbers of a record."""
         scored, mean, parents = record.estimate, record.mean_estimate, record.parents
         own = record.belief.size if parents is None else len(np.unique(parents[parents >= 0]))
@@ -146,55 +193,37 @@ class _Numbers:
             "parents": own,
             "fresh": 0 if record.injected is None else int(record.injected.sum()),
         }
-        for name, column in self.columns.items():
-            column[run, update] = values[name]
-        self.events[run][update] = record.events
+        for name, column in self.updates[-1].items():
+            column[run] = values[name]
+        self.events[-1][run] = record.events
 
-    def put_some(self, update: int, runs: Runs, found: dict[str, NDArray[Any]]) -> None:
-        """Keep the numbers of an update in which nothing out of the ordinary happened to some runs."""
-        self.columns["particles"][runs, update] = self.particles
-        for name, column in self.columns.items():
-            if name in found:
-                column[runs, update] = found[name]
+    def put_some(self, runs: Runs, found: dict[str, NDArray[Any]]) -> None:
+        """Keep the numbers of some runs in which nothing out of the ordinary happened."""
+        update, events = self.updates[-1], self.events[-1]
+        update["particles"][runs] = self.particles
+        for name in found.keys() & update.keys():
+            update[name][runs] = found[name]
         for run, resampled in zip(runs.tolist(), found["resampled"].tolist(), strict=True):
-            self.events[run][update] = (RESAMPLED,) if resampled else ()
+            events[run] = (RESAMPLED,) if resampled else ()
 
-    def traces(self, seeds: Sequence[int], radii: Radii, moments: Sequence[Moment]) -> tuple[RunTrace, ...]:
+    def traces(self, seeds: Sequence[int], radii: Radii) -> tuple[RunTrace, ...]:
         """Return the runs one by one."""
-        steps = np.array([moment.frame.step for moment in moments], np.int32)
-        times_s = np.array([moment.frame.time_s for moment in moments], np.float64)
+        steps, times_s = np.array(self.steps, np.int32), np.array(self.times_s, np.float64)
+        columns = {name: self._column(name) for name in COLUMNS}
         return tuple(
             RunTrace(
                 seed=seed,
                 radii=radii,
                 steps=steps,
                 times_s=times_s,
-                events=tuple(self.events[run]),
-                **{name: column[run] for name, column in self.columns.items()},
+                events=tuple(events[run] for events in self.events),
+                **{name: column[run] for name, column in columns.items()},
             )
             for run, seed in enumerate(seeds)
         )
 
-
-def _together(
-    batch: Batch, moments: Sequence[Moment], comparisons: Sequence[Comparison], numbers: _Numbers
-) -> None:
-    """Run all filters of a batch side by side, update by update."""
-    for update, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True)):
-        put, put_record = partial(numbers.put_some, update), partial(numbers.put, update)
-        batch.advance(moment.frame, comparison, put, put_record)
-
-
-def _alone(
-    localizer: Localizer,
-    moments: Sequence[Moment],
-    start: F64 | None,
-    comparisons: Sequence[Comparison],
-    numbers: _Numbers,
-    run: int,
-) -> None:
-    """Run one filter update by update: what every batch must equal."""
-    state = localizer.initialize(start)
-    for update, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True)):
-        state, record = localizer.step(state, moment.frame, Compared(comparison, 0.0))
-        numbers.put(update, run, record)
+    def _column(self, name: str) -> NDArray[Any]:
+        """Return one field of all runs (R, U, ...)."""
+        if not self.updates:
+            return np.zeros((self.runs, 0, *SIZES.get(name, ())))
+        return np.stack([update[name] for update in self.updates], axis=1)

@@ -7,10 +7,11 @@ OpenCV and numpy let both run at once. Every picture is compared alone: the numb
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Protocol
 
 from ..arrays import F32, U8
 from ..records import Comparison
@@ -29,18 +30,50 @@ class Compared:
     took_s: float
 
 
-def compared(sensors: Sequence[SensorModel], image: U8) -> tuple[Compared, ...]:
-    """Compare a picture (H, W, 3) RGB by each sensor model; a channel that several use is measured once."""
-    measured: dict[str, F32] = {}
-    took_s: dict[str, float] = {}
-    for channel in dict.fromkeys(name for sensor in sensors for name in sensor.parameters.weights):
+class KnownDescriptors(Protocol):
+    """Descriptors of pictures that were measured before: the same to the last bit as measured now."""
+
+    def find(self, image: U8, channels: Iterable[str]) -> dict[str, F32]:
+        """Return the descriptors of a picture (H, W, 3) that are known, by channel."""
+        ...
+
+    def keep(self, image: U8, descriptors: Mapping[str, F32]) -> None:
+        """Keep descriptors of a picture, by channel."""
+        ...
+
+    def flush(self) -> None:
+        """Do what is left to do: no picture follows."""
+        ...
+
+
+def measured(
+    image: U8, channels: Iterable[str], known: KnownDescriptors | None = None
+) -> tuple[dict[str, F32], dict[str, float]]:
+    """Return what channels measure in a picture (H, W, 3) RGB, and the seconds that each took."""
+    names, began = tuple(dict.fromkeys(channels)), perf_counter()
+    found = {} if known is None else known.find(image, names)
+    took_s = dict.fromkeys(names, (perf_counter() - began) / max(len(names), 1))
+    missing = [name for name in names if name not in found]
+    for name in missing:
         began = perf_counter()
-        measured[channel] = CHANNELS[channel].describe(image)
-        took_s[channel] = perf_counter() - began
+        found[name] = CHANNELS[name].describe(image)
+        took_s[name] += perf_counter() - began
+    if known is not None and missing:
+        known.keep(image, {name: found[name] for name in missing})
+    return found, took_s
+
+
+def compared(
+    sensors: Sequence[SensorModel], image: U8, known: KnownDescriptors | None = None
+) -> tuple[Compared, ...]:
+    """Compare a picture (H, W, 3) RGB by each sensor model; a channel that several use is measured once."""
+    descriptors, took_s = measured(
+        image, (name for sensor in sensors for name in sensor.parameters.weights), known
+    )
     found = []
     for sensor in sensors:
         began = perf_counter()
-        comparison = sensor.compare({name: measured[name] for name in sensor.parameters.weights})
+        comparison = sensor.compare({name: descriptors[name] for name in sensor.parameters.weights})
         comparison.prepare()
         took = perf_counter() - began + sum(took_s[name] for name in sensor.parameters.weights)
         found.append(Compared(comparison, took))
@@ -48,18 +81,19 @@ def compared(sensors: Sequence[SensorModel], image: U8) -> tuple[Compared, ...]:
 
 
 def compared_ahead(
-    sensors: Sequence[SensorModel], moments: Iterable[Moment]
+    sensors: Sequence[SensorModel], moments: Iterable[Moment], known: KnownDescriptors | None = None
 ) -> Iterator[tuple[Moment, tuple[Compared, ...]]]:
     """Yield every moment with its picture compared by each sensor model, in order.
 
     Up to `PICTURES_AHEAD` moments are read before they are asked for: not for a live source. An error in
-    reading or measuring is raised after all moments before it were yielded.
+    reading or measuring is raised after all moments before it were yielded. Pictures in `known` are not
+    measured again.
     """
     source = iter(moments)
 
     def take() -> tuple[Moment, tuple[Compared, ...]] | None:
         moment = next(source, None)
-        return None if moment is None else (moment, compared(sensors, moment.frame.image))
+        return None if moment is None else (moment, compared(sensors, moment.frame.image, known))
 
     worker = ThreadPoolExecutor(1)
     try:
@@ -69,3 +103,5 @@ def compared_ahead(
             yield found
     finally:
         worker.shutdown(cancel_futures=True)
+        if known is not None:
+            known.flush()

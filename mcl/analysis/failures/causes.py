@@ -14,6 +14,7 @@ import numpy as np
 
 from ...arrays import F64
 from ...geometry import compose_motions
+from ...radii import Radii
 from ...records import StepRecord
 from ...session import Moment
 from ..events import is_kidnapping
@@ -64,13 +65,18 @@ class CauseFinder:
 
     def see(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
+        self.drive(moment, record.estimate.radii)
+        lights = any(text.startswith("lights") for text in moment.events)
+        self._look(moment.frame.step, record, lights)
+
+    def drive(self, moment: Moment, radii: Radii) -> None:
+        """Process what truth, odometry and log tell of the next update, without its picture."""
         step, truth, before = moment.frame.step, moment.truth, self._truth
         moved_m = None if truth is None or before is None else float(np.hypot(*(truth - before)[:2]))
         self._truth = truth
         if any(is_kidnapping(text) for text in moment.events):
             self._add(Cause(CARRIED, step, step, None, moved_m))
         elif moved_m is not None:
-            radii = record.estimate.radii
             told = any(text.startswith("slip") and "deg" not in text for text in moment.events)
             slip_m = 0.0 if told else radii.confidence_m / 2
             self._compare(step, moment.frame.motions, moved_m, slip_m, radii.lost_m)
@@ -78,7 +84,6 @@ class CauseFinder:
         for kind, texts in ((TURNED, _slips(moment.events)), (LIGHTS, lights)):
             if texts:
                 self._add(Cause(kind, step, step, words=texts[0]))
-        self._look(step, record, bool(lights))
 
     def _add(self, cause: Cause) -> None:
         self.found = (*self.found, cause)

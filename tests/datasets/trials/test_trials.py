@@ -8,7 +8,11 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import polars as pl
 import pytest
@@ -16,9 +20,14 @@ import pytest
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.rows import MEASURED, MOST, RowStore, read_plan_of, read_rows
-from maurice_datasets.trials.runs import run_alone
+from maurice_datasets.trials.runs import Job, Row, jobs_of, run_alone, run_job
 from maurice_datasets.trials.table import grouped, load_trials, paired
+from maurice_datasets.trials.tally import BatchTally
 from maurice_loaders.errors import InputError
+from maurice_mcl.filter.batch import SteppedRuns
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.sensor.ahead import compared_ahead
+from maurice_mcl.session import Frame, Moment
 
 PLAN = """
 seeds = {seeds}
@@ -53,6 +62,98 @@ def test_a_run_of_a_plan_is_the_run_alone(plan_file: Path, tmp_path: Path) -> No
         alone = run_alone(plan, row["part"], row["session"], row["variant"], row["seed"])
         kept = pl.DataFrame([alone | {name: row[name] for name in MEASURED}], schema=rows.schema)
         assert kept.equals(pl.DataFrame([row], schema=rows.schema), null_equal=True)
+
+
+MANY = """
+[[variants]]
+preset = "thesis"
+[[variants]]
+"recovery.strategy" = "augmented"
+[[variants]]
+"motion_outliers.share" = 0.1
+[[variants]]
+"resampling.adaptive" = true
+[[variants]]
+control = "shuffled references"
+[[variants]]
+control = "motion constants +30 %"
+"""
+
+
+@pytest.fixture
+def job(plan_file: Path) -> Job:
+    """Three seeds of filters of every kind."""
+    plan_file.write_text(PLAN.format(seeds=3) + MANY)
+    (job,) = jobs_of(read_plan(plan_file), set())
+    return job
+
+
+def untimed(rows: list[Row]) -> list[Row]:
+    return [{name: value for name, value in row.items() if name not in MEASURED} for row in rows]
+
+
+def test_runs_that_differ_in_their_seeds_are_stepped_as_one_array(
+    job: Job, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stepped: list[int] = []
+    step = BatchTally.step
+
+    def counted(self: BatchTally, *words: Any) -> None:
+        stepped.append(len(self.numbers))
+        step(self, *words)
+
+    monkeypatch.setattr(BatchTally, "step", counted)
+    together = run_job(job)
+    assert set(stepped) == {3}
+    assert len(stepped) == 8 * 14  # all filters but the one of changing size and the control, 14 pictures
+    alone = run_job(replace(job, alone=True))
+    assert len(stepped) == 8 * 14
+    assert untimed(together) == untimed(alone)
+    assert all(row["took_s"] > 0 and row["error"] is None for row in together)
+
+
+def test_a_run_that_fails_is_not_the_end_of_its_batch(job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
+    undisturbed = untimed(run_job(job))
+    advance, step = SteppedRuns.advance, Localizer.step
+
+    def fails_together(self: SteppedRuns, frame: Frame, *words: Any) -> None:
+        if frame.step == 5:
+            raise ValueError("one of them")
+        advance(self, frame, *words)
+
+    def fails_alone(self: Localizer, state: Any, frame: Frame, *words: Any) -> Any:
+        if (frame.step, self.seed) == (5, 1):
+            raise ValueError("this one")
+        return step(self, state, frame, *words)
+
+    monkeypatch.setattr(SteppedRuns, "advance", fails_together)
+    monkeypatch.setattr(Localizer, "step", fails_alone)
+    for row, before in zip(untimed(run_job(job)), undisturbed, strict=True):
+        if row["seed"] == 1:
+            assert row["error"] == "this one"
+        else:
+            assert row == before
+
+
+def test_a_recording_that_ends_in_damage_fails_its_runs_once(
+    job: Job, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[int] = []
+
+    def damaged(sensors: Any, moments: Iterator[Moment], known: Any) -> Iterator[Any]:
+        read.append(1)
+        yield from islice(compared_ahead(sensors, moments), 3)
+        raise InputError(None, "cut short")
+
+    monkeypatch.setattr("maurice_datasets.trials.runs.compared_ahead", damaged)
+    assert {row["error"] for row in run_job(job)} == {"cut short"}
+    assert len(read) == 1
+
+
+def test_runs_whose_time_is_measured_run_alone(plan_file: Path) -> None:
+    plan = read_plan(plan_file)
+    assert not any(job.alone for job in jobs_of(plan, set()))
+    assert all(job.alone for job in jobs_of(replace(plan, timing=True), set()))
 
 
 def test_workers_and_order_do_not_matter(plan_file: Path, tmp_path: Path) -> None:

@@ -1,0 +1,168 @@
+"""Descriptors of pictures that were measured before, in the user's cache: a second replay measures nothing.
+
+A descriptor is known by the checksum of its picture's pixels, and of the channel: code, parameters, version
+of OpenCV. One SQLite file holds them all, so that processes may share it. It is only a cache: whatever is
+damaged, locked or cannot be written is measured again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+import sqlite3
+import sys
+import zlib
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import F32, U8
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
+
+from ..files import cache_root
+
+FILE = "descriptors.sqlite"
+SWITCH = "MAURICE_DESCRIPTORS"  # "0": measure every picture
+MOST_BYTES = 256 << 20  # of the file: some 80,000 pictures by `best`
+AT_ONCE = 64  # pictures that are written together
+WAIT_S = 2.0  # for another process that writes
+# Channels that are measured in the time in which a picture's checksum is made, or in twice that: see
+# docs/performance.md. Where only these are in use, nothing is kept.
+CHEAP = frozenset({"color", "smoothed", "cumulative", "color_layout", "color_grid", "moments", "tiny"})
+SCHEMA = "CREATE TABLE IF NOT EXISTS kept (id INTEGER PRIMARY KEY, name BLOB UNIQUE, held BLOB)"
+
+Found = TypeVar("Found")
+
+
+def known_descriptors() -> MeasuredPictures | None:
+    """Return the user's descriptors, or None where they are switched off (MAURICE_DESCRIPTORS=0)."""
+    return None if os.environ.get(SWITCH) == "0" else MeasuredPictures(cache_root() / FILE)
+
+
+@dataclass(slots=True)
+class MeasuredPictures:
+    """Descriptors in a file. For one reader at a time, on any thread; any number of these may share the file.
+
+    >>> import numpy as np
+    >>> from maurice_loaders.libraries.measured import known_descriptors
+    >>> known, image = known_descriptors(), np.zeros((24, 32, 3), np.uint8)
+    >>> known.keep(image, {"edges": np.ones(84, np.float32)})
+    >>> known.flush()
+    >>> len(known.find(image, ["edges"])["edges"])
+    84
+    """
+
+    file: Path
+    most_bytes: int = MOST_BYTES
+    _open: sqlite3.Connection | None = None
+    _last: tuple[U8, bytes] | None = None  # the last picture, and its checksum
+    _new: dict[bytes, bytes] = field(default_factory=dict)
+
+    def find(self, image: U8, channels: Iterable[str]) -> dict[str, F32]:
+        """Return the descriptors of a picture (H, W, 3) that are known, by channel."""
+        names = {self._name(image, channel): channel for channel in _worth(channels)}
+        if not names:
+            return {}
+        asked = f"SELECT name, held FROM kept WHERE name IN ({', '.join('?' * len(names))})"
+        rows = self._tried(lambda db: db.execute(asked, list(names)).fetchall()) or []
+        found = {names[name]: _unpacked(name, held) for name, held in rows if name in names}
+        return {channel: descriptor for channel, descriptor in found.items() if descriptor is not None}
+
+    def keep(self, image: U8, descriptors: Mapping[str, F32]) -> None:
+        """Keep descriptors of a picture, by channel; they are on disk after `flush` at the latest."""
+        for channel in _worth(descriptors):
+            name = self._name(image, channel)
+            self._new[name] = _packed(name, descriptors[channel])
+        if len(self._new) >= AT_ONCE:
+            self._write()
+
+    def flush(self) -> None:
+        """Write what is new, and close the file."""
+        self._write()
+        if self._open is not None:
+            self._open.close()
+            self._open = None
+
+    def _name(self, image: U8, channel: str) -> bytes:
+        """Return what a descriptor is known by (32 bytes)."""
+        if self._last is None or self._last[0] is not image:
+            pixels = hashlib.sha256(str(image.shape).encode())
+            pixels.update(np.ascontiguousarray(image))
+            self._last = image, pixels.digest()
+        return hashlib.sha256(self._last[1] + channel_checksum(channel)).digest()
+
+    def _write(self) -> None:
+        new, self._new = self._new, {}
+        if new:
+            self._tried(lambda db: self._written(db, new))
+
+    def _written(self, db: sqlite3.Connection, new: Mapping[bytes, bytes]) -> None:
+        """Add rows, and drop the oldest ones of a file that is full: all of it or nothing."""
+        with db:
+            db.executemany("INSERT OR REPLACE INTO kept (name, held) VALUES (?, ?)", new.items())
+            pages, free, size = (
+                db.execute(f"PRAGMA {what}").fetchone()[0]
+                for what in ("page_count", "freelist_count", "page_size")
+            )
+            if (pages - free) * size > self.most_bytes:
+                count, newest = db.execute("SELECT count(*), max(id) FROM kept").fetchone()
+                db.execute("DELETE FROM kept WHERE id <= ?", (newest - count // 2,))
+
+    def _tried(self, ask: Callable[[sqlite3.Connection], Found]) -> Found | None:
+        """Ask the file; None where it cannot be read or written. One that is no database begins anew."""
+        try:
+            if self._open is None:
+                self.file.parent.mkdir(parents=True, exist_ok=True)
+                self._open = sqlite3.connect(self.file, WAIT_S, check_same_thread=False)
+                self._open.execute("PRAGMA synchronous = OFF")  # a cut of power may damage it
+                self._open.execute(SCHEMA)
+            return ask(self._open)
+        except sqlite3.OperationalError:  # locked, or not writable
+            return None
+        except (sqlite3.Error, OSError):
+            if self._open is not None:
+                self._open.close()
+                self._open = None
+            with suppress(OSError):
+                self.file.unlink(missing_ok=True)
+            return None
+
+
+def _worth(channels: Iterable[str]) -> tuple[str, ...]:
+    """Return channels, if one of them takes longer to measure than a picture's checksum."""
+    names = tuple(channels)
+    return names if set(names) - CHEAP else ()
+
+
+@cache
+def channel_checksum(name: str) -> bytes:
+    """Return a checksum of all that a channel's descriptors depend on, but the picture."""
+    channel = CHANNELS[name]
+    told = [name, channel.parameters(), cv2.__version__, np.__version__, platform.machine()]
+    total = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    code = Path(sys.modules[type(channel).__module__].__file__ or "")
+    for file in sorted(code.parent.glob("*.py")) if name in OUR_NAMES else [code]:
+        with suppress(OSError):  # a channel that was typed into an interpreter
+            total.update(file.read_bytes())
+    return total.digest()
+
+
+def _packed(name: bytes, descriptor: F32) -> bytes:
+    held = np.asarray(descriptor, "<f4").tobytes()
+    return held + zlib.crc32(name + held).to_bytes(4, "little")
+
+
+def _unpacked(name: bytes, packed: bytes) -> F32 | None:
+    """Return a descriptor; None for a damaged one."""
+    held, checksum = packed[:-4], packed[-4:]
+    if len(held) % 4 or zlib.crc32(name + held).to_bytes(4, "little") != checksum:
+        return None
+    return np.frombuffer(held, "<f4").astype(np.float32)
