@@ -1,13 +1,15 @@
-"""Whether time and memory a step stay what they are over a long session.
+"""Whether time and memory a step stay what they are over a long session, and how they grow with a library.
 
     python -m benchmarks growth
 
-The demo's first hundred updates are filtered again and again under growing numbers, alone and with a
-recording (`--detail light`), each in a process of its own, so that its memory is its own.
+The demo's first hundred updates are filtered again and again under growing numbers, alone, with a recording
+(`--detail light`), and with random libraries of several sizes, each in a process of its own, so that its
+memory is its own.
 """
 
 from __future__ import annotations
 
+import os
 import resource
 import subprocess
 import sys
@@ -22,6 +24,8 @@ from time import perf_counter
 import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
+from maurice_loaders.libraries.files import save_library
+from maurice_loaders.libraries.measured import SWITCH
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.session import Moment
 from maurice_viz.layouts.registry import runs_blueprint
@@ -31,11 +35,13 @@ from maurice_viz.scene import Detail, RunView, SceneInfo
 from maurice_viz.style import scale_for
 from maurice_viz.viewer import sinks
 
+from .libraries import SIZES, random_library
 from .measure import Table
 
 ROUND, PARTICLES = 100, 1000
 STEPS, QUICK = (100, 1000, 10_000), (100, 300)
 WAYS = ("filter alone", "with a recording, light")
+REFERENCES, LIBRARY_STEPS = "filter alone, {:,} references", 300
 MB = 1e6 if sys.platform == "darwin" else 1e3  # of the unit in which the system tells memory
 
 
@@ -44,16 +50,24 @@ def growth(quick: bool) -> Table:
     demo_paths()
     rows = []
     for way in WAYS:
-        for steps in QUICK if quick else STEPS:
-            words = [sys.executable, "-m", "benchmarks.growth", way, str(steps)]
-            told = subprocess.run(words, check=True, capture_output=True, text=True).stdout.split()
-            rows.append([way, f"{steps:,}", f"{float(told[0]):.2f}", f"{float(told[1]):.0f}"])
+        rows += [_row(way, steps) for steps in (QUICK if quick else STEPS)]
+    with tempfile.TemporaryDirectory() as folder:
+        for size in SIZES:
+            save_library(random_library(size, Path(folder)), Path(folder) / str(size))
+            steps = QUICK[0] if quick else LIBRARY_STEPS
+            rows.append(_row(REFERENCES.format(size), steps, str(Path(folder) / str(size))))
     return Table(
         "growth",
-        "Time and memory over a long session, blended, 1,000 particles",
+        "Time and memory over a long session and over library sizes, blended, 1,000 particles",
         ["what", "steps", "milliseconds a step", "megabytes at the most"],
         rows,
     )
+
+
+def _row(way: str, steps: int, *library: str) -> list[str]:
+    words = [sys.executable, "-m", "benchmarks.growth", way, str(steps), *library]
+    told = subprocess.run(words, check=True, capture_output=True, text=True).stdout.split()
+    return [way, f"{steps:,}", f"{float(told[0]):.2f}", f"{float(told[1]):.0f}"]
 
 
 def repeated(session: mcl.Session, steps: int) -> Iterator[Moment]:
@@ -63,14 +77,17 @@ def repeated(session: mcl.Session, steps: int) -> Iterator[Moment]:
         yield replace(moment, frame=replace(moment.frame, step=number, time_s=float(number)))
 
 
-def one(way: str, steps: int) -> tuple[float, float]:
-    """Return the milliseconds a step and the megabytes of this process at the most."""
+def one(way: str, steps: int, folder: str | None = None) -> tuple[float, float]:
+    """Return the milliseconds a step and the megabytes of this process at the most.
+
+    `folder` is a library instead of the demo's; the filter then starts anywhere.
+    """
     paths = demo_paths()
-    library, session = ml.open_library(paths.survey), ml.open_session(paths.session)
+    library, session = ml.open_library(folder or paths.survey), ml.open_session(paths.session)
     localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES).of_session(session)
-    run = FilterRun("run", localizer, session.info.start)
+    run = FilterRun("run", localizer, None if folder else session.info.start)
     with ExitStack() as stack:
-        drawn = None if way == WAYS[0] else _observer(stack, localizer, library)
+        drawn = _observer(stack, localizer, library) if way == WAYS[1] else None
         if drawn is not None:
             drawn.begin(session.info, library)
         began = perf_counter()
@@ -93,4 +110,5 @@ def _observer(stack: ExitStack, localizer: Localizer, library: mcl.Library) -> R
 
 
 if __name__ == "__main__":
-    print(*one(sys.argv[1], int(sys.argv[2])))
+    os.environ[SWITCH] = "0"  # every picture is measured, as in a live session
+    print(*one(sys.argv[1], int(sys.argv[2]), *sys.argv[3:]))

@@ -69,6 +69,12 @@ def _block(domain: int, seed: int, block: int, purpose: int, child: int | None) 
     return words
 
 
+def random_bits(words: U64, n: int) -> U64:
+    """Return the first n numbers of 64 random bits of `generator(words)`, for less."""
+    bits: U64 = np.random.PCG64(cast(Any, _Known(words))).random_raw(n)
+    return bits
+
+
 POOL = 4  # words that are mixed
 
 

@@ -70,7 +70,7 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "ess_share": (_NUMBER, "effective sample size over the number of particles, mean"),
     "reseeded": (_WHOLE, "updates with fresh particles"),
     "failure": (_TEXT, "of a run that failed: impoverishment, motion or other"),
-    "took_s": (_NUMBER, "in the filter; differs from run to run"),
+    "took_s": (_NUMBER, "in the filter; of runs stepped together, an equal share; differs from run to run"),
     "off_m": (_LIST, "position error at every update"),
     "sd_m": (_LIST, "standard deviation of the cloud at every update"),
     "confidence": (_LIST, "share of weight near the estimate at every update"),

@@ -55,11 +55,21 @@ def are_wide(clouds: Clouds, reach_m: float) -> Bool:
 def batch_estimates(clouds: Clouds, radii: Radii) -> dict[str, F64]:
     """Return the columns of a trace that come from `estimates`, (R,) or (R, K); no cloud may be wide."""
     held = clouds.weights * _heaviest(clouds, radii.cluster_m)
-    found = _stand_for(clouds, held, radii)
-    mean = _stand_for(clouds, clouds.weights, radii)
-    centers = found["poses"][:, :2] - clouds.origin
-    found["circle"] = _dot(clouds.weights, _near(clouds.x, clouds.y, centers.T, CIRCLE_M))
-    return found | {"mean_poses": mean["poses"], "mean_sd_m": mean["sd_m"]}
+    mass = held.sum(axis=1)
+    poses, sd_m, away = _means(clouds, held, mass)
+    mean_poses, mean_sd_m, _ = _means(clouds, clouds.weights, clouds.weights.sum(axis=1))
+    centers = poses[:, :2] - clouds.origin
+    return {
+        "poses": poses,
+        "sd_m": sd_m,
+        "heading_sd_rad": _heading_sd(clouds, held, mass, poses[:, 2]),
+        "mass": mass,
+        "confidence": _dot(clouds.weights, away <= radii.confidence_m**2),
+        "converged": _dot(clouds.weights, away <= radii.cluster_m**2),
+        "circle": _dot(clouds.weights, _near(clouds.x, clouds.y, centers.T, CIRCLE_M)),
+        "mean_poses": mean_poses,
+        "mean_sd_m": mean_sd_m,
+    }
 
 
 def _dot(a: F64, b: F64 | F32 | Bool) -> F64:
@@ -134,32 +144,26 @@ def _shift(centers: F64, clouds: Clouds, reach_m: float) -> F64:
     return centers
 
 
-def _stand_for(clouds: Clouds, held: F64, radii: Radii) -> dict[str, F64]:
-    """Summarize the part `held` (R, N) of every cloud."""
-    mass = held.sum(axis=1)
+def _means(clouds: Clouds, held: F64, mass: F64) -> tuple[F64, F64, F64]:
+    """Return the mean poses (R, 3) and spreads (R, 2) of a part `held` (R, N) of every cloud.
+
+    Also the squared distances (R, N) of its particles from there.
+    """
     x_m, y_m = _dot(held, clouds.x) / mass, _dot(held, clouds.y) / mass
-    heading, heading_sd = _circular_means(clouds, held, mass)
+    sums = zip(_dot(held, clouds.sin).tolist(), _dot(held, clouds.cos).tolist(), strict=True)
+    heading = np.array([math.atan2(sin, cos) for sin, cos in sums])
     along_x, along_y = clouds.x - x_m[:, None], clouds.y - y_m[:, None]
     np.square(along_x, out=along_x)
     np.square(along_y, out=along_y)
     sd_m = np.sqrt(np.stack([_dot(held, along_x) / mass, _dot(held, along_y) / mass], axis=1))
-    away = np.add(along_x, along_y, out=along_x)
-    return {
-        "poses": np.stack([x_m + clouds.origin[0], y_m + clouds.origin[1], heading], axis=1),
-        "sd_m": sd_m,
-        "heading_sd_rad": heading_sd,
-        "mass": mass,
-        "confidence": _dot(clouds.weights, away <= radii.confidence_m**2),
-        "converged": _dot(clouds.weights, away <= radii.cluster_m**2),
-    }
+    poses = np.stack([x_m + clouds.origin[0], y_m + clouds.origin[1], heading], axis=1)
+    return poses, sd_m, np.add(along_x, along_y, out=along_x)
 
 
-def _circular_means(clouds: Clouds, held: F64, mass: F64) -> tuple[F64, F64]:
-    """Return `circular_mean_of` of every row (R,)."""
-    sums = zip(_dot(held, clouds.sin).tolist(), _dot(held, clouds.cos).tolist(), strict=True)
-    means = np.array([math.atan2(sin, cos) for sin, cos in sums])
+def _heading_sd(clouds: Clouds, held: F64, mass: F64, means: F64) -> F64:
+    """Return the deviation of `circular_mean_of` of every row (R,), from its means (R,)."""
     half = clouds.heading_rad - means.astype(np.float32)[:, None]
     half /= 2
     np.sin(half, out=half)
     lacks = (2 * _dot(held, np.square(half, out=half)) / mass).tolist()
-    return means, np.array([math.sqrt(-2 * math.log1p(-lack)) if lack < 1 else math.inf for lack in lacks])
+    return np.array([math.sqrt(-2 * math.log1p(-lack)) if lack < 1 else math.inf for lack in lacks])

@@ -21,6 +21,7 @@ from ..randomness import (
     address_words,
     generator,
     normals_of,
+    random_bits,
 )
 from ..records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
 from ..sensor.ahead import Compared
@@ -29,7 +30,7 @@ from ..session import Frame
 from .batch_estimate import Clouds, are_wide, batch_estimates
 from .localizer import Localizer
 from .motion import with_outliers
-from .resampling import Resampler, systematic
+from .resampling import Resampler, always, systematic
 
 TOGETHER = 32_768  # particles: with fewer, numpy's calls cost more than passes outside of a core's cache
 MOST_PARTICLES = 4096  # of a run: with more, its own passes cost more than numpy's calls
@@ -127,7 +128,7 @@ class Batch:
         poses: F32 = self.poses[:, runs].reshape(3, -1).T
         for number, motion in enumerate(frame.motions):
             words = self._words(frame.step, Purpose.MOTION, number)[runs]
-            bits = [generator(one).bit_generator.random_raw(2 * particles) for one in words]
+            bits = [random_bits(one, 2 * particles) for one in words]
             noise = normals_of(np.concatenate(bits))
             if localizer.outliers.share > 0:
                 rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[runs])
@@ -174,8 +175,12 @@ class Batch:
         """Resample the runs whose policy asks for it, and keep all as what the next step begins with."""
         particles, resampling = self.log_weights.shape[1], self.localizer.resampling
         origin, beliefs = self.localizer.library.origin, range(len(runs))
-        asked = [resampling.when(Belief(moved[:, k].T, posterior[k], origin), step) for k in beliefs]
-        copied, parents = np.array(asked, bool), np.full(len(runs), particles, np.int32)
+        if resampling.when is always:
+            copied = np.ones(len(runs), bool)
+        else:
+            asked = [resampling.when(Belief(moved[:, k].T, posterior[k], origin), step) for k in beliefs]
+            copied = np.array(asked, bool)
+        parents = np.full(len(runs), particles, np.int32)
         if not copied.all():
             kept = runs[~copied]
             self.poses[:, kept], self.log_weights[kept] = moved[:, ~copied], posterior[~copied]

@@ -240,6 +240,7 @@ class InterpolatedReference:
     def among_places(self, value_at: Callable[[I32], F32], cell: I32, heading: I32) -> F32:
         """Return what `at` does, (N,), from the values at places and headings, for cells and bins (N,)."""
         total = np.zeros(len(cell), np.float32)
+        cell = cell.astype(np.intp)  # once: every lookup would convert it
         for place, weight in zip(self.places, self.weights, strict=True):
             at = place.take(cell)
             at *= np.int32(HEADING_BINS)
