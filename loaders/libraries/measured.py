@@ -95,7 +95,7 @@ class MeasuredPictures:
         """Return what a descriptor is known by (32 bytes)."""
         if self._last is None or self._last[0] is not image:
             pixels = hashlib.sha256(str(image.shape).encode())
-            pixels.update(np.ascontiguousarray(image))
+            pixels.update(np.ascontiguousarray(image).data)
             self._last = image, pixels.digest()
         return hashlib.sha256(self._last[1] + channel_checksum(channel)).digest()
 

@@ -170,7 +170,7 @@ class RunErrors:
             lost_at_update=lost_at,
             reached=bool(good > 0 and driven_m[good - 1] >= GOAL_M) if anything else None,
             wrong_confident_share=_share((self.converged & ~self.correct)[known]),
-            right_at_end=mostly_at_end(self.correct[known]),
+            right_at_end=mostly_at_end(self.correct[known].tolist()),
             relative=relative,
         )
 
@@ -246,10 +246,10 @@ def first_mostly(localized: Bool) -> int | None:
     return None
 
 
-def mostly_at_end(correct: Bool) -> bool | None:
+def mostly_at_end(correct: list[bool]) -> bool | None:
     """Return whether at least 7 of the last 10 updates were correct; None for fewer than ten."""
     needed, window = RIGHT_AT_END
-    return int(correct[-window:].sum()) >= needed if len(correct) >= window else None
+    return sum(correct[-window:]) >= needed if len(correct) >= window else None
 
 
 def _share(flags: Bool) -> float | None:
