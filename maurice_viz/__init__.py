@@ -8,6 +8,7 @@
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
 | `explain` | explains one update of a saved run |
 | `check` | whether a filter does on drives what is demanded of it, with many seeds |
+| `error_budget` | which part of a filter costs most accuracy |
 | `snapshot`, `movie` | a picture or a movie of what the viewer shows |
 | `report` | one self-contained page about a saved run |
 | `events`, `keep_bookmark`, `drop_bookmarks`, `jump` | events, your notes, the open viewer's cursor |
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
     from .app.trials import trials_view as trials_view
+    from .app.understand.budget import error_budget as error_budget
     from .app.understand.check import check as check
     from .app.understand.explain import explain as explain
     from .app.understand.inspect import doctor as doctor
@@ -76,6 +78,7 @@ _WHERE = {
     "doctor": ".app.understand.inspect",
     "draw_figures": ".plots.figures",
     "drop_bookmarks": ".app.events",
+    "error_budget": ".app.understand.budget",
     "events": ".app.events",
     "explain": ".app.understand.explain",
     "figures": ".app.calibrate",
@@ -110,6 +113,7 @@ __all__ = [
     "doctor",
     "draw_figures",
     "drop_bookmarks",
+    "error_budget",
     "events",
     "explain",
     "export",

@@ -157,13 +157,18 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
 
     A run that failed and was made again is the later one. InputError for a folder without trials.
     """
-    if not (folder / MANIFEST).is_file():
+    if not is_trials(folder):
         raise InputError(folder, "found no trials, expected a folder that `maurice-replay trials` has made")
     files = _files(folder)
     wanted = list(dict.fromkeys([*KEY, *(columns or SCHEMA)]))
     frames = [_frame(file, wanted) for file in files]
     rows = pl.concat(frames) if frames else pl.DataFrame(schema={name: TYPES[name] for name in wanted})
     return rows.unique(KEY, keep="last", maintain_order=True).sort(KEY)
+
+
+def is_trials(folder: Path) -> bool:
+    """Return whether a folder is one that `maurice-replay trials` has made."""
+    return (folder / MANIFEST).is_file()
 
 
 def read_plan_of(folder: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""`maurice-replay events|jump|explain|report|snapshot RUN`: what happened in a saved run, and why."""
+"""`maurice-replay events|jump|explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
@@ -234,3 +235,55 @@ def snapshot(
         else:
             raise typer.BadParameter("give either -o OUT.png or --movie OUT.mp4")
     results.print(str(made), soft_wrap=True)
+
+
+def budget(
+    source: Annotated[
+        Path, argument("SESSION|TRIALS", "A session with truth, or a folder that `trials` has made.")
+    ],
+    library: opt.Library = None,
+    preset: opt.Preset = None,
+    feature: opt.Feature = None,
+    particles: opt.Particles = None,
+    start: opt.Start = None,
+    config: opt.Config = None,
+    settings: opt.Set = None,
+    seeds: Annotated[int, option("--seeds", "Runs of every part.", min=2, max=1000)] = 10,
+    reading: opt.Reading = None,
+    json_output: opt.Json = False,
+) -> None:
+    """Find which part costs most accuracy: odometry, sensor, distance between references, or particles.
+
+    Each part in turn is made perfect by the truth, on the same seeds; what that takes off the error is what
+    the part costs.
+    """
+    from ..app.understand.budget import error_budget
+    from ..text.budget import budget_rows, say_budget
+
+    with listening() as listener:
+        found = error_budget(
+            source,
+            library,
+            preset=preset,
+            feature=feature,
+            particles=particles,
+            start=start,
+            config=config,
+            settings=opt.settings_of(settings) or None,
+            reading=opt.reading_of(reading),
+            seeds=seeds,
+            listener=listener,
+        )
+    if json_output:
+        print_json(found.to_json())
+        return
+    drives = f"{found.drives} drives" if found.drives > 1 else f"{found.parts[0].error.count} seeds"
+    title = Text(f"{found.name}: {found.filter}, {drives}, 95 % intervals")
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
+    units = found.display_units
+    for name in ("with", f"error ({units})", "lost", "so this part", f"costs ({units})"):
+        table.add_column(name)
+    for row in budget_rows(found):
+        table.add_row(*row)
+    results.print(table)
+    results.print(say_budget(found), soft_wrap=True)

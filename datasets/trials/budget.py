@@ -1,0 +1,117 @@
+"""Error budgets: what each part of a filter costs, over the seeds of one drive or over many drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.analysis.budget import (
+    AS_IS,
+    LIBRARY,
+    MOTION,
+    PARTS,
+    SAMPLING,
+    SENSOR,
+    BudgetLine,
+    error_budget_line,
+)
+from maurice_mcl.arrays import F64
+from maurice_mcl.filter.batch import compared_once
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.session import Moment
+
+from .statistics import Interval, mean, rate
+
+COSTS = {
+    MOTION: "odometry",
+    SENSOR: "sensor model",
+    LIBRARY: "distance between references",
+    SAMPLING: "number of particles",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetPart:
+    """What remains of the error with one part made perfect, and so what the part costs."""
+
+    part: str  # one of `maurice_mcl.analysis.budget.PARTS`
+    error: Interval  # meters: position error, mean over updates 4 to the last
+    cost: Interval | None  # meters: what it takes off, on the same drives and seeds; None: nothing is perfect
+    lost: Interval  # share of the runs that were ever lost
+
+    @property
+    def costs(self) -> str:
+        """What the cost is due to; empty where nothing is perfect."""
+        return COSTS.get(self.part, "")
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorBudget:
+    """An error budget: its first part is the filter as it is. Lengths are in meters."""
+
+    name: str  # of the session or folder
+    filter: str  # the run's label
+    display_units: str
+    drives: int
+    parts: tuple[BudgetPart, ...]
+
+    @property
+    def costliest(self) -> BudgetPart | None:
+        """The part that costs most; None where no cost is above zero beyond doubt."""
+        sure = [one for one in self.parts if one.cost is not None and one.cost.low > 0]
+        return max(sure, key=lambda one: one.cost.value if one.cost else 0.0, default=None)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all figures as plain values."""
+        most = self.costliest
+        parts = [asdict(one) | {"costs": one.costs} for one in self.parts]
+        return asdict(self) | {"parts": parts, "costliest": None if most is None else most.costs}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BudgetDrive:
+    """One drive, the filter for it, and the seeds that it is run with."""
+
+    localizer: Localizer
+    moments: Sequence[Moment]
+    start: F64 | None
+    seeds: Sequence[int]
+    group: int  # of drives that are alike: their arena
+
+
+def budget_of(
+    name: str,
+    label: str,
+    units: str,
+    drives: Sequence[BudgetDrive],
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> ErrorBudget:
+    """Run every drive with each part made perfect in turn; intervals draw arenas, then runs."""
+    lines: dict[str, list[BudgetLine]] = {part: [] for part in PARTS}
+    groups: list[int] = []
+    total = len(drives) * len(PARTS)
+    for number, drive in enumerate(drives):
+        comparisons = compared_once(drive.localizer.sensor, drive.moments)
+        groups += [drive.group] * len(drive.seeds)
+        for done, part in enumerate(PARTS, number * len(PARTS)):
+            progress(done, total)
+            lines[part].append(
+                error_budget_line(drive.localizer, drive.moments, comparisons, drive.start, drive.seeds, part)
+            )
+    progress(total, total)
+    parts = tuple(_part(part, lines, np.array(groups)) for part in PARTS)
+    return ErrorBudget(name, label, units, len(drives), parts)
+
+
+def _part(part: str, lines: Mapping[str, Sequence[BudgetLine]], groups: F64) -> BudgetPart:
+    def errors(of: str) -> F64:
+        return np.concatenate([line.errors_m for line in lines[of]])
+
+    known = np.isfinite(errors(AS_IS))
+    before = errors(SENSOR if part == LIBRARY else AS_IS)
+    cost = None if part == AS_IS else mean((before - errors(part))[known], groups[known])
+    lost = sum(line.lost for line in lines[part])
+    return BudgetPart(part, mean(errors(part)[known], groups[known]), cost, rate(lost, len(groups)))

@@ -1,0 +1,45 @@
+"""An error budget in words and as rows of a table."""
+
+from __future__ import annotations
+
+from maurice_datasets.trials.budget import ErrorBudget
+from maurice_datasets.trials.statistics import Interval
+
+from ..style import units_named
+
+
+def budget_rows(found: ErrorBudget) -> list[tuple[str, ...]]:
+    """Return a row for each part: its name, error, interval, lost runs, what it costs, and how much."""
+    per_m = units_named(found.display_units).per_m
+    digits = units_named(found.display_units).digits
+    rows: list[tuple[str, ...]] = []
+    for one in found.parts:
+        error, cost = one.error, one.cost
+        told = ("", "") if cost is None else (one.costs, _with_limits(cost, per_m, digits, "+"))
+        lost = f"{100 * one.lost.value:.0f} %"
+        rows.append((one.part, _with_limits(error, per_m, digits), lost, *told))
+    return rows
+
+
+def say_budget(found: ErrorBudget) -> str:
+    """Say in one sentence which part costs most."""
+    units, most = units_named(found.display_units), found.costliest
+    if most is None or most.cost is None:
+        return "No part costs anything beyond doubt; more seeds or drives narrow the intervals."
+    whole, cost = found.parts[0].error.value, most.cost.value
+    share = f"{100 * min(cost / whole, 1):.0f} %"
+    value, error = (f"{length * units.per_m:.{units.digits}f}" for length in (cost, whole))
+    return f"The {most.costs} costs most: {value} of {error} {units.name} ({share}). {ADVICE[most.costs]}"
+
+
+ADVICE = {
+    "odometry": "Calibrate the motion model (`calibrate motion`), or measure movements better.",
+    "sensor model": "Try other features (`compare --feature`), tune them to the library (`library tune`).",
+    "distance between references": "Add references (`library check` says where).",
+    "number of particles": "Use more particles (`--particles`).",
+}
+
+
+def _with_limits(figure: Interval, per_m: float, digits: int, sign: str = "") -> str:
+    value, low, high = (f"{one * per_m:{sign}.{digits}f}" for one in (figure.value, figure.low, figure.high))
+    return f"{value} ({low} to {high})"
