@@ -9,6 +9,7 @@
 | `explain` | explains one update of a saved run |
 | `check` | whether a filter does on drives what is demanded of it, with many seeds |
 | `error_budget` | which part of a filter costs most accuracy |
+| `what_if`, `remedies` | branches a saved run with something changed; ranks what would have helped |
 | `snapshot`, `movie` | a picture or a movie of what the viewer shows |
 | `report` | one self-contained page about a saved run |
 | `events`, `keep_bookmark`, `drop_bookmarks`, `jump` | events, your notes, the open viewer's cursor |
@@ -55,8 +56,10 @@ if TYPE_CHECKING:
     from .app.understand.inspect import doctor as doctor
     from .app.understand.inspect import formats as formats
     from .app.understand.inspect import inspect as inspect
+    from .app.understand.remedies import remedies as remedies
     from .app.understand.snapshot import movie as movie
     from .app.understand.snapshot import snapshot as snapshot
+    from .app.understand.what_if import what_if as what_if
     from .listener import Listener as Listener
     from .notebook import results as results
     from .notebook import show as show
@@ -89,6 +92,7 @@ _WHERE = {
     "keep_bookmark": ".app.events",
     "make_trials": ".app.calibrate",
     "movie": ".app.understand.snapshot",
+    "remedies": ".app.understand.remedies",
     "replay": ".app.replay",
     "report": ".reports.make",
     "results": ".notebook",
@@ -99,6 +103,7 @@ _WHERE = {
     "trials_view": ".app.trials",
     "tune": ".app.library",
     "verify": ".app.saved",
+    "what_if": ".app.understand.what_if",
 }
 __all__ = [
     "Listener",
@@ -124,6 +129,7 @@ __all__ = [
     "keep_bookmark",
     "make_trials",
     "movie",
+    "remedies",
     "replay",
     "report",
     "results",
@@ -134,6 +140,7 @@ __all__ = [
     "trials_view",
     "tune",
     "verify",
+    "what_if",
 ]
 
 

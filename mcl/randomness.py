@@ -36,6 +36,7 @@ class Purpose(IntEnum):
     MIXTURE = 5
     ROUGHEN = 6
     OUTLIER = 7
+    BRANCH = 8
 
 
 BLOCK = 64  # steps whose addresses are made at once: one by one they cost more than most draws

@@ -52,6 +52,7 @@ COMMANDS = {
         Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND),
         Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND),
         Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND),
+        Listed("what-if", "what_if", "Branch a saved run with something changed.", _UNDERSTAND),
         Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND),
         Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND),
         Listed("jump", "runs", "Move the open viewer to a step or an event.", _UNDERSTAND),

@@ -84,16 +84,18 @@ def run_batch(
     seeds: Sequence[int],
     starts: Starts = None,
     comparisons: Sequence[Comparison] | None = None,
+    states: Sequence[FilterState] | None = None,
 ) -> tuple[RunTrace, ...]:
     """Run a filter over the same moments once per seed; return a trace for each, in order.
 
     `starts` is the pose (3,) at which all begin, None to spread each over all free space, or one of these for
     every seed. `comparisons` are those of the moments' pictures, where they are known (`compared_once`).
+    With `states`, one a seed, every run goes on from its state instead (`branch.branched`).
     The localizer's own seed is not used; it must have a motion model (`Localizer.of_session`).
     """
     if comparisons is None:
         comparisons = compared_once(localizer.sensor, moments)
-    runs = SteppedRuns.begin(localizer, seeds, starts)
+    runs = SteppedRuns.begin(localizer, seeds, starts, states)
     for moment, comparison in zip(moments, comparisons, strict=True):
         runs.advance(moment.frame, comparison)
     return runs.traces()
@@ -110,15 +112,20 @@ class SteppedRuns:
     numbers: _Numbers
 
     @classmethod
-    def begin(cls, localizer: Localizer, seeds: Sequence[int], starts: Starts = None) -> SteppedRuns:
+    def begin(
+        cls,
+        localizer: Localizer,
+        seeds: Sequence[int],
+        starts: Starts = None,
+        states: Sequence[FilterState] | None = None,
+    ) -> SteppedRuns:
         """Initialize every run; arguments as for `run_batch`."""
-        places = [starts] * len(seeds) if starts is None or isinstance(starts, np.ndarray) else starts
+        begun = list(_begun(localizer, seeds, starts) if states is None else states)
         numbers = _Numbers(len(seeds), localizer.particles)
-        if len(seeds) and can_batch(localizer):
-            return cls(localizer, seeds, Batch.begin(localizer, seeds, places), [], numbers)
-        of_seeds = zip(seeds, places, strict=True)
-        states = [replace(localizer, seed=seed).initialize(start) for seed, start in of_seeds]
-        return cls(localizer, seeds, None, states, numbers)
+        alike = all(state.belief.size == localizer.particles for state in begun)
+        if len(seeds) and alike and can_batch(localizer):
+            return cls(localizer, seeds, Batch.begin(localizer, seeds, begun), [], numbers)
+        return cls(localizer, seeds, None, begun, numbers)
 
     def advance(self, frame: Frame, comparison: Comparison) -> None:
         """Process one frame in every run."""
@@ -141,6 +148,12 @@ class SteppedRuns:
     def traces(self) -> tuple[RunTrace, ...]:
         """Return the runs so far."""
         return self.numbers.traces(self.seeds, self.localizer.radii)
+
+
+def _begun(localizer: Localizer, seeds: Sequence[int], starts: Starts) -> list[FilterState]:
+    """Initialize every run as it would alone."""
+    places = [starts] * len(seeds) if starts is None or isinstance(starts, np.ndarray) else starts
+    return [replace(localizer, seed=seed).initialize(at) for seed, at in zip(seeds, places, strict=True)]
 
 
 SIZES = {"poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}  # of the others: one number

@@ -62,12 +62,12 @@ class Batch:
     addresses: dict[tuple[int, int | None], tuple[int, U64]] = field(default_factory=dict)
 
     @classmethod
-    def begin(cls, localizer: Localizer, seeds: Sequence[int], starts: Sequence[F64 | None]) -> Batch:
-        """Initialize every run as it would alone."""
-        states = [replace(localizer, seed=s).initialize(at) for s, at in zip(seeds, starts, strict=True)]
+    def begin(cls, localizer: Localizer, seeds: Sequence[int], states: Sequence[FilterState]) -> Batch:
+        """Begin every run in its state; all clouds have the localizer's number of particles."""
         poses = np.stack([state.belief.poses.T for state in states], axis=1)
         log_weights = np.stack([state.belief.log_weights for state in states])
-        return cls(localizer, seeds, poses, log_weights, [state.recovery for state in states], poses.copy())
+        recovery = [state.recovery for state in states]
+        return cls(localizer, seeds, poses, log_weights, recovery, poses.copy(), states[0].step)
 
     def advance(self, frame: Frame, comparison: Comparison, put: Put, put_record: PutRecord) -> None:
         """Process one frame in every run, and hand over what was found."""

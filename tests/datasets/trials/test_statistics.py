@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
-from maurice_datasets.trials.statistics import log_fit, mean, rate, rate_difference, survival
+from maurice_datasets.trials.statistics import (
+    holm,
+    log_fit,
+    mean,
+    rate,
+    rate_difference,
+    sign_flip,
+    survival,
+)
 
 
 def test_wilson_by_hand() -> None:
@@ -72,3 +81,23 @@ def test_paired_rates_have_the_published_interval():
     assert (round(found.value, 4), round(found.low, 4), round(found.high, 4)) == (0.2, 0.0569, 0.3404)
     back = rate_difference(after, before)
     assert (back.low, back.high) == pytest.approx((-found.high, -found.low))
+
+
+@pytest.mark.parametrize("hits", [0, 1, 3, 6, 10])
+def test_flipped_signs_of_hits_are_a_binomial_test(hits):
+    differences = np.array([1.0] * hits + [-1.0] * (10 - hits) + [0.0] * 5)
+    assert sign_flip(differences) == pytest.approx(binomtest(hits, 10).pvalue)
+
+
+def test_many_differences_are_flipped_at_random_and_repeatably():
+    rng = np.random.default_rng(1)
+    assert sign_flip(np.ones(30)) == pytest.approx(1 / 10_001)
+    values = [sign_flip(rng.normal(size=20)) for _ in range(200)]
+    assert abs(np.mean(np.array(values) < 0.1) - 0.1) < 4 * np.sqrt(0.09 / 200)
+    assert sign_flip(np.zeros(4)) == 1
+
+
+def test_holm_is_between_bonferroni_and_no_adjustment():
+    found = holm([0.01, 0.5, 0.02])
+    assert found == pytest.approx([0.03, 0.5, 0.04])
+    assert holm([]) == []

@@ -1,0 +1,216 @@
+"""Where a saved run is branched, and what is changed from there on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble, VerdictBuilder
+from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.filter.branch import branched
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library import Library
+from maurice_mcl.records import Belief, FilterState, StepRecord
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+from maurice_mcl.session import Moment
+
+from ...errors import OptionError
+from ...listener import SILENT, Listener
+from ..convert import chosen_label
+from ..open import AnySession, check_name
+from ..saved import changed_versions, library_of, localizer_of, session_of
+from ..saved_steps import Pictures, Restored, restored_together
+
+KEEPS_SCALES = ("sensor.sharpness", "sensor.widening", "sensor.scales")  # others ask for new ones
+
+
+@dataclass(frozen=True, slots=True)
+class BranchChange:
+    """What is different from the branch on; what is None stays as it was in the run."""
+
+    preset: str | None = None
+    feature: str | None = None
+    particles: int | None = None
+    seed: int | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over the others
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is changed, one thing each: "recovery.strategy=augmented"."""
+        named = {"preset": self.preset, "feature": self.feature}
+        words = [f"{what} {name}" for what, name in named.items() if name is not None]
+        words += [] if self.particles is None else [f"{self.particles} particles"]
+        words += [] if self.seed is None else [f"seed {self.seed}"]
+        return (*words, *(f"{key}={_short(value)}" for key, value in self.settings.items()))
+
+    @property
+    def label(self) -> str:
+        """A short name for the branch, after what is changed."""
+        named = [part for part in (self.preset, self.feature) if part]
+        named += [] if self.particles is None else [f"particles {self.particles}"]
+        named += [] if self.seed is None else [f"seed {self.seed}"]
+        named += [str(_short(value)).replace("/", "-") for value in self.settings.values()]
+        return " ".join(named)[:24].strip() or "unchanged"
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The change as typed on the command line: "--set", "recovery.strategy=augmented"."""
+        named = {"--preset": self.preset, "--feature": self.feature, "--particles": self.particles}
+        given = [
+            (name, value) for name, value in (named | {"--seed": self.seed}).items() if value is not None
+        ]
+        given += [("--set", f"{key}={_short(value)}") for key, value in self.settings.items()]
+        return tuple(str(part) for pair in given for part in pair)
+
+    def configuration(self, saved: Configuration) -> Configuration:
+        """Return the settings from the branch on. OptionError for what is not known or out of range.
+
+        A preset is a whole filter: of the run's settings only motion parameters and particles stay.
+        """
+        check_name(self.preset, PRESETS, "preset")
+        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
+        given = dict(self.settings)
+        if any(key.startswith("radii.") for key in given):
+            raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
+        given |= {} if self.particles is None else {"particles": self.particles}
+        given |= {} if self.feature is None else {"sensor.weights": weights_of(self.feature)}
+        kept = {key: value for key, value in saved.values().items() if value is not None}
+        if self.preset is not None:
+            own = {key: kept[key] for key in ("motion", "particles") if key in kept}
+            kept = {**PRESETS[self.preset], **own}
+        if any(key.startswith("sensor.") and key not in KEEPS_SCALES for key in given):
+            kept.pop("sensor.widening", None)  # it was found for the run's own channels
+        try:
+            return configure([Layer("run", kept), Layer("command line", given)])
+        except ValueError as problem:
+            raise OptionError(str(problem)) from None
+
+
+def _short(value: Any) -> Any:
+    return ",".join(f"{name}={one}" for name, one in value.items()) if isinstance(value, Mapping) else value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BranchPoint:
+    """A saved run with all that it was made from."""
+
+    run: SavedRun
+    session: AnySession
+    library: Library
+    localizer: Localizer  # the run's own
+
+    @property
+    def restored(self) -> Restored:
+        """The run, to go through its steps."""
+        return Restored(self.run, self.localizer.sensor)
+
+    def steps(self) -> Iterator[tuple[Moment, StepRecord]]:
+        """Go through the run with the pictures that it saw. InputError for other pictures."""
+        label, pictures = self.run.manifest.label, Pictures(self.session, self.refuse)
+        for moment, records in restored_together([self.restored], pictures):
+            yield moment, records[label]
+
+    def refuse(self, text: str) -> None:
+        """Raise InputError for a picture that is missing or another."""
+        raise InputError(self.run.folder, f"{text.split(';')[0]}; put it back, a branch has to see it")
+
+    def step_or_default(self, from_step: int | None) -> int:
+        """Return the step to branch after: the given one, else the one before the first loss.
+
+        OptionError for a step that the run does not have, or where it was never lost.
+        """
+        steps = self.run.manifest.steps
+        if from_step is None:
+            found = step_before_loss(verdict_of(self.run))
+            if found is None:
+                raise OptionError("the run was never lost, as far as is known; name a step with --from")
+            return found
+        if from_step < 0 or (steps is not None and from_step >= steps):
+            last = "" if steps is None else f" to {steps - 1}"
+            raise OptionError(f"--from: found {from_step}, expected a step from 0{last}")
+        return from_step
+
+    def localizer_with(self, change: BranchChange) -> Localizer:
+        """Return the filter from the branch on; the sensor model is the run's where nothing changes it.
+
+        InputError where the library lacks a channel, OptionError for settings.
+        """
+        own, before = self.localizer, self.run.configuration.parameters
+        seed = own.seed if change.seed is None else change.seed
+        if not replace(change, seed=None).words:
+            return replace(own, seed=seed)
+        found = change.configuration(self.run.configuration)
+        for channel in found.parameters.sensor.weights:
+            if channel not in self.library.index:
+                held = f"the library holds {', '.join(self.library.index)}, but {channel} is needed"
+                raise InputError(self.run.folder, f"{held}; choose another feature")
+        if (found.parameters.sensor, found.parameters.references) != (before.sensor, before.references):
+            found = adapted(found, self.library, own.reference)[0]
+        after = found.parameters
+        same = (after.sensor, after.references) == (before.sensor, before.references)
+        try:
+            return build_localizer(
+                self.library,
+                self.session,
+                after,
+                reference=own.reference,
+                seed=seed,
+                radii=self.run.manifest.radii,
+                sensor=own.sensor if same else None,
+            )
+        except ValueError as problem:  # motion parameters
+            raise OptionError(str(problem)) from None
+
+    def begin(self, localizer: Localizer, step: int, belief: Belief | None, past: Past) -> FilterState:
+        """Return the state in which a filter goes on after a step; without a belief, at the run's start."""
+        if belief is None:
+            return localizer.initialize(self.restored.start)
+        told = past if localizer.sensor is self.localizer.sensor else ()
+        resized = localizer.particles != self.localizer.particles
+        return branched(localizer, step, belief, told, localizer.particles if resized else None)
+
+
+Past = Sequence[float]  # what recovery was told until the branch, update by update
+
+
+def open_branch(run: str | Path, run_label: str | None = None, listener: Listener = SILENT) -> BranchPoint:
+    """Open a saved run and what it was made from. InputError if anything is gone or was changed."""
+    runs = {one.manifest.label: one for one in open_runs(Path(run))}
+    saved = runs[chosen_label(Path(run), list(runs), run_label)]
+    if not saved.manifest.channels:
+        raise InputError(saved.folder, "is another localizer's run, whose filter is not known here")
+    session, library = session_of(saved), library_of(saved, listener)
+    for text in changed_versions(saved):
+        listener.warning(f"{saved.folder}: {text}: a branch may differ from the run for that alone")
+    return BranchPoint(saved, session, library, localizer_of(saved, session, library))
+
+
+def step_before_loss(verdict: RunVerdict) -> int | None:
+    """Return the step to branch from: before the first trouble that did not end, or the first; None: none.
+
+    It is before what befell the robot and before the last particle near the truth went, so that a remedy
+    has something to work with; 0 for a run that never found itself.
+    """
+    unsolved = [one for one in verdict.troubles if one.recovered is None]
+    chosen: Sequence[Trouble] = unsolved or verdict.troubles
+    if not chosen:
+        return None if verdict.found is not None or not verdict.has_truth else 0
+    first = chosen[0]
+    began = [first.step]
+    began += [] if first.cause is None else [first.cause.step]
+    if first.why is not None and first.why.gone is not None:
+        began.append(first.why.held or 1)
+    return 0 if verdict.found is None or verdict.found > min(began) else max(min(began) - 1, 0)
+
+
+def verdict_of(run: SavedRun) -> RunVerdict:
+    """Return what happened in a saved run, from its steps alone."""
+    builder, label = VerdictBuilder(None), run.manifest.label
+    for moment, records in restored_together([Restored(run, None)], Pictures()):
+        builder.add(moment, records[label])
+    return builder.result()

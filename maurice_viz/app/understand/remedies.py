@@ -1,0 +1,302 @@
+"""Remedies: what would have helped a saved run, tried from a branch over many seeds and ranked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_datasets.trials.statistics import Interval, holm, mean, rate, sign_flip
+from maurice_loaders.errors import InputError
+from maurice_mcl.analysis.metrics import RIGHT_AT_END
+from maurice_mcl.analysis.trace_score import score_trace
+from maurice_mcl.arrays import F32, F64, Bool
+from maurice_mcl.config.parameters import PRESETS, FilterParameters
+from maurice_mcl.filter.batch import run_batch
+from maurice_mcl.filter.branch import recovery_evidence
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.records import Belief, Comparison
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.session import Moment
+
+from ...listener import SILENT, Listener
+from ...text.what_if import remedies_line
+from ..saved_steps import NO_PICTURE, Pictures, Restored, restored_together
+from .branch import BranchChange, BranchPoint, open_branch
+
+SEEDS = 20
+STRATEGIES = ("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture")
+MORE_PARTICLES = (4, 16)
+AS_IT_WAS = "as it was"
+BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
+BEYOND_DOUBT = 0.05  # of all that is tried together: p-values are adjusted for their number
+USUALLY = 0.5  # share of the seeds in which a remedy that is proposed is localized at least
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """One thing to try from the branch on."""
+
+    name: str
+    change: BranchChange
+
+
+@dataclass(frozen=True, slots=True)
+class RemedyResult:
+    """What came of it, over all seeds; the errors are over the updates after the branch."""
+
+    name: str
+    change: BranchChange
+    localized: Interval  # share of the runs that are right at the end
+    error_m: Interval  # mean position error
+    verdict: str  # BETTER, WORSE or UNCLEAR, against the run as it was with the same seeds
+    p_localized: float  # of no difference, adjusted for the number of remedies
+    p_error: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        return asdict(self) | {"change": list(self.change.words), "options": list(self.change.options)}
+
+
+@dataclass(frozen=True, slots=True)
+class Remedies:
+    """All that was tried, best first."""
+
+    run: str  # the folder
+    name: str  # of the session
+    display_units: str
+    from_step: int
+    seeds: tuple[int, ...]
+    as_it_was: RemedyResult
+    tried: tuple[RemedyResult, ...]
+    left_out: tuple[str, ...]  # and why
+    line: str = ""
+
+    @property
+    def proposed(self) -> RemedyResult | None:
+        """The best of those that are better beyond doubt and usually localized; None: nothing helps."""
+        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value > USUALLY]
+        return good[0] if good else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON, lengths in meters."""
+        best = self.proposed
+        return {
+            "run": self.run,
+            "from_step": self.from_step,
+            "seeds": list(self.seeds),
+            "line": self.line,
+            "proposed": None if best is None else best.name,
+            "as_it_was": self.as_it_was.to_json(),
+            "tried": [one.to_json() for one in self.tried],
+            "left_out": list(self.left_out),
+        }
+
+
+def remedies(
+    run: str | Path,
+    from_step: int | None = None,
+    *,
+    seeds: int | Sequence[int] = SEEDS,
+    names: Iterable[str] = (),
+    run_label: str | None = None,
+    listener: Listener | None = None,
+) -> Remedies:
+    """Try what might have kept a saved run localized, from a step on, and rank it.
+
+    Tried are every recovery strategy, four and sixteen times the particles, other features and presets, more
+    motion noise, motion outliers, roughening and a weaker sensor model; with `names` only those. Each is run
+    with the same `seeds` (their number, or the seeds themselves) from the belief after `from_step` (None:
+    before the first loss), and so is the run as it was.
+
+    InputError where session, library or truth is gone, or fewer than ten updates follow; OptionError for a
+    step that is not there.
+
+        >>> import maurice_viz as mv
+        >>> found = mv.remedies("my-run", 2, seeds=5, names=["particles x4"])
+        >>> found.tried[0].verdict, found.proposed
+        ('no difference seen', None)
+    """
+    listener = listener or SILENT
+    point = open_branch(run, run_label, listener)
+    step = point.step_or_default(from_step)
+    tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)
+    wanted, (possible, left_out) = set(names), candidates(point)
+    chosen = [one for one in possible if not wanted or one.name in wanted]
+    filters = [point.localizer, *(filter_ for _, filter_ in chosen_filters(point, chosen))]
+    if len(tested) < (least := least_seeds(len(chosen))):
+        listener.remark(
+            f"{len(tested)} seeds cannot tell {len(chosen)} remedies from chance; give at least {least}"
+        )
+    past = _Past.read(point, step, [one.sensor for one in filters])
+    found = past.tried(filters, tested, listener)
+    as_it_was = Remedy(AS_IT_WAS, BranchChange())
+    first, *others = judged([as_it_was, *chosen], found)
+    ranked = sorted(others, key=lambda one: (-one.localized.value, one.error_m.value))
+    info = point.session.info
+    made = Remedies(
+        str(run), info.name, info.display_units, step, tested, first, tuple(ranked), tuple(left_out)
+    )
+    return replace(made, line=remedies_line(made.to_json()))
+
+
+def chosen_filters(point: BranchPoint, chosen: Sequence[Remedy]) -> list[tuple[Remedy, Localizer]]:
+    """Return the filter of each remedy."""
+    return [(one, point.localizer_with(one.change)) for one in chosen]
+
+
+def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
+    """Return what can be tried on a run, and what cannot, with the reason."""
+    own = point.run.configuration.parameters
+    found = [Remedy(name, BranchChange(settings=settings)) for name, settings in _settings(own).items()]
+    for times in MORE_PARTICLES:
+        found.append(Remedy(f"particles x{times}", BranchChange(particles=times * own.particles)))
+    left_out = []
+    for name, weights in FEATURES.items():
+        missing = [channel for channel in weights if channel not in point.library.index]
+        if missing:
+            left_out.append(f"feature {name}: the library has no channel {missing[0]}")
+        elif dict(weights) != dict(own.sensor.weights):
+            found.append(Remedy(f"feature {name}", BranchChange(feature=name)))
+    for name, values in PRESETS.items():
+        missing = [one for one in values["sensor.weights"] if one not in point.library.index]
+        if missing:
+            left_out.append(f"preset {name}: the library has no channel {missing[0]}")
+        else:
+            change = BranchChange(preset=name)
+            if change.configuration(point.run.configuration).parameters != own:
+                found.append(Remedy(f"preset {name}", change))
+    return found, left_out
+
+
+def _settings(own: FilterParameters) -> Mapping[str, Mapping[str, Any]]:
+    """Return what can be set, by name, without what the run has already."""
+    found: dict[str, Mapping[str, Any]] = {
+        f"recovery {name}": {"recovery.strategy": name}
+        for name in STRATEGIES
+        if name != own.recovery.strategy
+    }
+    if own.resampling.roughening <= 0:
+        found["roughening 0.2"] = {"resampling.roughening": 0.2}
+    if own.resampling.when == "always":
+        found["resampling when needed"] = {"resampling.when": "effective"}
+    found["motion noise x2"] = {"motion_outliers.share": 1.0, "motion_outliers.widen": 2.0}
+    if own.motion_outliers.share < 0.1:
+        found["motion outliers 10 %"] = {"motion_outliers.share": 0.1, "motion_outliers.widen": 4.0}
+    if own.sensor.sharpness > 0:
+        found["sharpness x0.5"] = {"sensor.sharpness": own.sensor.sharpness / 2}
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeedResults:
+    """One filter from the branch, by seed (S,)."""
+
+    localized: Bool  # right at the end
+    error_m: F64
+
+
+@dataclass(slots=True, eq=False)
+class _Past:
+    """What all branches share: the belief they start from, and the pictures after it, as descriptors."""
+
+    point: BranchPoint
+    step: int
+    belief: Belief | None = None
+    evidences: list[float] = field(default_factory=list)
+    moments: list[Moment] = field(default_factory=list)  # after the branch, without pictures
+    measured: list[dict[str, F32]] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, point: BranchPoint, step: int, sensors: Sequence[SensorModel]) -> _Past:
+        """Go through the run once and measure every picture after the branch once. InputError."""
+        past, label = cls(point, step), point.run.manifest.label
+        channels = dict.fromkeys(name for one in sensors for name in one.parameters.weights)
+        seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
+        for moment, records in seen:
+            if moment.frame.step <= step:
+                past.evidences.append(recovery_evidence(records[label]))
+                past.belief = records[label].belief
+            else:
+                image = moment.frame.image
+                past.measured.append({name: CHANNELS[name].describe(image) for name in channels})
+                past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+        known = sum(moment.truth is not None for moment in past.moments)
+        if known < RIGHT_AT_END[1]:
+            needed = f"expected at least {RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
+            raise InputError(point.run.folder, f"found {known} true poses after step {step}, {needed}")
+        return past
+
+    def tried(
+        self, filters: Sequence[Localizer], seeds: Sequence[int], listener: Listener
+    ) -> list[SeedResults]:
+        """Run every filter with every seed; every picture is compared once by each sensor model."""
+        found: dict[int, SeedResults] = {}
+        sensors = {id(one.sensor): one.sensor for one in filters}
+        for sensor in sensors.values():
+            comparisons = self._compared(sensor)
+            for number, localizer in enumerate(filters):
+                if localizer.sensor is sensor:
+                    found[number] = self._runs(localizer, seeds, comparisons)
+                    listener.progress(len(found), len(filters), "remedies")
+        return [found[number] for number in range(len(filters))]
+
+    def _compared(self, sensor: SensorModel) -> list[Comparison]:
+        names = list(sensor.parameters.weights)
+        return [sensor.compare({name: one[name] for name in names}) for one in self.measured]
+
+    def _runs(
+        self, localizer: Localizer, seeds: Sequence[int], comparisons: Sequence[Comparison]
+    ) -> SeedResults:
+        begun = [
+            self.point.begin(replace(localizer, seed=seed), self.step, self.belief, self.evidences)
+            for seed in seeds
+        ]
+        traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
+        scores = [score_trace(trace, self.moments) for trace in traces]
+        right = np.array([one.right_at_end is True for one in scores], bool)
+        return SeedResults(right, np.array([one.position_error_mean_m for one in scores], np.float64))
+
+
+def least_seeds(remedies: int) -> int:
+    """Return with how many seeds a remedy that always works, on a run that never does, is beyond doubt."""
+    return math.ceil(math.log2(2 * 2 * remedies / BEYOND_DOUBT)) if remedies else 0
+
+
+def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[RemedyResult]:
+    """Compare all but the first with the first, seed by seed.
+
+    One is better beyond doubt where it is right at the end in more seeds, or as often with a smaller error,
+    by sign-flip tests whose p-values are adjusted for the number of all of them (Holm).
+    """
+    first, count = found[0], len(found) - 1
+    tests = [sign_flip(one.localized.astype(float) - first.localized) for one in found[1:]]
+    tests += [sign_flip(one.error_m - first.error_m) for one in found[1:]]
+    adjusted = holm(tests)
+    of = zip([1.0, *adjusted[:count]], [1.0, *adjusted[count:]], strict=True)
+    return [
+        RemedyResult(
+            name=remedy.name,
+            change=remedy.change,
+            localized=rate(int(one.localized.sum()), len(one.localized)),
+            error_m=mean(one.error_m),
+            verdict=_verdict(one, first, p_localized, p_error),
+            p_localized=p_localized,
+            p_error=p_error,
+        )
+        for remedy, one, (p_localized, p_error) in zip(tried, found, of, strict=True)
+    ]
+
+
+def _verdict(one: SeedResults, first: SeedResults, p_localized: float, p_error: float) -> str:
+    """Return BETTER, WORSE or UNCLEAR: by the share that is right at the end, then by the error."""
+    if p_localized < BEYOND_DOUBT:
+        return BETTER if one.localized.mean() > first.localized.mean() else WORSE
+    if p_error < BEYOND_DOUBT:
+        return BETTER if one.error_m.mean() < first.error_m.mean() else WORSE
+    return UNCLEAR

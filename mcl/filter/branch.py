@@ -1,0 +1,59 @@
+"""Branching a run: the state in which another filter goes on from one of its steps.
+
+Random numbers are drawn by address (seed, step, purpose), so a branch with the run's own seed draws the same
+numbers at every later step, and one that changes nothing is the run itself, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..randomness import Domain, Purpose, stream
+from ..records import NO_HISTORY, Belief, FilterState, RecoveryState, StepRecord, uniform_log_weights
+from .localizer import LEFT_MAP, Localizer
+from .recovery import RecoveryStrategy
+from .resampling import systematic
+
+
+def recovery_evidence(record: StepRecord) -> float:
+    """Return what the recovery strategy was told of an update: -inf where the cloud had left the map."""
+    return -np.inf if LEFT_MAP in record.events else record.calibrated_evidence
+
+
+def recovery_after(strategy: RecoveryStrategy, evidences: Iterable[float]) -> RecoveryState:
+    """Return the averages of a strategy that saw these evidences, update by update."""
+    state = NO_HISTORY
+    for evidence in evidences:
+        state = strategy(evidence, state).state
+    return state
+
+
+def branched(
+    localizer: Localizer, step: int, belief: Belief, evidences: Iterable[float], size: int | None = None
+) -> FilterState:
+    """Return the state in which a filter goes on from a belief that another one had after a step.
+
+    `evidences` are what recovery was told until then (`recovery_evidence`); none of them where they are
+    those of another sensor model. With a `size` other than the belief's, it is resampled to that many.
+    """
+    if size is not None and size != belief.size:
+        belief = resized(belief, size, localizer.seed, step)
+    columns = np.asfortranarray(belief.poses)  # as the filter holds them: its sums and sines round alike
+    same = Belief(columns, belief.log_weights, belief.origin)
+    return FilterState(step, same, recovery_after(localizer.recovery.strategy, evidences))
+
+
+def resized(belief: Belief, size: int, seed: int, step: int) -> Belief:
+    """Return a belief resampled to another number of particles, systematically, with equal weights.
+
+    First copies come first, in the order of their parents: particles of a larger cloud then keep the motion
+    noise that they have in the smaller one.
+    """
+    rng = stream(Domain.FILTER, seed, step, Purpose.BRANCH)
+    parents = systematic(belief.weights, size, rng)
+    first = np.searchsorted(parents, parents)  # parents are in ascending order
+    order = np.lexsort((parents, np.arange(size) - first))
+    poses = belief.poses[parents[order]]
+    return Belief(poses, uniform_log_weights(size), belief.origin)

@@ -1,0 +1,176 @@
+"""Branches of a saved run, and remedies for one that is lost, as a person asks for them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import defaultdict
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+import maurice_viz as mv
+from helpers.commands import failure, maurice, run
+from helpers.small_session import write_small_session, write_small_survey
+from maurice_datasets.trials.statistics import rate
+from maurice_loaders import InputError
+from maurice_viz.app.understand.branch import BranchChange
+from maurice_viz.app.understand.remedies import BETTER, UNCLEAR, WORSE, Remedy, SeedResults, judged
+from maurice_viz.errors import OptionError
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A session, a run of it, and one that begins at a wrong place, `lost`."""
+    folder = tmp_path_factory.mktemp("what-if")
+    write_small_survey(folder)
+    session = write_small_session(folder, updates=24)
+    mv.replay(session, preset="robust", particles=200, seed=3, run=folder / "kept")
+    settings = {"recovery.strategy": "none"}
+    mv.replay(
+        session, feature="color", particles=200, start="0.4,1.8,180", settings=settings, run=folder / "lost"
+    )
+    return folder
+
+
+@pytest.mark.parametrize("step", [0, 7, 22])
+def test_a_branch_that_changes_nothing_is_the_run(folder, step):
+    found = mv.what_if(folder / "kept", step)
+    assert found.same
+    assert found.line == "Nothing changed: the branch is the run, bit for bit, up to step 24."
+    assert found.before == found.after
+    assert found.parted_at is None
+
+
+def test_the_same_settings_given_again_change_nothing(folder):
+    settings = {"recovery.strategy": "threshold", "resampling.scheme": "systematic"}
+    assert mv.what_if(folder / "kept", 7, settings=settings, particles=200, seed=3).same
+
+
+def test_noise_differs_only_from_the_branch_on(folder):
+    found = mv.what_if(folder / "kept", 7, seed=4)
+    assert found.same_until == 7
+    assert found.differs.field.startswith("particles.")
+
+
+def test_a_strategy_that_never_acts_leaves_the_run_as_it_is(folder):
+    never = {"recovery.strategy": "sensor", "recovery.sensor.evidence": -1e6}
+    found = mv.what_if(folder / "lost", 7, settings=never)
+    assert found.same
+    always = mv.what_if(folder / "lost", 7, settings={"recovery.strategy": "always"})
+    assert (always.same_until, always.differs.field) == (7, "events")
+
+
+def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
+    settings = {"recovery.strategy": "mixture"}
+    found = mv.what_if(folder / "lost", 3, settings=settings, to=folder / "out.rrd", detail="light")
+    assert 3 < found.parted_at < 15
+    assert found.after.error_mean_m < found.before.error_mean_m
+    assert f"the estimates part at {found.parted_at}" in found.line
+    assert found.scores.rrd == folder / "out.rrd"
+    batches = _texts(found.scores.rrd)
+    assert "['bookmark']" in batches["/mixture/events/noticed"]  # where it branches
+    assert "['bookmark']" not in batches["/color/events/noticed"]
+    assert f"apart, since step {found.parted_at}" in batches["/compare/text"]
+
+
+def test_the_command_prints_when_they_part_and_json(folder):
+    args = ("what-if", folder / "lost", "--from", "3", "--particles", "800", "--rrd", "none")
+    out, err = maurice(*args)
+    assert out.startswith("From step 3 with 800 particles: the number of particles differs at 4;")
+    assert "the belief after step 3 is resampled to 800 particles" in err
+    found = json.loads(maurice(*args, "--json")[0])
+    assert found["what_if"]["same_until"] == 3
+    assert [one["label"] for one in found["runs"]] == ["color", "particles 800"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--from", "24"], "--from: found 24, expected a step from 0 to 23"),
+        (["--from", "3", "--set", "radii.lost_m=1"], "radii cannot be changed"),
+        (["--from", "3", "--set", "no.such=1"], "no.such is not known"),
+        (["--remedy", "--feature", "color"], "--remedy chooses what to change"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(folder, words, message):
+    shown = " ".join(run("what-if", folder / "kept", *words, expect=2).stderr.replace("│", " ").split())
+    assert message in shown
+
+
+def test_a_run_whose_session_is_gone_is_one_line(folder, tmp_path):
+    for name in ("survey.log", "session.log", "kept"):
+        (shutil.copytree if name == "kept" else shutil.copy)(folder / name, tmp_path / name)
+    (tmp_path / "session.log").write_text((folder / "session.log").read_text() + "\n")
+    manifest = tmp_path / "kept" / "manifest.json"
+    manifest.write_text(manifest.read_text().replace(str(folder), str(tmp_path)))
+    assert "was changed after the run was made" in failure("what-if", tmp_path / "kept", "--from", "3")
+
+
+def test_without_a_step_the_branch_is_before_the_loss(folder):
+    assert mv.what_if(folder / "lost", seed=4).from_step == 0  # it never found itself
+    with pytest.raises(OptionError, match="never lost"):
+        mv.what_if(folder / "kept", seed=4)
+
+
+def _texts(recording):
+    """Return all that each entity of a recording holds, as text."""
+    found = defaultdict(str)
+    for chunk in RrdReader(recording).stream():
+        found[str(chunk.entity_path)] += str(chunk.to_record_batch().to_pydict())
+    return found
+
+
+REMEDIES = ("recovery mixture", "roughening 0.2", "recovery expansion")
+
+
+def test_a_remedy_that_is_proposed_works_with_other_seeds(folder):
+    found = mv.remedies(folder / "lost", 3, seeds=12, names=REMEDIES)
+    assert found.as_it_was.localized.value < 0.5
+    assert found.proposed.name == "recovery mixture"
+    assert found.line.startswith("recovery mixture helps beyond doubt: right at the end in 1")
+    again = mv.remedies(folder / "lost", 3, seeds=range(500, 512), names=["recovery mixture"])
+    assert again.tried[0].localized.value >= 0.8
+    assert found.tried[0].change.options == ("--set", "recovery.strategy=mixture")
+
+
+def test_the_command_says_where_nothing_helps(folder):
+    with pytest.raises(InputError, match="expected at least 10"):
+        mv.remedies(folder / "lost", 20, seeds=2)
+    nothing = mv.remedies(folder / "lost", 3, seeds=3, names=["roughening 0.2"])
+    assert nothing.proposed is None
+    assert nothing.line.startswith(
+        "Nothing tried helps beyond doubt: the run as it was is right at the end in 0 of 3"
+    )
+
+
+def test_all_that_is_possible_is_tried_in_a_table_of_80_columns(folder, monkeypatch):
+    from maurice_viz.cli.shared import console
+
+    monkeypatch.setattr(console.results, "width", 80)
+    out = maurice("what-if", folder / "lost", "--from", "3", "--remedy", "--seeds", "2")[0]
+    for name in ("as it was", "recovery mixture", "particles x16", "feature edges", "preset robust"):
+        assert name in out
+    assert max(map(len, out.splitlines())) <= 80
+
+
+def _tried(*hits):
+    remedies = [Remedy(str(number), BranchChange()) for number in range(len(hits))]
+    results = [SeedResults(one, np.where(one, 0.1, 2.0)) for one in hits]
+    return judged(remedies, results)
+
+
+def test_a_remedy_is_better_only_beyond_doubt():
+    never, always, some = np.zeros(20, bool), np.ones(20, bool), np.arange(20) < 3
+    was, better, same, luck = _tried(never, always, never, some)
+    assert (better.verdict, same.verdict, luck.verdict) == (BETTER, UNCLEAR, UNCLEAR)
+    assert was.localized == rate(0, 20)
+    assert _tried(always, never)[1].verdict == WORSE
+
+
+def test_by_chance_alone_hardly_any_set_of_remedies_holds_a_better_one():
+    rng = np.random.default_rng(0)
+    sets = [_tried(*(rng.random((11, 20)) < 0.5))[1:] for _ in range(40)]
+    found = sum(any(one.verdict != UNCLEAR for one in some) for some in sets)
+    assert found <= 40 * (0.05 + 4 * np.sqrt(0.05 * 0.95 / 40))
