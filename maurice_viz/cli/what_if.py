@@ -52,6 +52,10 @@ def what_if(
         ),
     ] = None,
     settings: opt.Set = None,
+    anywhere: Annotated[
+        bool,
+        option("--anywhere", "Begin the branch with particles spread over all free space.", opt.FILTER),
+    ] = False,
     remedy: Annotated[
         bool, option("--remedy", "Try the obvious changes, each with many seeds, and rank them.", REMEDIES)
     ] = False,
@@ -73,11 +77,11 @@ def what_if(
     from ..app.understand.what_if import what_if_any
 
     if remedy:
-        if preset or feature or particles or seed is not None or settings or rrd:
+        if preset or feature or particles or seed is not None or settings or anywhere or rrd:
             raise typer.BadParameter("--remedy chooses what to change: give only --from, --seeds and --json")
         _remedies(run, from_step, seeds, run_label, json_output)
         return
-    change = _change(preset, feature, particles, seed, settings)
+    change = _change(preset, feature, particles, seed, settings, anywhere)
     stem = run.absolute().name
     output = output_of(stem, rrd, None, layout or "compare", detail, force=force)
     with listening(usage=False) as listener, serving(output, listener):
@@ -133,6 +137,7 @@ def _change(
     particles: int | None,
     seed: int | None,
     settings: list[str] | None,
+    anywhere: bool,
 ) -> BranchChange:
     from maurice_loaders.config_files import read_motion
 
@@ -141,7 +146,7 @@ def _change(
     given = settings_of(settings)
     if "motion" in given:
         given["motion"] = read_motion(Path(given["motion"]))
-    return BranchChange(preset, feature, particles, seed, given)
+    return BranchChange(preset, feature, particles, seed, given, anywhere)
 
 
 def _print(found: WhatIf) -> None:

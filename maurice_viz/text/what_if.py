@@ -55,6 +55,10 @@ def remedies_line(found: Mapping[str, Any]) -> str:
         text = f"{best['name']} helps beyond doubt: right at the end in {_share(best)} seeds, {before}"
         others = [one["name"] for one in tried if one["verdict"] == "better" and one is not best]
         return f"{text}. {_also(others)}"
+    some = next((one for one in tried if one["verdict"] == "better"), None)
+    if some is not None:
+        text = f"{some['name']} is better beyond doubt, but right at the end in only {_share(some)} seeds"
+        return f"{text}, {before}: nothing tried helps reliably."
     right = f"right at the end in {_share(was)} seeds"
     if was["localized"]["value"] >= LUCK:
         other = f"with other noise from step {found['from_step']} on, the run as it was is {right}"

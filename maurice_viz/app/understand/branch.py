@@ -38,6 +38,7 @@ class BranchChange:
     particles: int | None = None
     seed: int | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over the others
+    anywhere: bool = False  # the branch begins with particles spread over all free space
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -46,6 +47,7 @@ class BranchChange:
         words = [f"{what} {name}" for what, name in named.items() if name is not None]
         words += [] if self.particles is None else [f"{self.particles} particles"]
         words += [] if self.seed is None else [f"seed {self.seed}"]
+        words += ["particles anywhere"] if self.anywhere else []
         return (*words, *(f"{key}={_short(value)}" for key, value in self.settings.items()))
 
     @property
@@ -54,18 +56,19 @@ class BranchChange:
         named = [part for part in (self.preset, self.feature) if part]
         named += [] if self.particles is None else [f"particles {self.particles}"]
         named += [] if self.seed is None else [f"seed {self.seed}"]
+        named += ["anywhere"] if self.anywhere else []
         named += [str(_short(value)).replace("/", "-") for value in self.settings.values()]
         return " ".join(named)[:24].strip() or "unchanged"
 
     @property
     def options(self) -> tuple[str, ...]:
         """The change as typed on the command line: "--set", "recovery.strategy=augmented"."""
-        named = {"--preset": self.preset, "--feature": self.feature, "--particles": self.particles}
-        given = [
-            (name, value) for name, value in (named | {"--seed": self.seed}).items() if value is not None
-        ]
-        given += [("--set", f"{key}={_short(value)}") for key, value in self.settings.items()]
-        return tuple(str(part) for pair in given for part in pair)
+        named: dict[str, Any] = {"--preset": self.preset, "--feature": self.feature}
+        named |= {"--particles": self.particles, "--seed": self.seed}
+        given = [word for name, value in named.items() if value is not None for word in (name, str(value))]
+        given += ["--anywhere"] if self.anywhere else []
+        settings = [f"{key}={_short(value)}" for key, value in self.settings.items()]
+        return (*given, *(word for setting in settings for word in ("--set", setting)))
 
     def configuration(self, saved: Configuration) -> Configuration:
         """Return the settings from the branch on. OptionError for what is not known or out of range.
@@ -81,8 +84,8 @@ class BranchChange:
         given |= {} if self.feature is None else {"sensor.weights": weights_of(self.feature)}
         kept = {key: value for key, value in saved.values().items() if value is not None}
         if self.preset is not None:
-            own = {key: kept[key] for key in ("motion", "particles") if key in kept}
-            kept = {**PRESETS[self.preset], **own}
+            own = {key: value for key, value in kept.items() if key in ("motion", "particles")}
+            kept = dict(PRESETS[self.preset]) | own
         if any(key.startswith("sensor.") and key not in KEEPS_SCALES for key in given):
             kept.pop("sensor.widening", None)  # it was found for the run's own channels
         try:
@@ -142,7 +145,7 @@ class BranchPoint:
         """
         own, before = self.localizer, self.run.configuration.parameters
         seed = own.seed if change.seed is None else change.seed
-        if not replace(change, seed=None).words:
+        if not replace(change, seed=None, anywhere=False).words:
             return replace(own, seed=seed)
         found = change.configuration(self.run.configuration)
         for channel in found.parameters.sensor.weights:
@@ -166,11 +169,15 @@ class BranchPoint:
         except ValueError as problem:  # motion parameters
             raise OptionError(str(problem)) from None
 
-    def begin(self, localizer: Localizer, step: int, belief: Belief | None, past: Past) -> FilterState:
+    def begin(
+        self, localizer: Localizer, step: int, belief: Belief | None, past: Past, *, anywhere: bool = False
+    ) -> FilterState:
         """Return the state in which a filter goes on after a step; without a belief, at the run's start."""
         if belief is None:
-            return localizer.initialize(self.restored.start)
+            return localizer.initialize(None if anywhere else self.restored.start)
         told = past if localizer.sensor is self.localizer.sensor else ()
+        if anywhere:
+            return branched(localizer, step, localizer.initialize(None).belief, told)
         resized = localizer.particles != self.localizer.particles
         return branched(localizer, step, belief, told, localizer.particles if resized else None)
 

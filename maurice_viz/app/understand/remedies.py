@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +15,11 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.analysis.metrics import RIGHT_AT_END
 from maurice_mcl.analysis.trace_score import score_trace
 from maurice_mcl.arrays import F32, F64, Bool
-from maurice_mcl.config.parameters import PRESETS, FilterParameters
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import Belief, Comparison
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment
 
@@ -28,22 +27,13 @@ from ...listener import SILENT, Listener
 from ...text.what_if import remedies_line
 from ..saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from .branch import BranchChange, BranchPoint, open_branch
+from .candidates import Remedy, candidates
 
 SEEDS = 20
-STRATEGIES = ("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture")
-MORE_PARTICLES = (4, 16)
 AS_IT_WAS = "as it was"
 BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
 BEYOND_DOUBT = 0.05  # of all that is tried together: p-values are adjusted for their number
-USUALLY = 0.5  # share of the seeds in which a remedy that is proposed is localized at least
-
-
-@dataclass(frozen=True, slots=True)
-class Remedy:
-    """One thing to try from the branch on."""
-
-    name: str
-    change: BranchChange
+USUALLY = 0.8  # least share of the seeds in which a remedy that is proposed is right at the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +69,8 @@ class Remedies:
 
     @property
     def proposed(self) -> RemedyResult | None:
-        """The best of those that are better beyond doubt and usually localized; None: nothing helps."""
-        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value > USUALLY]
+        """The best of those that are better beyond doubt and usually right; None: nothing helps enough."""
+        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUALLY]
         return good[0] if good else None
 
     def to_json(self) -> dict[str, Any]:
@@ -109,10 +99,10 @@ def remedies(
 ) -> Remedies:
     """Try what might have kept a saved run localized, from a step on, and rank it.
 
-    Tried are every recovery strategy, four and sixteen times the particles, other features and presets, more
-    motion noise, motion outliers, roughening and a weaker sensor model; with `names` only those. Each is run
-    with the same `seeds` (their number, or the seeds themselves) from the belief after `from_step` (None:
-    before the first loss), and so is the run as it was.
+    Tried are every recovery strategy, more particles, particles anywhere, other features and presets, the
+    filter without one of its channels, more motion noise, motion outliers, roughening and a weaker sensor
+    model; with `names` only those. Each is run with the same `seeds` (their number, or the seeds themselves)
+    from the belief after `from_step` (None: before the first loss), and so is the run as it was.
 
     InputError where session, library or truth is gone, or fewer than ten updates follow; OptionError for a
     step that is not there.
@@ -128,69 +118,21 @@ def remedies(
     tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)
     wanted, (possible, left_out) = set(names), candidates(point)
     chosen = [one for one in possible if not wanted or one.name in wanted]
-    filters = [point.localizer, *(filter_ for _, filter_ in chosen_filters(point, chosen))]
+    tried = [Remedy(AS_IT_WAS, BranchChange()), *chosen]
+    filters = [point.localizer_with(one.change) for one in tried]
     if len(tested) < (least := least_seeds(len(chosen))):
         listener.remark(
             f"{len(tested)} seeds cannot tell {len(chosen)} remedies from chance; give at least {least}"
         )
     past = _Past.read(point, step, [one.sensor for one in filters])
-    found = past.tried(filters, tested, listener)
-    as_it_was = Remedy(AS_IT_WAS, BranchChange())
-    first, *others = judged([as_it_was, *chosen], found)
+    found = past.tried(tried, filters, tested, listener)
+    first, *others = judged(tried, found)
     ranked = sorted(others, key=lambda one: (-one.localized.value, one.error_m.value))
     info = point.session.info
     made = Remedies(
         str(run), info.name, info.display_units, step, tested, first, tuple(ranked), tuple(left_out)
     )
     return replace(made, line=remedies_line(made.to_json()))
-
-
-def chosen_filters(point: BranchPoint, chosen: Sequence[Remedy]) -> list[tuple[Remedy, Localizer]]:
-    """Return the filter of each remedy."""
-    return [(one, point.localizer_with(one.change)) for one in chosen]
-
-
-def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
-    """Return what can be tried on a run, and what cannot, with the reason."""
-    own = point.run.configuration.parameters
-    found = [Remedy(name, BranchChange(settings=settings)) for name, settings in _settings(own).items()]
-    for times in MORE_PARTICLES:
-        found.append(Remedy(f"particles x{times}", BranchChange(particles=times * own.particles)))
-    left_out = []
-    for name, weights in FEATURES.items():
-        missing = [channel for channel in weights if channel not in point.library.index]
-        if missing:
-            left_out.append(f"feature {name}: the library has no channel {missing[0]}")
-        elif dict(weights) != dict(own.sensor.weights):
-            found.append(Remedy(f"feature {name}", BranchChange(feature=name)))
-    for name, values in PRESETS.items():
-        missing = [one for one in values["sensor.weights"] if one not in point.library.index]
-        if missing:
-            left_out.append(f"preset {name}: the library has no channel {missing[0]}")
-        else:
-            change = BranchChange(preset=name)
-            if change.configuration(point.run.configuration).parameters != own:
-                found.append(Remedy(f"preset {name}", change))
-    return found, left_out
-
-
-def _settings(own: FilterParameters) -> Mapping[str, Mapping[str, Any]]:
-    """Return what can be set, by name, without what the run has already."""
-    found: dict[str, Mapping[str, Any]] = {
-        f"recovery {name}": {"recovery.strategy": name}
-        for name in STRATEGIES
-        if name != own.recovery.strategy
-    }
-    if own.resampling.roughening <= 0:
-        found["roughening 0.2"] = {"resampling.roughening": 0.2}
-    if own.resampling.when == "always":
-        found["resampling when needed"] = {"resampling.when": "effective"}
-    found["motion noise x2"] = {"motion_outliers.share": 1.0, "motion_outliers.widen": 2.0}
-    if own.motion_outliers.share < 0.1:
-        found["motion outliers 10 %"] = {"motion_outliers.share": 0.1, "motion_outliers.widen": 4.0}
-    if own.sensor.sharpness > 0:
-        found["sharpness x0.5"] = {"sensor.sharpness": own.sensor.sharpness / 2}
-    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,16 +175,20 @@ class _Past:
         return past
 
     def tried(
-        self, filters: Sequence[Localizer], seeds: Sequence[int], listener: Listener
+        self,
+        remedies: Sequence[Remedy],
+        filters: Sequence[Localizer],
+        seeds: Sequence[int],
+        listener: Listener,
     ) -> list[SeedResults]:
         """Run every filter with every seed; every picture is compared once by each sensor model."""
         found: dict[int, SeedResults] = {}
         sensors = {id(one.sensor): one.sensor for one in filters}
         for sensor in sensors.values():
             comparisons = self._compared(sensor)
-            for number, localizer in enumerate(filters):
+            for number, (remedy, localizer) in enumerate(zip(remedies, filters, strict=True)):
                 if localizer.sensor is sensor:
-                    found[number] = self._runs(localizer, seeds, comparisons)
+                    found[number] = self._runs(remedy, localizer, seeds, comparisons)
                     listener.progress(len(found), len(filters), "remedies")
         return [found[number] for number in range(len(filters))]
 
@@ -251,10 +197,15 @@ class _Past:
         return [sensor.compare({name: one[name] for name in names}) for one in self.measured]
 
     def _runs(
-        self, localizer: Localizer, seeds: Sequence[int], comparisons: Sequence[Comparison]
+        self,
+        remedy: Remedy,
+        localizer: Localizer,
+        seeds: Sequence[int],
+        comparisons: Sequence[Comparison],
     ) -> SeedResults:
+        begin, past, anywhere = self.point.begin, self.evidences, remedy.change.anywhere
         begun = [
-            self.point.begin(replace(localizer, seed=seed), self.step, self.belief, self.evidences)
+            begin(replace(localizer, seed=seed), self.step, self.belief, past, anywhere=anywhere)
             for seed in seeds
         ]
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)

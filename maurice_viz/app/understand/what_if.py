@@ -81,6 +81,7 @@ def what_if(
     particles: int | None = None,
     seed: int | None = None,
     settings: Mapping[str, Any] | None = None,
+    anywhere: bool = False,
     run_label: str | None = None,
     to: str | Path | None = None,
     layout: str | None = None,
@@ -92,9 +93,9 @@ def what_if(
 
     Both have the same steps up to `from_step` (0: none, and the branch begins as a replay would; None: up
     to the one before the first loss). From there on, `preset`, `feature`, `particles` and `settings` choose
-    the filter as in `replay`; what is not given stays. The random numbers are those that the run drew, unless
-    a `seed` is given. `run_label` chooses a run of a comparison. `to` is the Rerun recording (.rrd) to write,
-    of both side by side.
+    the filter as in `replay`; what is not given stays. With `anywhere` the branch begins with particles over
+    all free space. The random numbers are those that the run drew, unless a `seed` is given. `run_label`
+    chooses a run of a comparison. `to` is the Rerun recording (.rrd) to write, of both side by side.
 
     InputError for bad files, and where the session or library is gone; OptionError for bad arguments.
 
@@ -104,7 +105,7 @@ def what_if(
         >>> mv.what_if("my-run", 5, particles=100).same_until
         5
     """
-    change = BranchChange(preset, feature, particles, seed, dict(settings or {}))
+    change = BranchChange(preset, feature, particles, seed, dict(settings or {}), anywhere)
     output = output_of(Path(run), to, None, layout, detail, force)
     return what_if_any(run, from_step, change, output, run_label=run_label, listener=listener or SILENT)
 
@@ -123,7 +124,8 @@ def what_if_any(
     point = open_branch(run, run_label, listener)
     from_step = point.step_or_default(from_step)
     pair = _Pair(point, from_step, change, point.localizer_with(change))
-    if pair.localizer.particles != point.localizer.particles and from_step:
+    resized = pair.localizer.particles != point.localizer.particles
+    if resized and from_step and not change.anywhere:
         listener.remark(
             f"the belief after step {from_step} is resampled to {pair.localizer.particles} particles"
         )
@@ -182,13 +184,16 @@ class _Pair:
     def updates(self) -> Iterator[Mapping[str, Step]]:
         """Go through both: up to the branch they share their steps."""
         names, past = (self.point.run.manifest.label, self.label), list[float]()
-        state = None if self.from_step else self.point.begin(self.localizer, 0, None, past)
+        anywhere = self.change.anywhere
+        state = None
+        if not self.from_step:
+            state = self.point.begin(self.localizer, 0, None, past, anywhere=anywhere)
         for moment, record in self.point.steps():
             step, branch = moment.frame.step, record
             if state is None:
                 past.append(recovery_evidence(record))
                 if step == self.from_step:
-                    state = self.point.begin(self.localizer, step, record.belief, past)
+                    state = self.point.begin(self.localizer, step, record.belief, past, anywhere=anywhere)
             else:
                 state, branch = self._stepped(state, moment, record)
             self.last = step

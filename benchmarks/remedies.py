@@ -1,0 +1,132 @@
+"""How often a proposed remedy works: planted failures, what `what-if --remedy` proposes, other seeds.
+
+    python benchmarks/remedies.py -o .remedies            # the judged set; goes on where it stopped
+    python benchmarks/remedies.py -o .remedies --write    # and the table goes into docs/what-if.md
+
+Every planted run (`maurice_datasets.planted`) is written as files, replayed and saved as a user would. Where
+it is not lost any more (its pictures are JPEG now), it does not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import joblib
+
+import maurice_viz as mv
+from maurice_datasets.planted.places import SETS
+from maurice_datasets.planted.planting import planted
+from maurice_datasets.planted.saved import write_planted
+from maurice_datasets.planted.ways import HEALTHY, WAYS
+from maurice_datasets.trials.statistics import rate
+from maurice_loaders.errors import InputError
+from maurice_viz.errors import OptionError
+
+DOCS = Path(__file__).parents[1] / "docs" / "what-if.md"
+SEEDS, FRESH = range(1, 21), range(1001, 1021)
+LIBRARY = "library"
+Row = dict[str, Any]
+
+
+def main() -> None:
+    asked = _asked()
+    file = asked.output / f"remedies-{asked.set}.jsonl"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    rows = [json.loads(line) for line in file.read_text().splitlines()] if file.is_file() else []
+    done = {(row["planted"], row["number"]) for row in rows}
+    jobs = [(kind, number) for number in range(asked.drives) for kind in asked.kinds]
+    left = [job for job in jobs if job not in done]
+    parallel = joblib.Parallel(asked.jobs, return_as="generator_unordered", batch_size=1)
+    for row in parallel(joblib.delayed(judged)(asked.set, *job) for job in left):
+        rows.append(row)
+        with file.open("a") as out:
+            out.write(json.dumps(row) + "\n")
+        print(json.dumps(row), flush=True)
+    text = "\n".join(table([row for row in rows if (row["planted"], row["number"]) in jobs]))
+    print(text)
+    if asked.write:
+        page = DOCS.read_text()
+        marked = re.compile(r"(<!-- planted remedies -->\n).*?(<!-- end -->)", re.DOTALL)
+        DOCS.write_text(marked.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page))
+
+
+def _asked() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python benchmarks/remedies.py", description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path(".remedies"))
+    parser.add_argument("--set", choices=SETS, default="judge")
+    kinds = [kind for kind in WAYS if kind != HEALTHY]
+    parser.add_argument("--kinds", nargs="*", choices=kinds, default=kinds, metavar="KIND")
+    parser.add_argument("--drives", type=int, default=4, help="of each kind")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--write", action="store_true", help="put the table into docs/what-if.md")
+    return parser.parse_args()
+
+
+def judged(which: str, kind: str, number: int) -> Row:
+    """Let a remedy be proposed for one planted run, and apply it with other seeds."""
+    cv2.setNumThreads(1)
+    world, arena = SETS[which].place_of(number)
+    row: Row = {"planted": kind, "number": number, "world": Path(world).stem, "arena": arena}
+    run = planted(kind, number, which)
+    if run is None:
+        return row | {"outcome": "no harm"}
+    with TemporaryDirectory() as folder:
+        where, saved = Path(folder) / "planted", Path(folder) / "run"
+        try:
+            session = write_planted(run, where)
+            mv.replay(
+                session, where / LIBRARY, config=where / "filter.toml", seed=run.localizer.seed, run=saved
+            )
+            found = mv.remedies(saved, seeds=SEEDS)
+        except (InputError, OptionError) as problem:
+            return row | {"way": run.planting.way, "outcome": "left out", "why": str(problem)}
+        was, best = found.as_it_was.localized.value, found.proposed
+        row |= {"way": run.planting.way, "from": found.from_step, "as_it_was": was}
+        if best is None:
+            top = found.tried[0]
+            tops = {"best": top.name, "best_share": top.localized.value, "verdict": top.verdict}
+            return row | {"outcome": "nothing proposed"} | tops
+        row |= {"outcome": "proposed", "proposed": best.name, "with_seeds": best.localized.value}
+        after = mv.remedies(saved, found.from_step, seeds=FRESH, names=[best.name]).tried[0]
+        whole = mv.remedies(saved, 0, seeds=FRESH, names=[best.name]).tried[0]
+        return row | {"fresh": after.localized.value, "whole_drive": whole.localized.value}
+
+
+def table(rows: Sequence[Row]) -> list[str]:
+    """Return a line for each kind of cause, and one for all."""
+    head = "| planted cause | failures | usually right as it was | remedy proposed | works with other seeds |"
+    lines = [f"{head} works over the whole drive | proposed |", "|---|---:|---:|---:|---|---|---|"]
+    for kind in dict.fromkeys(row["planted"] for row in rows):
+        lines.append(_line(kind.replace("_", " "), [row for row in rows if row["planted"] == kind]))
+    return [*lines, _line("**all**", rows)]
+
+
+def _line(name: str, rows: Sequence[Row]) -> str:
+    judged_ones = [row for row in rows if row["outcome"] in ("proposed", "nothing proposed")]
+    some = [row for row in rows if row["outcome"] == "proposed"]
+    lucky = sum(row["as_it_was"] >= 0.8 for row in judged_ones)
+    names = Counter(row["proposed"] for row in some).most_common(3)
+    said = ", ".join(f"{what} ({count})" if count > 1 else what for what, count in names)
+    shares = " | ".join(_share(some, which) for which in ("fresh", "whole_drive"))
+    counts = f"{len(judged_ones)} | {lucky} | {len(some)}"
+    return f"| {name} | {counts} | {shares} | {said} |"
+
+
+def _share(rows: Sequence[Row], which: str) -> str:
+    if not rows:
+        return "-"
+    count = len(FRESH) * len(rows)
+    found = rate(round(sum(row[which] for row in rows) * len(FRESH)), count)
+    return f"{found.value:.0%} of {count} runs"
+
+
+if __name__ == "__main__":
+    main()
