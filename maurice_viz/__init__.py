@@ -6,6 +6,7 @@
 | `compare` | replays two to four runs side by side and compares their scores |
 | `show` | shows a run, a recording or a session in a notebook's widget |
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
+| `diagnose` | why a filter was lost: one cause for each time |
 | `explain` | explains one update of a saved run |
 | `check` | whether a filter does on drives what is demanded of it, with many seeds |
 | `error_budget` | which part of a filter costs most accuracy |
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     from .app.trials import trials_view as trials_view
     from .app.understand.budget import error_budget as error_budget
     from .app.understand.check import check as check
+    from .app.understand.diagnose import diagnose as diagnose
     from .app.understand.explain import explain as explain
     from .app.understand.inspect import doctor as doctor
     from .app.understand.inspect import formats as formats
@@ -78,6 +80,7 @@ _WHERE = {
     "check_library": ".app.library_check",
     "compare": ".app.compare",
     "convert": ".app.convert",
+    "diagnose": ".app.understand.diagnose",
     "doctor": ".app.understand.inspect",
     "draw_figures": ".plots.figures",
     "drop_bookmarks": ".app.events",
@@ -115,6 +118,7 @@ __all__ = [
     "check_library",
     "compare",
     "convert",
+    "diagnose",
     "doctor",
     "draw_figures",
     "drop_bookmarks",

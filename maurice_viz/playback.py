@@ -18,7 +18,6 @@ from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
-from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment
 
 
@@ -95,12 +94,12 @@ class ResultCollector:
         arena_m: tuple[float, float],
         say: Say = in_meters,
         other_drives: Collection[str] = (),
-        sensors: Mapping[str, SensorModel | None] | None = None,
+        localizers: Mapping[str, Localizer | None] | None = None,
     ) -> None:
         """Score runs of these labels, in an arena of this width and depth; all after the first against it.
 
-        `other_drives` are the labels of those that replay another drive than the first one; with `sensors`,
-        the runs' sensor models, verdicts also tell how well pictures fit the true place.
+        `other_drives` are the labels of those that replay another drive than the first one; with
+        `localizers`, the runs' filters, failures are diagnosed by references, motion and map, too.
         """
         self._scorers = {label: Scorer() for label in labels}
         self._judges = {label: SuccessJudge(arena_m) for label in labels}
@@ -108,7 +107,7 @@ class ResultCollector:
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
         }
-        self._verdicts = {label: VerdictBuilder((sensors or {}).get(label)) for label in labels}
+        self._verdicts = {label: VerdictBuilder((localizers or {}).get(label)) for label in labels}
         self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far

@@ -49,6 +49,7 @@ class RunView:
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     radii: Radii = USUAL  # by which it is judged
     draws_new: str | None = None  # where recovery draws new particles, NEVER: nowhere; None: not known
+    localizer: Localizer | None = None  # None: failures are judged by the records alone
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
 
     @property
@@ -62,7 +63,15 @@ class RunView:
         sensor = localizer.sensor
         names = tuple(sensor.distances)
         draws_new = _draws_new(localizer)
-        return cls(label, names, sensor, localizer.particles, radii=localizer.radii, draws_new=draws_new)
+        return cls(
+            label,
+            names,
+            sensor,
+            localizer.particles,
+            radii=localizer.radii,
+            draws_new=draws_new,
+            localizer=localizer,
+        )
 
 
 def _draws_new(localizer: Localizer) -> str | None:

@@ -139,8 +139,8 @@ def collector_of(playback: Playback) -> ResultCollector:
     """Return what scores the runs, and compares those after the first with it."""
     arena = playback.scene.library.arena
     say = scale_for(playback.scene.info.display_units, arena).say
-    sensors = {run.label: run.sensor for run in playback.views}
-    return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives, sensors)
+    localizers = {run.label: run.localizer for run in playback.views}
+    return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives, localizers)
 
 
 def step_through(

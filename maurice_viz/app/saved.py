@@ -32,7 +32,6 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.localizer import run as run_filter
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
-from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import SinkError
@@ -127,12 +126,12 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     notes, unread = find_notes(folder, runs)
     for problem in unread:
         listener.warning(problem)
-    labelled, sensors = {one.manifest.label: one for one in runs}, dict[str, SensorModel]()
+    labelled, localizers = {one.manifest.label: one for one in runs}, dict[str, Localizer]()
     if session is not None and library is not None:
-        sensors = {name: localizer_of(one, session, library).sensor for name, one in labelled.items()}
+        localizers = {name: localizer_of(one, session, library) for name, one in labelled.items()}
     else:
         library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
-    restored = [Restored(one, sensors.get(label), notes[label]) for label, one in labelled.items()]
+    restored = [Restored(one, localizers.get(label), notes[label]) for label, one in labelled.items()]
     notes_then = (NAMED,) if first.reading.odometry_from_truth else ()
     info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes_then)
     scene = DriveScene(info, library, first.has_truth, first.pictures)
@@ -172,6 +171,7 @@ def view_of(one: Restored) -> RunView:
         one.bookmarks,
         radii=manifest.radii,
         draws_new=draws_new if manifest.channels else None,
+        localizer=one.localizer,
     )
 
 

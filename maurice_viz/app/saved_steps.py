@@ -12,6 +12,7 @@ from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.runs.writer import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_mcl.analysis.events import EventDetector, RunEvent
 from maurice_mcl.arrays import F64, U8
+from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.geometry import compose
 from maurice_mcl.records import Comparison, Sighting, StepRecord
 from maurice_mcl.sensor.model import SensorModel
@@ -55,11 +56,16 @@ class Pictures:
 
 @dataclass(frozen=True, slots=True)
 class Restored:
-    """One saved run, and what compares pictures with the library it was made with, if that is there."""
+    """One saved run, and the filter that it was made with, if session and library are still there."""
 
     saved: SavedRun
-    sensor: SensorModel | None
+    localizer: Localizer | None  # None: session or library is gone
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
+
+    @property
+    def sensor(self) -> SensorModel | None:
+        """What compares pictures with the library, if that is there."""
+        return None if self.localizer is None else self.localizer.sensor
 
     @property
     def start(self) -> F64 | None:
@@ -190,8 +196,8 @@ def collect(
     known = {run.saved.manifest.label: run for run in runs}
     tracks = {label: Track(label) for label in known}
     detectors = {label: EventDetector(scale.say, bookmarks=one.bookmarks) for label, one in known.items()}
-    sensors = {label: one.sensor for label, one in known.items()}
-    scores = ResultCollector(list(known), arena_m, scale.say, sensors=sensors)
+    localizers = {label: one.localizer for label, one in known.items()}
+    scores = ResultCollector(list(known), arena_m, scale.say, localizers=localizers)
     size: tuple[int, int] | None = None
     for moment, records in restored_together(runs, pictures):
         paired = scores.add(moment, records)

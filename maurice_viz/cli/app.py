@@ -49,6 +49,7 @@ COMMANDS = {
         Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND),
         Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND),
         Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND),
+        Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND),
         Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND),
         Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND),
         Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.failures.near_truth import Vanishing
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
@@ -21,6 +21,7 @@ from maurice_mcl.radii import Radii
 
 from ..playback import RunResult
 from ..style import COLOR_WORDS, UNITS, Scale, Units
+from .failure import say_failure
 from .narration import errors
 from .verdict import said
 
@@ -101,12 +102,14 @@ CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
 def _verdict_json(result: RunResult) -> dict[str, Any]:
     verdict = result.verdict
     facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, METRIC)}
-    facts["troubles"] = [_values(one, TROUBLE) | {"why": _why_json(one.why)} for one in verdict.troubles]
+    facts["troubles"] = [_values(one, TROUBLE) for one in verdict.troubles]
+    facts["failures"] = [failure_json(one, METRIC) for one in verdict.failures]
     return facts | {"causes": [_values(one, CAUSE) for one in verdict.causes]}
 
 
-def _why_json(why: Vanishing | None) -> dict[str, Any] | None:
-    return None if why is None else asdict(why)
+def failure_json(failure: Failure, scale: Scale) -> dict[str, Any]:
+    """Return a failure as JSON, with its cause in words."""
+    return asdict(failure) | {"also": list(failure.also), "text": say_failure(failure, scale)}
 
 
 def _values(of: object, names: Sequence[str]) -> dict[str, Any]:

@@ -6,18 +6,19 @@ from collections.abc import Mapping, Sequence
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
-from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, GONE, LOST, SURE, TourMoment
+from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
 
 from ..scene import EVENLY, LIKELY, NEVER, RunView
 from ..style import Scale
+from .failure import say_cause, title
 from .verdict import befell
 
 NAMES = {
     BEGINS: "the drive begins",
     FOUND: "localized",
     DIVIDED: "two places look alike",
-    GONE: "no dot is left at the truth",
     LOST: "it goes wrong",
     SURE: "sure and wrong",
     BACK: "found again",
@@ -80,7 +81,10 @@ def tour_pages(
 def _name(moment: TourMoment, several: bool) -> str:
     if isinstance(moment.fact, Cause):
         return BEFALLS.get(moment.fact.kind, "something happens")
-    name = NAMES.get(moment.kind, "farthest off")
+    if isinstance(moment.fact, Failure):
+        name = f"the cause, {title(moment.fact)}"
+    else:
+        name = NAMES.get(moment.kind, "farthest off")
     return f"`{moment.label}` {name}" if several and moment.label else name
 
 
@@ -89,6 +93,8 @@ def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
     fact = moment.fact
     if moment.kind == BEFELL and isinstance(fact, Cause):
         return LOOKS.get(fact.kind, f"{befell(fact, scale)}.")
+    if isinstance(fact, Failure):
+        return f"Why it failed: {say_cause(fact, scale)}."
     if isinstance(fact, Ambiguity):
         return _two_places(fact, scale)
     if isinstance(fact, SureAndWrong):
@@ -116,10 +122,6 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
 
 
 def _troubled(moment: TourMoment, trouble: Trouble) -> str:
-    if moment.kind == GONE:
-        fits = trouble.why is not None and trouble.why.fits
-        later = " Later pictures fit there better, but no dot can gain by it."
-        return f"Map: none near the white disk.{later if fits else ''}"
     if moment.kind == LOST:
         return "Errors, at the bottom: above the red line (lost). The lane turns red after four such updates."
     if trouble.fresh:

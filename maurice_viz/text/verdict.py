@@ -7,14 +7,17 @@ from collections.abc import Mapping, Sequence
 from maurice_mcl.analysis.events import KIDNAPPED, SEARCHING
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED, Cause
+from maurice_mcl.analysis.failures.kinds import KIDNAPPED as WAS_KIDNAPPED
+from maurice_mcl.analysis.failures.kinds import LIGHTING, MOTION
 from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble
 
 from ..style import Scale
-from .why import why
+from .failure import say_cause
 
 SURE = ", sure of a wrong place"
 KIDNAPPED_ROBOT = "The robot was kidnapped"
 NOTHING_YET = "No update yet."
+TOLD = (WAS_KIDNAPPED, MOTION, LIGHTING)  # causes that the sentence on the drive has told already
 MOST_CAUSES = 2  # that a line tells of
 ALIKE_Q = 0.1  # qualities that differ by less are about equal
 
@@ -35,15 +38,16 @@ def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: b
         return f"{name}: {_without_truth(verdict, scale)}"
     did = _predicate(verdict, scale, kidnapping_said)
     before = _before(verdict, scale)
-    went, since = _why(verdict, scale)
-    because = f", because {went}{f' ({since})' if since else ''}" if went else ""
+    why = _why(verdict, scale)
+    because = f" ({why})" if why else ""
     return f"{name}: {before}; it {did}{because}" if before else f"{name} {did}{because}"
 
 
-def _why(verdict: RunVerdict, scale: Scale) -> tuple[str, str]:
-    """Return why a run did not find itself (again), of the first trouble that nothing else explains."""
-    found = [why(one, scale) for one in verdict.troubles if one.recovered is None]
-    return next((one for one in found if one[0]), ("", ""))
+def _why(verdict: RunVerdict, scale: Scale) -> str:
+    """Return why a run did not find itself (again), of the first failure that nothing told explains."""
+    told = [one.step for one in verdict.troubles if one.has_loud_cause]
+    quiet = [one for one in verdict.failures if not (one.kind in TOLD and told)]
+    return say_cause(quiet[0], scale) if quiet else ""
 
 
 def said(verdict: RunVerdict, scale: Scale) -> str:
@@ -57,8 +61,7 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
     before = _before(verdict, scale)
     sentences = f"{shared}{_sentence(before)} " if before else shared
     who = "It" if sentences.startswith(KIDNAPPED_ROBOT) else "The robot"
-    because = "; ".join(text for text in _why(verdict, scale) if text)
-    because = f" Why: {because}." if because else ""
+    because = f" Why: {why}." if (why := _why(verdict, scale)) else ""
     return f"{sentences}{who} {_predicate(verdict, scale, bool(_kidnappings([verdict])))}.{because}{left}"
 
 
@@ -172,7 +175,7 @@ def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
             away = scale.say(worst.error_m)
             text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} from the truth"
             is_bereft = worst.bereft
-    is_bereft = is_bereft and not why(trouble, scale)[0]  # which says more
+    is_bereft = is_bereft and not verdict.failures  # whose cause says more
     return f"{text}, with no particle near" if is_bereft else text
 
 

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from .events import KIDNAPPED, SEARCHING
 from .failures.ambiguity import Ambiguity
 from .failures.causes import Cause
+from .failures.kinds import Failure
 from .failures.verdict import RunVerdict, SureAndWrong, Trouble
 
-BEGINS, FOUND, DIVIDED, BEFELL, GONE, LOST, SURE, BACK, WORST, ENDS = (
+BEGINS, FOUND, DIVIDED, BEFELL, CAUSED, LOST, SURE, BACK, WORST, ENDS = (
     "begins",
     "found",
     "divided",
     "befell",
-    "gone",
+    "caused",
     "lost",
     "sure",
     "back",
@@ -23,7 +24,7 @@ BEGINS, FOUND, DIVIDED, BEFELL, GONE, LOST, SURE, BACK, WORST, ENDS = (
     "ends",
 )
 MOST = 5
-IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, GONE, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
+IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, CAUSED, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +34,7 @@ class TourMoment:
     step: int
     kind: str
     label: str = ""  # of the run; empty: of all
-    fact: Cause | Trouble | Ambiguity | SureAndWrong | None = None
+    fact: Cause | Failure | Trouble | Ambiguity | SureAndWrong | None = None
 
 
 def tour_of(verdicts: Mapping[str, RunVerdict]) -> tuple[TourMoment, ...]:
@@ -65,14 +66,15 @@ def _of_all(verdicts: Mapping[str, RunVerdict]) -> Iterator[TourMoment]:
 
 
 def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
-    """Yield when a run was found, divided, bereft of the true place, lost, sure of it, and found again."""
+    """Yield when a run was found, divided, lost and why, sure of it, and found again."""
     if verdict.telling is not None:
         yield TourMoment(verdict.telling.step, DIVIDED, label, verdict.telling)
     if verdict.found is not None and verdict.found > verdict.first + 1:
         yield TourMoment(verdict.found, FOUND, label)
+    for failure in verdict.failures:
+        if failure.first > verdict.first:
+            yield TourMoment(failure.first, CAUSED, label, failure)
     for trouble in verdict.troubles:
-        if trouble.needs_why and trouble.why is not None and trouble.why.gone not in (None, verdict.first):
-            yield TourMoment(trouble.why.gone or 0, GONE, label, trouble)
         if trouble.kind not in (KIDNAPPED, SEARCHING):
             yield TourMoment(trouble.step, LOST, label, trouble)
         if trouble.recovered is not None and trouble.kind != SEARCHING:

@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 
-from ...filter.localizer import LEFT_MAP
+from ...filter.localizer import LEFT_MAP, Localizer
 from ...radii import USUAL
 from ...records import StepRecord
-from ...sensor.model import SensorModel
 from ...session import Moment
 from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
 from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
-from .causes import CARRIED, DARK, JUMPED, LIGHTS, SLIPPED, TURNED, Cause, CauseFinder
-from .near_truth import MOVED, OUTWEIGHED, Vanishing, VanishingFinder, has_near
+from .causes import CARRIED, DARK, JUMPED, SLIPPED, Cause, CauseFinder
+from .diagnosis import DiagnosisBuilder
+from .kinds import Failure
+from .near_truth import has_near
 
 EXPLAINS_FOR = 10  # updates after a cause in which a loss is due to it
 MOSTLY = 0.5  # share of the updates of a trouble from which on it counts as "sure"
@@ -45,7 +46,6 @@ class Trouble:
     sure: int = 0  # of them wrong and confident
     bereft: int = 0  # of them without a particle near the truth
     cause: Cause | None = None  # what befell the robot shortly before; None: nothing that is known
-    why: Vanishing | None = None  # how it came to have no particle near the truth; None: not known
 
     def with_updates(self, updates: Sequence[_Update], sign: int) -> Trouble:
         """Return a copy with some updates added (`sign` 1) or removed (-1)."""
@@ -63,18 +63,9 @@ class Trouble:
         return self.sure > MOSTLY * self.updates
 
     @property
-    def needs_why(self) -> bool:
-        """Whether nothing that befell the robot right before explains it."""
-        return self.kind != KIDNAPPED and (self.cause is None or self.cause.kind not in LOUD)
-
-    def with_why(self, now: Vanishing, causes: Sequence[Cause]) -> Trouble:
-        """Return a copy with what is known now of the particles near the truth, and what made them go."""
-        if not now.kind or (self.why is not None and now.gone is None):
-            return self
-        kinds, held, gone = MADE_BY.get(now.kind, ()), now.held, now.gone
-        made = [one for one in causes if held is not None and gone is not None and one.kind in kinds]
-        within = [one for one in made if one.last >= (held or 0) and one.step <= (gone or 0)]
-        return replace(self, why=now, cause=self.cause or (within[-1] if within else None))
+    def has_loud_cause(self) -> bool:
+        """Whether something befell the robot right before, which is told by itself."""
+        return self.kind == KIDNAPPED or (self.cause is not None and self.cause.kind in LOUD)
 
     @property
     def is_bereft(self) -> bool:
@@ -111,6 +102,7 @@ class RunVerdict:
     converged_share: float = 0.0  # of the updates
     left_map: tuple[int, ...] = ()  # steps at which the whole cloud would have left the map
     causes: tuple[Cause, ...] = ()  # what befell the robot and its camera
+    failures: tuple[Failure, ...] = ()  # each time it was lost or never found itself, with its one cause
     ambiguity: Ambiguity | None = None  # two places that shared the weight
     sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
 
@@ -151,13 +143,12 @@ class RunVerdict:
     def _shown(self, trouble: Trouble) -> int:
         """Return the step at which a trouble is seen best."""
         sure = self.sure_and_wrong
-        if trouble.needs_why and trouble.is_sure and sure is not None and sure.step >= trouble.step:
+        if not trouble.has_loud_cause and trouble.is_sure and sure is not None and sure.step >= trouble.step:
             return sure.step
         return trouble.step
 
 
 LOUD = (CARRIED, JUMPED, SLIPPED, DARK)  # causes that are told even where they did no harm
-MADE_BY = {MOVED: (CARRIED, JUMPED, SLIPPED, TURNED), OUTWEIGHED: (DARK, LIGHTS)}  # by what particles went
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
@@ -169,15 +160,15 @@ def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
 class VerdictBuilder:
     """Follows one run update by update; keeps a few numbers and no cloud.
 
-    With the `sensor` model of the run it also says how well the pictures fit the true place.
+    With the run's `localizer` its failures are diagnosed by references, motion and map, too.
     """
 
-    sensor: InitVar[SensorModel | None] = None
+    localizer: InitVar[Localizer | None] = None
     _verdict: RunVerdict = field(default_factory=RunVerdict)
     _status: LocalizationStatus = field(default_factory=LocalizationStatus)
     _causes: CauseFinder = field(default_factory=CauseFinder)
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
-    _vanishing: VanishingFinder = field(default_factory=VanishingFinder)
+    _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
     _sum_m: float = 0.0
     _known: int = 0  # updates with truth
     _sure: int = 0
@@ -185,8 +176,8 @@ class VerdictBuilder:
     _was_right: bool = False  # whether an update was localized so far
     _recent: list[_Update] = field(default_factory=list)  # the last five updates
 
-    def __post_init__(self, sensor: SensorModel | None) -> None:
-        self._vanishing = VanishingFinder(sensor)
+    def __post_init__(self, localizer: Localizer | None) -> None:
+        self._diagnosis = DiagnosisBuilder(localizer)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
@@ -199,7 +190,7 @@ class VerdictBuilder:
         self._recent = [*self._recent, _Update(step, fresh, sure, bereft)][-LOCALIZED_OF[1] :]
         self._causes.see(moment, record)
         self._ambiguity.see(step, record, moment.truth)
-        self._vanishing.see(step, record, moment.truth)
+        self._diagnosis.add(moment, record)
         if verdict.updates == 0:
             verdict = replace(verdict, first=step)
         kidnapped = any(is_kidnapping(text) for text in moment.events)
@@ -232,6 +223,7 @@ class VerdictBuilder:
             sure_share=self._sure / count,
             converged_share=self._converged / count,
             causes=self._causes.found,
+            failures=self._diagnosis.result(),
             ambiguity=self._ambiguity.found,
         )
 
@@ -261,7 +253,6 @@ class VerdictBuilder:
             return troubles
         last = troubles[-1].with_updates(self._recent[-1:], 1)
         last = replace(last, lost=last.lost or LOST in changes)
-        last = last.with_why(self._vanishing.found(), self._causes.found)
         if {"recovered", "localized"} & set(changes):  # known only now, some updates later
             found = step - LOCALIZED_OF[1] + 1
             since = [update for update in self._recent if update.step >= max(found, last.step)]

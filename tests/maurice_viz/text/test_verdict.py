@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.causes import TURNED, Cause
-from maurice_mcl.analysis.failures.near_truth import DROPPED, MISLED, MOVED, NEVER, OUTWEIGHED, Vanishing
+from maurice_mcl.analysis.failures.kinds import KIDNAPPED, PROPOSAL, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.verdict import said, verdict_line
@@ -89,45 +88,21 @@ def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
         assert f"{line}{end}" in said(run, INCHES)
 
 
-SLIP = Cause(TURNED, 8, 8, words="slip -26.3 deg")
-SINCE = "29 of 31 pictures since fit that place better, but no particle was left there, and none was drawn"
-
-
-@pytest.mark.parametrize(
-    ("why", "cause", "says"),
-    [
-        (
-            Vanishing(MOVED, 150, 8, 44, 10),
-            SLIP,
-            "that slip led all 44 particles at the true place astray by 10",
-        ),
-        (Vanishing(MOVED, 150, 8, 44, 10), None, "all 44 particles at the true place drove off it by 10"),
-        (Vanishing(OUTWEIGHED, 150, 8, 44, 10), None, "the pictures fit other places better, and all 44"),
-        (Vanishing(DROPPED, 150, 8, 44, 10), None, "resampling dropped all 44 particles"),
-        (Vanishing(NEVER, 150, gone=1, nearest_m=33 * INCH_M), None, "none of its 150 particles was ever"),
-        (Vanishing(MISLED, 150, 8, 44, pictures=4, better=1), None, "3 of 4 pictures fit a wrong place"),
-    ],
+DIED = Failure(
+    PROPOSAL, 10, 90, 20, {"ever": "yes", "held_until": 9, "died": 10, "nearest_m": 1.0, "particles": 150}
 )
-def test_what_became_of_the_particles_near_the_truth_is_the_why_of_a_loss(why, cause, says):
-    run = troubled(Trouble("searching", 20, None, True, 0, 30, 29, 29, cause, why))
-    assert f"(81.0 in off at the end). Why: {says}" in said(run, INCHES)
-    assert f"(81.0 in off at the end), because {says}" in verdict_line({"a": run, "b": GOOD}, INCHES)
 
 
-def test_a_loss_says_how_the_pictures_fit_the_true_place_once_no_particle_was_there():
-    why = Vanishing(MOVED, 150, 8, 44, 10, pictures=31, better=29, rank=8, references=624)
-    run = troubled(Trouble("searching", 20, None, True, 0, 30, 29, 29, SLIP, why))
-    assert f"astray by 10; {SINCE}." in said(run, INCHES)
-    assert f"astray by 10 ({SINCE}); `b`" in verdict_line({"a": run, "b": GOOD}, INCHES)
-    poor = troubled(Trouble("lost", 20, None, True, 9, 30, 29, 29, None, replace(why, better=3)))
-    assert "; only 3 of 31 pictures since fit that place better than where the filter was." in said(
-        poor, INCHES
-    )
+def test_the_cause_of_a_failure_is_the_why_of_the_verdict():
+    run = troubled(Trouble("searching", 20, None, True, 0, 30, 29, 29), failures=(DIED,))
+    says = "the last particle at the true place died at 10, and no other came there"
+    assert f"(81.0 in off at the end). Why: {says}." in said(run, INCHES)
+    assert f"(81.0 in off at the end) ({says})" in verdict_line({"a": run, "b": GOOD}, INCHES)
 
 
-def test_what_befell_the_robot_right_before_is_the_why_already():
-    why = Vanishing(MOVED, 150, 60, 44, 61)
-    run = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29, 29, why=why))
+def test_what_befell_the_robot_is_not_told_twice():
+    carried = Failure(KIDNAPPED, 61, 90, 61, {"moved_m": 2.0})
+    run = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29, 29), failures=(carried,))
     assert "Why" not in said(run, INCHES)
 
 

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import CARRIED, Cause
-from maurice_mcl.analysis.failures.near_truth import MOVED, Vanishing
+from maurice_mcl.analysis.failures.kinds import PROPOSAL, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_mcl.analysis.tour import tour_of
 
@@ -64,19 +64,20 @@ def test_there_are_never_more_than_five_moments():
     assert [one.step for one in tour] == sorted({one.step for one in tour})
 
 
-def test_a_loss_without_another_cause_shows_when_the_last_particle_near_the_truth_went():
-    trouble = Trouble("searching", 18, None, True, 0, 20, 20, 20, why=Vanishing(MOVED, 150, 8, 44, 10))
+def test_a_failure_is_shown_where_its_cause_shows_first():
+    trouble = Trouble("searching", 18, None, True, 0, 20, 20, 20)
     lost = RunVerdict(
         updates=40,
         has_truth=True,
         first=1,
         last=40,
         troubles=(trouble,),
+        failures=(Failure(PROPOSAL, 10, 40, 18),),
         sure_and_wrong=SureAndWrong(26, 1.2, 1.0),
     )
     assert [(one.step, one.kind) for one in tour_of({"a": lost})] == [
         (1, "begins"),
-        (10, "gone"),
+        (10, "caused"),
         (26, "sure"),
         (40, "ends"),
     ]

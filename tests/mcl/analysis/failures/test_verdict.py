@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from helpers.step_records import at, made, moment
-from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED
-from maurice_mcl.analysis.failures.near_truth import MOVED
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED
+from maurice_mcl.analysis.failures.kinds import PROPOSAL
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.filter.localizer import LEFT_MAP
 
@@ -100,26 +100,14 @@ def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
     assert trouble.is_bereft
 
 
-def astray(told=()):
-    """Judge a run whose particles are all away from the truth from step 5 on."""
+def test_a_loss_that_nothing_explains_names_the_step_at_which_the_last_particle_near_the_truth_went():
     builder = VerdictBuilder()
     for step in range(1, 25):
         record = made(at(4, 1, 1.0) if step >= 5 else HERE, step=step, references=3)
-        builder.add(moment(record, NEAR, *(told if step == 4 else ())), record)
-    return builder.result()
-
-
-def test_a_loss_that_nothing_explains_says_how_the_particles_near_the_truth_went():
-    (trouble,) = astray().troubles
-    assert trouble.needs_why
-    assert (trouble.why.kind, trouble.why.held, trouble.why.near, trouble.why.gone) == (MOVED, 4, 4, 5)
-
-
-def test_the_slip_that_led_the_particles_astray_is_the_cause():
-    found = astray(("slip -26.3 deg",))
-    (trouble,) = found.troubles
-    assert (trouble.cause.kind, trouble.cause.step, found.telling_causes) == (TURNED, 4, (trouble.cause,))
-    assert found.decisive == found.sure_and_wrong.step
+        builder.add(moment(record, NEAR), record)
+    (failure,) = builder.result().failures
+    assert (failure.kind, failure.first, failure.lost, failure.last) == (PROPOSAL, 5, 5, 24)
+    assert (failure.evidence["held_until"], failure.evidence["died"]) == (4, 5)
 
 
 def test_two_places_that_share_the_weight_are_told_until_it_is_localized():

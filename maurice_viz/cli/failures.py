@@ -1,0 +1,53 @@
+"""`maurice-replay diagnose SESSION|RUN`: why a filter was lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from .shared import options as opt
+from .shared.console import listening, print_json
+from .shared.options import argument, option, reading_of, settings_of
+
+
+def diagnose(
+    source: Annotated[
+        Path, argument("SESSION|RUN", "A saved run or a comparison, or a session, which is then filtered.")
+    ],
+    library: opt.Library = None,
+    preset: opt.Preset = None,
+    feature: opt.Feature = None,
+    particles: opt.Particles = None,
+    seed: opt.Seed = 0,
+    start: opt.Start = None,
+    config: opt.Config = None,
+    settings: opt.Set = None,
+    output: Annotated[
+        Path | None,
+        option("-o --output", "Draw what shows each failure of a saved run into this folder.", metavar="DIR"),
+    ] = None,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+    reading: opt.Reading = None,
+    keep_going: opt.KeepGoing = False,
+) -> None:
+    """Say why a filter was lost: one cause for each time, with the step and the numbers that decided."""
+    from ..app.open import RunSpec
+    from ..app.understand.diagnose import diagnosed, draw
+
+    given = settings_of(settings)
+    motion = given.pop("motion", None)
+    spec = RunSpec(
+        preset, feature, particles, seed, start, config, given, None if motion is None else Path(motion)
+    )
+    with listening() as listener:
+        found = diagnosed(source, library, spec, reading_of(reading, keep_going=keep_going), listener)
+        if json_output:
+            print_json(found.to_json())
+        else:
+            typer.echo(found.text)
+        if output is not None:
+            for picture in draw(found, output, force=force, listener=listener):
+                listener.remark(f"{picture} written")

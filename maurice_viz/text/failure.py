@@ -1,0 +1,169 @@
+"""A failure in words: its cause as a clause, and the numbers that decided it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from maurice_mcl.analysis.failures.kinds import (
+    AMBIGUITY,
+    DATA,
+    KIDNAPPED,
+    LEFT_MAP,
+    LIBRARY_GAP,
+    LIGHTING,
+    MOTION,
+    NUMERIC,
+    PROPOSAL,
+    RESAMPLING,
+    SENSOR,
+    VIEW,
+    Failure,
+)
+
+from ..style import Scale
+
+TITLES: Mapping[str, str] = {
+    DATA: "the recording",
+    KIDNAPPED: "kidnapped",
+    LEFT_MAP: "off the map",
+    MOTION: "motion beyond the model",
+    NUMERIC: "numbers",
+    LIBRARY_GAP: "gap in the library",
+    LIGHTING: "lighting",
+    VIEW: "another view",
+    AMBIGUITY: "places that look alike",
+    SENSOR: "sensor model",
+    RESAMPLING: "chance in resampling",
+    PROPOSAL: "no particle there",
+}
+UNEXPLAINED = "not explained by anything that is looked for"
+WITHOUT_TRUTH = " (without ground truth)"
+Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
+
+
+def title(failure: Failure) -> str:
+    """Return the kind of a cause in a word or two."""
+    return TITLES.get(failure.kind, "not known")
+
+
+def say_cause(failure: Failure, scale: Scale) -> str:
+    """Return the cause as a clause: "the robot was carried 2.13 m at 18, unseen by its odometry"."""
+    clause = CLAUSES.get(failure.kind)
+    text = UNEXPLAINED if clause is None else clause(failure, failure.evidence, scale)
+    return text if failure.truth_known else f"{text}{WITHOUT_TRUTH}"
+
+
+def say_failure(failure: Failure, scale: Scale) -> str:
+    """Return one sentence: when it was lost, and why."""
+    until = f" to {failure.last}" if failure.last > failure.lost else ""
+    return f"Lost from {failure.lost}{until}: {say_cause(failure, scale)}."
+
+
+def say_evidence(failure: Failure, scale: Scale) -> list[str]:
+    """Return a line for each number that decided, lengths in display units."""
+    return [f"{_name(name)}: {_value(name, value, scale)}" for name, value in failure.evidence.items()]
+
+
+def _name(name: str) -> str:
+    for ending in ("_m", "_s", "_nats"):
+        name = name.removesuffix(ending)
+    return name.replace("_", " ")
+
+
+def _value(name: str, value: float | str, scale: Scale) -> str:
+    if isinstance(value, str):
+        return value
+    if name.endswith("_m"):
+        return scale.say(value)
+    unit = {"_s": " s", "_nats": " nats"}.get(name[name.rfind("_") :], "")
+    return f"{value:.3g}{unit}" if value < 1000 else f"{value:.0f}{unit}"
+
+
+def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "equal_pictures" in e:
+        return f"the camera gave the same picture {e['equal_pictures']} times from {failure.first} on"
+    gap = f"a gap of {e['gap_s']:.0f} s before {failure.first} (usually {e['usual_s']:.1f} s)"
+    return f"the recording has {gap}, in which the robot moved {scale.say(e['moved_m'])}"
+
+
+def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    by = f" {scale.say(e['moved_m'])}" if "moved_m" in e else " away"
+    return f"the robot was carried{by} at {failure.first}, unseen by its odometry"
+
+
+def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "truth" in e:
+        return f"the robot was off the map from {failure.first} on"
+    drove = f": odometry says {scale.say(e['driven_m'])}" if e["driven_m"] > 0 else ""
+    return f"no particle was on the map at {failure.first}{drove}"
+
+
+def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    floor = f" on {e['floor']}" if "floor" in e else ""
+    several = f"in {e['movements']} movements" if e["movements"] > 1 else ""
+    how = " ".join(part for part in (f"{e['sd']:.1f} sigma of its {e['axis']}", several) if part)
+    moved = f"odometry says {scale.say(e['driven_m'])}, the robot moved {scale.say(e['moved_m'])}"
+    return f"the robot moved beyond the motion model from {failure.first} on{floor} ({how}; {moved})"
+
+
+def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if "spread_nats" not in e:
+        return f"all weights were zero at {failure.first}"
+    apart = f"{e['spread_nats']:.0f} nats from a middling place to the best one"
+    return f"the likelihood is so sharp that all weights but one vanish ({apart})"
+
+
+def _library_gap(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    apart = f"{scale.say(e['to_reference_m'])} to the nearest, usually {scale.say(e['spacing_m'])} apart"
+    return f"the library has no reference near the true place from {failure.first} on ({apart})"
+
+
+def _lighting(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    times = f"{e['brightness']:.2g} times as bright as the references there"
+    levels = f"mean gray level {e['level']:.0f}, expected {e['expected_level']:.0f}"
+    return f"the pictures are {times} from {failure.first} on ({levels})"
+
+
+def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    how = f"{e['times_usual']:.1f} times the usual cost, most by {e['channel']}"
+    return f"the pictures from {failure.first} on do not show what the references there do ({how})"
+
+
+def _sensor(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    rank = f"rank {e['rank']:.0f} of {e['references']:.0f}"
+    how = f"by {e['behind_nats']:.1f} nats, most by {e['channel']}; the truth has {rank}"
+    return f"{e['pictures']} of {e['of_pictures']} pictures fit wrong places better than the true one ({how})"
+
+
+def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    at = f"{scale.say(e['rival_x_m'])}, {scale.say(e['rival_y_m'])}"
+    return f"{e['places']:.0f} places look alike in {e['pictures']} pictures, another is at {at}"
+
+
+def _resampling(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    had = f"{e['share']:.1%} of the weight, worth {e['copies']:.1f} copies"
+    return f"resampling at {failure.first} left no particle at the true place, which had {had}: chance"
+
+
+def _impoverished(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    nearest = f"the nearest of {e['particles']} was {scale.say(e['nearest_m'])} away"
+    if e["ever"] == "no":
+        return f"no particle with any weight was ever at the true place ({nearest})"
+    return f"the last particle at the true place died at {e['died']}, and no other came there"
+
+
+CLAUSES: Mapping[str, Clause] = {
+    DATA: _data,
+    KIDNAPPED: _kidnapped,
+    LEFT_MAP: _left_map,
+    MOTION: _motion,
+    NUMERIC: _numeric,
+    LIBRARY_GAP: _library_gap,
+    LIGHTING: _lighting,
+    VIEW: _view,
+    SENSOR: _sensor,
+    AMBIGUITY: _ambiguity,
+    RESAMPLING: _resampling,
+    PROPOSAL: _impoverished,
+}

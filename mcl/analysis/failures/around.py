@@ -1,0 +1,163 @@
+"""What a library says about one place: its references there, how well they fit, and how well others do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import F32, F64, Bool
+from ...geometry import wrap
+from ...map import spacing
+from ...records import Comparison
+from ...sensor.model import SensorModel
+from ...sensor.references import distinct_places
+
+SAME_WAY_RAD = float(np.radians(46))  # a reference turned further shows another view
+HISTOGRAMS = ("color", "smoothed", "blurred")  # channels that hold the camera's histogram
+NEAR = 1.1  # spacings: references that show the same view
+SAMPLED = 64  # entries that the usual cost is taken from
+ALIKE_NATS = 1.0  # a place that scores less than this below the true one looks the same
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceFit:
+    """How one picture fits the true place, and the best other place."""
+
+    cost: float  # nats, of the best reference at the true place: comparable between pictures
+    best_cost: float  # of the best one anywhere
+    behind: float  # nats of log-likelihood by which the best other place is ahead of the true pose
+    estimate_behind: float  # by which the place of the estimate is ahead; 0 where that is the true one
+    rank: int  # of the true place's best reference among all, from 1
+    references: int
+    rivals: int  # other places that score as well, within a nat
+    rival: tuple[float, float]  # x and y in m of the best of them
+    costliest: str  # the channel that costs the true place most against the best other one
+    costs: float  # nats that it costs
+
+
+@dataclass(eq=False)
+class Surroundings:
+    """A library as seen from the places of a drive; built once a run."""
+
+    sensor: SensorModel
+    lost_m: float  # references farther than this are at another place
+    _near: dict[tuple[float, ...], Index] = field(default_factory=dict)
+
+    @cached_property
+    def spacing_m(self) -> float:
+        """The usual distance between neighboring places of the library."""
+        return spacing(distinct_places(self.sensor.library.poses[:, :2])[0])
+
+    def to_reference_m(self, pose: F64) -> float:
+        """Return the distance from a pose (3,) to the nearest reference of a similar heading."""
+        poses = self.sensor.library.poses
+        alike = np.abs(wrap(poses[:, 2] - pose[2])) <= SAME_WAY_RAD
+        if not alike.any():
+            return float("inf")
+        return float(np.hypot(*(poses[alike, :2] - pose[:2]).T).min())
+
+    def is_outside(self, pose: F64) -> bool:
+        """Return whether a pose (3,) lies outside the free space of the map."""
+        return int(self.sensor.references.entries(self._relative(pose), self.sensor.library.origin)[0]) < 0
+
+    def near(self, pose: F64) -> Index:
+        """Return the references that show the view from a pose (3,): near it, looking the same way."""
+        poses = self.sensor.library.poses
+        apart_m = np.hypot(*(poses[:, :2] - pose[:2]).T)
+        alike = np.abs(wrap(poses[:, 2] - pose[2])) <= SAME_WAY_RAD
+        return np.flatnonzero(alike & (apart_m <= NEAR * self.spacing_m))
+
+    def far(self, pose: F64) -> Bool:
+        """Return which references (L,) are at another place than a pose (3,)."""
+        apart_m: F64 = np.hypot(*(self.sensor.library.poses[:, :2] - pose[:2]).T)
+        return apart_m > self.lost_m
+
+    def fit(self, comparison: Comparison, truth: F64, estimate: F64) -> PlaceFit | None:
+        """Say how a picture fits the truth (3,); None where no reference is near it, or it is off the map."""
+        near, far = self.near(truth), self.far(truth)
+        likely = comparison.log_likelihood
+        if not len(likely) or not len(near) or not far.any():
+            return None
+        here, there = (self.likelihood(comparison, pose) for pose in (truth, estimate))
+        if not np.isfinite(here):
+            return None
+        entry = int(near[comparison.cost[near].argmin()])
+        others = np.flatnonzero(far)
+        best = int(others[likely[others].argmax()])
+        channel, costs = self._costliest(comparison, entry, best)
+        same = float(np.hypot(*(truth - estimate)[:2])) <= self.lost_m
+        x, y = self.sensor.library.poses[best, :2].tolist()
+        return PlaceFit(
+            cost=float(comparison.cost[entry]),
+            best_cost=float(comparison.cost.min()),
+            behind=float(likely[best]) - here,
+            estimate_behind=0.0 if same or not np.isfinite(there) else there - here,
+            rank=int((likely > likely[near].max()).sum()) + 1,
+            references=len(likely),
+            rivals=self._places(others[likely[others] >= here - ALIKE_NATS]),
+            rival=(x, y),
+            costliest=channel,
+            costs=costs,
+        )
+
+    def likelihood(self, comparison: Comparison, pose: F64) -> float:
+        """Return the log-likelihood of a particle at a pose (3,); -inf outside the map."""
+        sensor = self.sensor
+        found = sensor.references.at(comparison.of_references, self._relative(pose), sensor.library.origin)
+        return float(found[0])
+
+    @cached_property
+    def usual_cost(self) -> float:
+        """The median cost in nats between a reference and the most similar one of the same view."""
+        library, found = self.sensor.library, list[float]()
+        for entry in range(0, library.size, max(library.size // SAMPLED, 1)):
+            measured = {
+                name: library.index[name].references[entry] for name in self.sensor.parameters.weights
+            }
+            near = self.near(library.poses[entry])
+            near = near[near != entry]
+            if len(near):
+                found.append(float(self.sensor.compare(measured).cost[near].min()))
+        return float(np.median(found)) if found else float("nan")
+
+    @cached_property
+    def levels(self) -> F64 | None:
+        """The mean level (L, 3) of red, green and blue in each reference; None where it is not measured."""
+        index = self.sensor.library.index
+        color = next((index[name] for name in HISTOGRAMS if name in index), None)
+        if color is None:
+            return None
+        shares = color.references.reshape(len(color.references), 3, -1).astype(np.float64)
+        centers = np.linspace(16, 240, shares.shape[2], endpoint=False) + 112 / shares.shape[2]
+        return np.asarray((shares * centers).sum(axis=2) / np.maximum(shares.sum(axis=2), 1e-9))
+
+    def expected_levels(self, pose: F64) -> F64 | None:
+        """Return the mean levels (3,) that a picture from a pose (3,) should have; None where not known."""
+        near, levels = self.near(pose), self.levels
+        if levels is None or not len(near):
+            return None
+        poses = self.sensor.library.poses[near]
+        apart = np.hypot(*(poses[:, :2] - pose[:2]).T) / (0.5 * self.spacing_m)
+        turned = 1.01 - np.abs(wrap(poses[:, 2] - pose[2])) / SAME_WAY_RAD
+        return np.asarray(np.average(levels[near], axis=0, weights=np.exp(-0.5 * apart**2) * turned))
+
+    def _costliest(self, comparison: Comparison, entry: int, other: int) -> tuple[str, float]:
+        weights = np.array([self.sensor.parameters.weights[name] for name in comparison.channels])
+        apart = weights * (comparison.channel_cost[:, entry] - comparison.channel_cost[:, other])
+        most = int(apart.argmax())
+        return comparison.channels[most], float(apart[most])
+
+    def _places(self, entries: Index) -> int:
+        """Count places at least `lost_m` apart among entries."""
+        left, count = self.sensor.library.poses[entries, :2], 0
+        while len(left):
+            left, count = left[np.hypot(*(left - left[0]).T) > self.lost_m], count + 1
+        return count
+
+    def _relative(self, pose: F64) -> F32:
+        return np.asarray(pose - np.append(self.sensor.library.origin, 0.0), np.float32)[None]

@@ -1,0 +1,146 @@
+"""The evidence of one update: the few numbers that the causes of a failure are told apart by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from ...arrays import F64, U8
+from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
+from ...geometry import compose_motions
+from ...records import StepRecord
+from ...session import Moment
+from ..events import is_kidnapping
+from ..metrics import StepScore, score_step
+from .around import PlaceFit, Surroundings
+from .light import LightFit, light_fit
+from .near_truth import NearTruth, near_truth
+from .surprise import Surprise, surprise
+
+MOVED = 0.01  # m or rad, from which on the next picture must differ
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateEvidence:
+    """One update; None where it is not known: without truth, library, or motion model."""
+
+    step: int
+    time_s: float
+    after_s: float | None  # since the picture before
+    skipped: int  # numbers of pictures missing before it
+    repeated: bool  # whether the robot moved and the picture is the one before, to the last pixel
+    events: tuple[str, ...]  # of the log
+    floor: str  # that the robot was on when it set off, if the log or the map tells it
+    zero: bool  # whether all weights were zero, or no numbers
+    left: bool  # whether the whole cloud would have left the map
+    score: StepScore
+    lost_m: float  # an error above it is lost
+    size: int  # particles
+    inside: int  # of them in free space
+    ess: float  # effective sample size
+    spread_nats: float  # log-likelihood from the library's middle reference to its best one
+    best: float  # nats: how well the best reference of the library explains the picture, at most 0
+    gray: float  # mean level of the picture
+    outside: bool | None = None  # whether the truth lies off the map
+    moved_m: float | None = None  # the truth since the picture before
+    driven_m: float = 0.0  # odometry says
+    surprise: Surprise | None = None  # of the true movement, to the motion model
+    near: NearTruth | None = None  # the cloud around the truth
+    reference_m: float | None = None  # from the truth to the nearest reference
+    fit: PlaceFit | None = None  # of the picture at the truth
+    light: LightFit | None = None  # of the picture, brightened or darkened
+
+    @property
+    def kidnapped(self) -> bool:
+        """Whether the log says that the robot was carried."""
+        return any(is_kidnapping(text) for text in self.events)
+
+    @property
+    def held(self) -> float:
+        """The share of the weight near the truth, after the picture."""
+        return 0.0 if self.near is None else self.near.shares[1]
+
+
+@dataclass(slots=True)
+class EvidenceFinder:
+    """Follows one run; keeps the update before."""
+
+    localizer: Localizer | None = None
+    around: Surroundings | None = None
+    _before: Moment | None = None
+    _floor: str = ""  # that the log told last
+
+    def see(self, moment: Moment, record: StepRecord) -> UpdateEvidence:
+        """Return the evidence of the next update."""
+        before, self._before = self._before, moment
+        if self.localizer is not None and self.around is None:
+            self.around = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
+        frame, truth = moment.frame, moment.truth
+        floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
+        cost, likely = record.sighting.comparison.cost, record.sighting.comparison.log_likelihood
+        motions = frame.motions
+        found = {
+            "step": frame.step,
+            "time_s": frame.time_s,
+            "after_s": None if before is None else frame.time_s - before.frame.time_s,
+            "skipped": 0 if before is None else max(frame.step - before.frame.step - 1, 0),
+            "repeated": before is not None and _moved(motions) and _same(frame.image, before.frame.image),
+            "events": moment.events,
+            "floor": floor,
+            "zero": ALL_ZERO in record.events or not np.isfinite(record.weighted.log_weights.max()),
+            "left": LEFT_MAP in record.events,
+            "score": score_step(record.estimate, truth),
+            "lost_m": record.estimate.radii.lost_m,
+            "size": record.weighted.size,
+            "inside": int((record.sighting.entries >= 0).sum()),
+            "ess": record.effective_sample_size,
+            "spread_nats": float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
+            "best": -float(cost.min()) if len(cost) else float("nan"),
+            "gray": float(frame.image.mean()) if frame.image.size else float("nan"),
+            "driven_m": float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
+        }
+        if truth is not None:
+            found |= self._with_truth(before, truth, moment, record)
+        return UpdateEvidence(**found)
+
+    def _with_truth(
+        self, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
+    ) -> dict[str, object]:
+        found: dict[str, object] = {"near": near_truth(record, truth)}
+        last = None if before is None else before.truth
+        if last is not None:
+            found["moved_m"] = float(np.hypot(*(truth - last)[:2]))
+        localizer, around = self.localizer, self.around
+        if localizer is None or around is None:
+            return found
+        if last is not None and localizer.motion is not None:
+            origin = localizer.library.origin
+            found["surprise"] = surprise(localizer.motion, origin, last, truth, moment.frame.motions)
+        comparison = record.sighting.comparison
+        fit = around.fit(comparison, truth, record.estimate.pose)
+        found |= {
+            "outside": around.is_outside(truth),
+            "reference_m": around.to_reference_m(truth),
+            "fit": fit,
+        }
+        if fit is not None and moment.frame.image.size:
+            found["light"] = light_fit(around, moment.frame.image, truth, record.estimate.pose, fit)
+        return found
+
+
+def _moved(motions: F64) -> bool:
+    return len(motions) > 0 and float(np.abs(motions).max()) > MOVED
+
+
+def _same(image: U8, before: U8) -> bool:
+    """Return whether two pictures are equal; not those without any contrast, which stand for none."""
+    if image.shape != before.shape or not image.size or image.min() == image.max():
+        return False
+    return bool(np.array_equal(image, before))
+
+
+def _floor_told(events: tuple[str, ...], last: str) -> str:
+    told = [text.split(" ", 1)[1] for text in events if text.startswith("floor ")]
+    return told[-1] if told else last

@@ -1,0 +1,46 @@
+"""Whether another light explains a picture.
+
+That is: how much brighter it is than the references at the true place, and how well it would have fitted them
+with that taken out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import F64, U8
+from ...sensor.descriptors.chromaticity import BLACK
+from .around import PlaceFit, Surroundings
+
+LEAST_LEVEL = 2.0  # above black; a darker picture has no usable brightness
+NOTABLE = 0.1  # log of the brightness, from which on the picture is corrected and compared again
+
+
+@dataclass(frozen=True, slots=True)
+class LightFit:
+    """One picture beside what the references at the true place make expect."""
+
+    ratio: float  # log of its brightness over the expected one: negative where it is darker
+    level: float  # mean gray level of the picture
+    expected: float  # and that of the references
+    cost: float  # nats of the true place, as `PlaceFit.cost`, of the corrected picture
+    behind: float  # and as `PlaceFit.behind`
+
+
+def light_fit(around: Surroundings, image: U8, truth: F64, estimate: F64, fit: PlaceFit) -> LightFit | None:
+    """Compare a picture's brightness with that expected at the truth (3,); None where not known."""
+    expected = around.expected_levels(truth)
+    if expected is None:
+        return None
+    levels = image.reshape(-1, 3).mean(axis=0)
+    over, wanted = (np.maximum(one - BLACK, LEAST_LEVEL) for one in (levels, expected))
+    ratio = float(np.log(over.sum() / wanted.sum()))
+    if abs(ratio) < NOTABLE:
+        return LightFit(ratio, float(levels.mean()), float(expected.mean()), fit.cost, fit.behind)
+    brighter = np.clip((image - BLACK) * (wanted / over) + BLACK, 0, 255).astype(np.uint8)
+    sensor = around.sensor
+    again = around.fit(sensor.compare(sensor.measure(brighter)), truth, estimate)
+    cost, behind = (fit.cost, fit.behind) if again is None else (again.cost, again.behind)
+    return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind)

@@ -1,0 +1,78 @@
+"""One trouble with the evidence before and during it: what the rules of a diagnosis look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .evidence import UpdateEvidence
+from .kinds import Failure, Value
+
+HELD = 0.5  # share of the weight near the truth that counts as having it
+BEFORE, AFTER = 3, 1  # updates before the last one that held the truth, and after the first lost one
+LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was never held
+
+
+@dataclass(frozen=True, eq=False)
+class Story:
+    """Updates of one run up to the end of one trouble, by index."""
+
+    updates: Sequence[UpdateEvidence]  # from the run's first
+    lost: int  # index of the first update that was off
+    end: int  # of the last one of the trouble
+    since: int = 0  # of the first update after the trouble before
+    spacing_m: float = float("nan")  # of the library's places
+    usual_cost: float = float("nan")  # nats between neighboring references
+    context: dict[str, Value] = field(default_factory=dict)
+
+    @cached_property
+    def held(self) -> int | None:
+        """The index of the last update before the loss at which the cloud held the truth; None: never."""
+        good = [k for k in range(self.since, self.lost) if self.updates[k].held >= HELD]
+        return good[-1] if good else None
+
+    @cached_property
+    def window(self) -> range:
+        """The updates at which a cause must show: from shortly before it was lost until it was."""
+        if self.held is None:
+            first = max(self.since, self.lost - LOOKS_BACK)
+        else:
+            first = max(self.since, self.held - BEFORE)
+        return range(first, min(self.lost + AFTER, self.end) + 1)
+
+    @cached_property
+    def around(self) -> range:
+        """The updates whose pictures are judged: the window, and the first of the trouble."""
+        return range(self.window.start, min(self.lost + LOOKS_BACK, self.end) + 1)
+
+    def some(self, where: range, holds: Callable[[UpdateEvidence], bool]) -> list[UpdateEvidence]:
+        """Return the updates of a range for which something holds."""
+        return [self.updates[k] for k in where if holds(self.updates[k])]
+
+    @cached_property
+    def usual_s(self) -> float:
+        """The median time between pictures."""
+        return _median([one.after_s for one in self.updates if one.after_s is not None])
+
+    @cached_property
+    def usual_speed(self) -> float:
+        """The speed in m/s that the true path rarely exceeds from picture to picture."""
+        known = [
+            one.moved_m / one.after_s
+            for one in self.updates
+            if one.moved_m is not None and one.after_s and one.after_s < 2 * self.usual_s
+        ]
+        return float(np.quantile(known, 0.9)) if known else float("nan")
+
+    def failure(self, kind: str, first: int, **evidence: Value) -> Failure:
+        """Return the failure of a kind, whose cause shows first at a step."""
+        step = self.updates[self.lost].step
+        return Failure(kind, first, self.updates[self.end].step, step, evidence)
+
+
+def _median(values: Sequence[float | None]) -> float:
+    known = [one for one in values if one is not None]
+    return float(np.median(known)) if known else float("nan")
