@@ -42,7 +42,7 @@ def diagnose(
     spec = RunSpec(
         preset, feature, particles, seed, start, config, given, None if motion is None else Path(motion)
     )
-    with listening() as listener:
+    with listening(usage=False) as listener:
         found = diagnosed(source, library, spec, reading_of(reading, keep_going=keep_going), listener)
         if json_output:
             print_json(found.to_json())

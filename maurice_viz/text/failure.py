@@ -84,10 +84,13 @@ def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if "equal_pictures" in e:
         return f"the camera gave the same picture {e['equal_pictures']} times from {failure.first} on"
     gap = f"a gap of {e['gap_s']:.0f} s before {failure.first} (usually {e['usual_s']:.1f} s)"
-    return f"the recording has {gap}, in which the robot moved {scale.say(e['moved_m'])}"
+    moved = f", in which the robot moved {scale.say(e['moved_m'])}" if "moved_m" in e else ""
+    return f"the recording has {gap}{moved}"
 
 
 def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if not failure.truth_known:
+        return f"the pictures from {failure.first} on fit other places, as after a kidnapping"
     by = f" {scale.say(e['moved_m'])}" if "moved_m" in e else " away"
     return f"the robot was carried{by} at {failure.first}, unseen by its odometry"
 
@@ -126,6 +129,8 @@ def _lighting(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if not failure.truth_known:
+        return f"the pictures from {failure.first} on fit no reference as well as before, and are as bright"
     how = f"{e['times_usual']:.1f} times the usual cost, most by {e['channel']}"
     return f"the pictures from {failure.first} on do not show what the references there do ({how})"
 

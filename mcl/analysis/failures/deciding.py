@@ -19,8 +19,8 @@ from .story import Story
 RULES: tuple[Callable[[Story], Failure | None], ...] = (
     gap_in_log,
     stuck_pictures,
-    off_map,
     carried,
+    off_map,
     beyond_motion,
     weights_vanish,
     library_gap,

@@ -13,6 +13,7 @@ from .deciding import decide
 from .evidence import EvidenceFinder, UpdateEvidence
 from .kinds import Failure
 from .story import Story
+from .suspicion import suspected
 
 WRONG_FOR = 10  # updates wrong and confident, from which on also a run that finds itself later was lost
 
@@ -39,7 +40,8 @@ class DiagnosisBuilder:
         """Return the failures up to now, in the order of steps; none for a healthy run."""
         count, found = self._known
         if count != len(self._updates):
-            found = tuple(decide(story) for story in self.stories())
+            judged = any(one.score.correct is not None for one in self._updates)
+            found = tuple(decide(one) for one in self.stories()) if judged else suspected(self._updates)
             self._known = len(self._updates), found
         return found
 

@@ -42,6 +42,7 @@ class UpdateEvidence:
     ess: float  # effective sample size
     spread_nats: float  # log-likelihood from the library's middle reference to its best one
     best: float  # nats: how well the best reference of the library explains the picture, at most 0
+    cloud: float  # nats: how well the cloud as a whole does
     gray: float  # mean level of the picture
     outside: bool | None = None  # whether the truth lies off the map
     moved_m: float | None = None  # the truth since the picture before
@@ -98,6 +99,7 @@ class EvidenceFinder:
             "ess": record.effective_sample_size,
             "spread_nats": float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
             "best": -float(cost.min()) if len(cost) else float("nan"),
+            "cloud": record.calibrated_evidence,
             "gray": float(frame.image.mean()) if frame.image.size else float("nan"),
             "driven_m": float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
         }

@@ -16,17 +16,17 @@ NUMERIC, DATA, UNKNOWN = "numeric", "data", "unknown"
 
 CAUSES: Mapping[str, str] = {
     DATA: "the recording: dropped pictures, clock jumps",
-    NUMERIC: "all weights were zero",
     KIDNAPPED: "the robot was carried to another place, unseen by its odometry",
     LEFT_MAP: "the robot drove, or the cloud was driven, off the map",
     MOTION: "the robot moved in a way that the motion model excludes",
-    LIGHTING: "the light is not that of the references",
-    VIEW: "something is in view that the references do not show, or the map changed",
+    NUMERIC: "all weights were zero, or all but one",
     LIBRARY_GAP: "no reference is near the true place",
+    LIGHTING: "the light is not that of the references",
     AMBIGUITY: "other places look the same",
-    SENSOR: "the picture fits wrong places better than the true one",
-    PROPOSAL: "no particle was at the true place",
+    VIEW: "something is in view that the references do not show, or the map changed",
+    SENSOR: "the pictures fit wrong places better than the true one",
     RESAMPLING: "particles at the true place had weight, and were not copied, by chance",
+    PROPOSAL: "no particle was at the true place",
     UNKNOWN: "none of these",
 }  # in the order in which they are looked for
 

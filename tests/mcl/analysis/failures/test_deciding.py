@@ -1,0 +1,131 @@
+"""Each rule of a diagnosis, on runs that are healthy but for what the rule is about."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from maurice_mcl.analysis.failures.around import PlaceFit
+from maurice_mcl.analysis.failures.deciding import decide
+from maurice_mcl.analysis.failures.diagnosis import troubled
+from maurice_mcl.analysis.failures.evidence import UpdateEvidence
+from maurice_mcl.analysis.failures.light import LightFit
+from maurice_mcl.analysis.failures.near_truth import NearTruth
+from maurice_mcl.analysis.failures.story import Story
+from maurice_mcl.analysis.failures.surprise import Surprise
+from maurice_mcl.analysis.failures.suspicion import suspected
+from maurice_mcl.analysis.metrics import StepScore
+
+RIGHT = StepScore(0.1, 0.0, True, True, False)
+OFF = StepScore(2.0, 0.0, True, False, True)
+FITS = PlaceFit(0.8, 0.7, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
+POOR = replace(FITS, cost=4.0, behind=5.0, estimate_behind=4.0, rank=200, costliest="tiny", costs=3.0)
+LIT = LightFit(0.02, 100.0, 98.0, 0.8, -1.0)
+HELD = NearTruth(900, (0.9, 0.95, 0.95), 0.02)
+GONE = NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+LOST_AT, UPDATES = 11, 24
+
+
+def healthy(step):
+    return UpdateEvidence(
+        step=step,
+        time_s=8.0 * step,
+        after_s=8.0,
+        skipped=0,
+        repeated=False,
+        events=(),
+        floor="wood",
+        zero=False,
+        left=False,
+        score=RIGHT if step < LOST_AT else OFF,
+        lost_m=0.9,
+        size=1000,
+        inside=1000,
+        ess=500.0,
+        spread_nats=6.0,
+        best=-0.7,
+        cloud=-1.2,
+        gray=100.0,
+        outside=False,
+        moved_m=0.3,
+        driven_m=0.3,
+        surprise=Surprise(0.5, -0.3, 0.8),
+        near=HELD if step < LOST_AT else GONE,
+        reference_m=0.2,
+        fit=FITS,
+        light=LIT,
+    )
+
+
+def failure_of(changes, steps):
+    """Diagnose a run that is lost from 11 on, with something else at some steps."""
+    updates = [replace(healthy(step), **(changes if step in steps else {})) for step in range(1, UPDATES)]
+    (times,) = troubled(updates)
+    return decide(Story(updates, *times, 0.45, 0.8))
+
+
+SINCE = range(LOST_AT, UPDATES)
+ALL = range(1, UPDATES)
+CASES = {
+    "a gap": ("data", {"after_s": 60.0, "moved_m": 1.6, "surprise": Surprise(9, 3, 1)}, [10]),
+    "equal pictures": ("data", {"repeated": True}, range(8, 14)),
+    "cloud off the map": ("left_map", {"left": True, "driven_m": 20.0, "surprise": Surprise(99, 0, 0)}, [10]),
+    "truth off the map": ("left_map", {"outside": True}, range(9, 13)),
+    "carried": ("kidnapped", {"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11]),
+    "carried, as the log says": ("kidnapped", {"events": ("kidnapped",)}, [11]),
+    "one movement": ("motion", {"surprise": Surprise(0.1, 0.3, -12.0)}, [10]),
+    "many movements": ("motion", {"surprise": Surprise(0.1, 0.3, 3.0)}, range(7, 12)),
+    "all zero": ("numeric", {"zero": True}, [10]),
+    "too sharp": ("numeric", {"spread_nats": 900.0, "ess": 1.0}, ALL),
+    "no reference": ("library_gap", {"reference_m": 1.1, "fit": None}, range(9, 14)),
+    "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5)}, range(9, UPDATES)),
+    "people": ("changed_view", {"fit": POOR}, range(9, UPDATES)),
+    "a channel": ("sensor", {"fit": POOR}, ALL),
+    "twins": ("ambiguity", {"fit": replace(FITS, behind=0.1, rivals=1)}, ALL),
+    "chance": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [11]),
+    "died out": ("impoverished", {}, []),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_cause_is_told_by_its_own_evidence(name):
+    kind, changes, steps = CASES[name]
+    found = failure_of(changes, steps)
+    assert (found.kind, found.lost, found.last) == (kind, LOST_AT, UPDATES - 1), found.also
+    if steps and kind not in ("ambiguity", "sensor", "numeric"):
+        assert found.first == steps[0]
+
+
+def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
+    found = failure_of({"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11])
+    assert found.also[:1] == ("motion",)
+    assert "impoverished" in found.also
+
+
+def test_what_befalls_a_run_that_is_not_lost_is_no_failure():
+    updates = [replace(healthy(step), score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]
+    assert troubled(updates) == []
+
+
+def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_is():
+    searching = StepScore(2.0, 0.0, False, False, True)
+
+    def run(before):
+        scores = [before] * 12 + [RIGHT] * 8
+        return [replace(healthy(k), score=score) for k, score in enumerate(scores, 1)]
+
+    assert troubled(run(searching)) == []
+    assert troubled(run(OFF)) == [(0, 11, 0)]
+    assert troubled(run(searching)[:12]) == [(0, 11, 0)]
+
+
+def test_without_truth_it_is_said_so():
+    blind = StepScore(None, None, True, None, None)
+    updates = [replace(healthy(step), score=blind, near=None, fit=None) for step in range(1, 30)]
+    assert suspected(updates) == ()
+    dark = [replace(one, cloud=-9.0, best=-7.0, gray=40.0) if one.step > 15 else one for one in updates]
+    moved = [replace(one, cloud=-9.0) if one.step > 15 else one for one in updates]
+    for some, kind in ((dark, "lighting"), (moved, "kidnapped")):
+        (found,) = suspected(some)
+        assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
