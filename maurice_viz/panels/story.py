@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -19,6 +20,7 @@ from ..drawing.canvas import long_side
 from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
+from ..text.summary import METRIC, failure_json
 from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET, verdict_line
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
@@ -136,7 +138,10 @@ class VerdictDrawing:
         """Log the verdict, and the step to look at."""
         step = decisive_step(verdicts)
         self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {step}**.")
-        self._rec.log(VERDICT, rr.AnyValues(decisive_step=step), static=True)
+        failed = {
+            label: [failure_json(one, METRIC) for one in run.failures] for label, run in verdicts.items()
+        }
+        self._rec.log(VERDICT, rr.AnyValues(decisive_step=step, failures=json.dumps(failed)), static=True)
         if not self._live:
             self._log_tour(verdicts)
 

@@ -82,54 +82,53 @@ class EvidenceFinder:
         floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
         cost, likely = record.sighting.comparison.cost, record.sighting.comparison.log_likelihood
         motions = frame.motions
-        found = {
-            "step": frame.step,
-            "time_s": frame.time_s,
-            "after_s": None if before is None else frame.time_s - before.frame.time_s,
-            "skipped": 0 if before is None else max(frame.step - before.frame.step - 1, 0),
-            "repeated": before is not None and _moved(motions) and _same(frame.image, before.frame.image),
-            "events": moment.events,
-            "floor": floor,
-            "zero": ALL_ZERO in record.events or not np.isfinite(record.weighted.log_weights.max()),
-            "left": LEFT_MAP in record.events,
-            "score": score_step(record.estimate, truth),
-            "lost_m": record.estimate.radii.lost_m,
-            "size": record.weighted.size,
-            "inside": int((record.sighting.entries >= 0).sum()),
-            "ess": record.effective_sample_size,
-            "spread_nats": float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
-            "best": -float(cost.min()) if len(cost) else float("nan"),
-            "cloud": record.calibrated_evidence,
-            "gray": float(frame.image.mean()) if frame.image.size else float("nan"),
-            "driven_m": float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
-        }
-        if truth is not None:
-            found |= self._with_truth(before, truth, moment, record)
-        return UpdateEvidence(**found)
+        found = UpdateEvidence(
+            step=frame.step,
+            time_s=frame.time_s,
+            after_s=None if before is None else frame.time_s - before.frame.time_s,
+            skipped=0 if before is None else max(frame.step - before.frame.step - 1, 0),
+            repeated=before is not None and _moved(motions) and _same(frame.image, before.frame.image),
+            events=moment.events,
+            floor=floor,
+            zero=ALL_ZERO in record.events or not np.isfinite(record.weighted.log_weights.max()),
+            left=LEFT_MAP in record.events,
+            score=score_step(record.estimate, truth),
+            lost_m=record.estimate.radii.lost_m,
+            size=record.weighted.size,
+            inside=int((record.sighting.entries >= 0).sum()),
+            ess=record.effective_sample_size,
+            spread_nats=float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
+            best=-float(cost.min()) if len(cost) else float("nan"),
+            cloud=record.calibrated_evidence,
+            gray=float(frame.image.mean()) if frame.image.size else float("nan"),
+            driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
+        )
+        return found if truth is None else self._with_truth(found, before, truth, moment, record)
 
     def _with_truth(
-        self, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
-    ) -> dict[str, object]:
-        found: dict[str, object] = {"near": near_truth(record, truth)}
+        self, found: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
+    ) -> UpdateEvidence:
+        """Add what only the truth (3,) tells."""
         last = None if before is None else before.truth
-        if last is not None:
-            found["moved_m"] = float(np.hypot(*(truth - last)[:2]))
+        moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
+        found = replace(found, near=near_truth(record, truth), moved_m=moved_m)
         localizer, around = self.localizer, self.around
         if localizer is None or around is None:
             return found
         if last is not None and localizer.motion is not None:
             origin = localizer.library.origin
-            found["surprise"] = surprise(localizer.motion, origin, last, truth, moment.frame.motions)
-        comparison = record.sighting.comparison
-        fit = around.fit(comparison, truth, record.estimate.pose)
-        found |= {
-            "outside": around.is_outside(truth),
-            "reference_m": around.to_reference_m(truth),
-            "fit": fit,
-        }
-        if fit is not None and moment.frame.image.size:
-            found["light"] = light_fit(around, moment.frame.image, truth, record.estimate.pose, fit)
-        return found
+            how = surprise(localizer.motion, origin, last, truth, moment.frame.motions)
+            found = replace(found, surprise=how)
+        estimate, image = record.estimate.pose, moment.frame.image
+        fit = around.fit(record.sighting.comparison, truth, estimate)
+        light = light_fit(around, image, truth, estimate, fit) if fit is not None and image.size else None
+        return replace(
+            found,
+            outside=around.is_outside(truth),
+            reference_m=around.to_reference_m(truth),
+            fit=fit,
+            light=light,
+        )
 
 
 def _moved(motions: F64) -> bool:

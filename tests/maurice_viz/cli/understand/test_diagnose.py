@@ -66,9 +66,10 @@ def test_replay_says_the_same_as_diagnose(made: Path) -> None:
 
 
 def test_options_of_the_filter_do_not_apply_to_a_saved_run(made: Path) -> None:
-    assert "a saved run is replayed as it was" in run(
-        "diagnose", made / "kept", "--particles", 9, expect=2
-    ).stderr
+    assert (
+        "a saved run is replayed as it was"
+        in run("diagnose", made / "kept", "--particles", 9, expect=2).stderr
+    )
 
 
 def test_pictures_need_a_saved_run(made: Path) -> None:
