@@ -111,6 +111,8 @@ def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if e["weights"] == "not a number":
+        return f"the likelihood is not a number from {failure.first} on"
     if "spread_nats" not in e:
         return f"all weights were zero at {failure.first}"
     apart = f"{e['spread_nats']:.0f} nats from a middling place to the best one"

@@ -57,7 +57,9 @@ def carried(story: Story) -> Failure | None:
 
 def off_map(story: Story) -> Failure | None:
     """The truth lies off the map, or the whole cloud left it."""
-    left = story.some(story.window, lambda one: one.left or (one.zero and one.inside == 0))
+    left = story.some(
+        story.window, lambda one: not one.broken and (one.left or (one.zero and one.inside == 0))
+    )
     if left:
         return story.failure(
             LEFT_MAP, left[0].step, cloud="left the map", driven_m=left[0].driven_m, updates=len(left)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -33,7 +33,8 @@ class UpdateEvidence:
     repeated: bool  # whether the robot moved and the picture is the one before, to the last pixel
     events: tuple[str, ...]  # of the log
     floor: str  # that the robot was on when it set off, if the log or the map tells it
-    zero: bool  # whether all weights were zero, or no numbers
+    broken: bool  # whether a likelihood was no number
+    zero: bool  # whether all weights were zero
     left: bool  # whether the whole cloud would have left the map
     score: StepScore
     lost_m: float  # an error above it is lost
@@ -90,7 +91,8 @@ class EvidenceFinder:
             repeated=before is not None and _moved(motions) and _same(frame.image, before.frame.image),
             events=moment.events,
             floor=floor,
-            zero=ALL_ZERO in record.events or not np.isfinite(record.weighted.log_weights.max()),
+            broken=bool(np.isnan(likely).any()),
+            zero=ALL_ZERO in record.events,
             left=LEFT_MAP in record.events,
             score=score_step(record.estimate, truth),
             lost_m=record.estimate.radii.lost_m,
@@ -113,7 +115,7 @@ class EvidenceFinder:
         moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
         found = replace(found, near=near_truth(record, truth), moved_m=moved_m)
         localizer, around = self.localizer, self.around
-        if localizer is None or around is None:
+        if localizer is None or around is None or found.broken:
             return found
         if last is not None and localizer.motion is not None:
             origin = localizer.library.origin

@@ -13,7 +13,10 @@ A_COPY = 1.0  # times one over the number of particles: the weight that should l
 
 
 def weights_vanish(story: Story) -> Failure | None:
-    """All weights were zero, or all but one: rounded away, not small."""
+    """Likelihoods were no numbers, or all weights zero, or all but one: rounded away, not small."""
+    broken = story.some(story.window, lambda one: one.broken)
+    if broken:
+        return story.failure(NUMERIC, broken[0].step, weights="not a number", updates=len(broken))
     zero = story.some(story.window, lambda one: one.zero)
     if zero:
         return story.failure(NUMERIC, zero[0].step, weights="all zero", updates=len(zero))
