@@ -20,6 +20,7 @@
 | `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
 | `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
+| `atlas` | a page that shows on the floor plan where runs of trials go wrong |
 | `trials_view` | the curves of trials beside one of their runs, in the viewer |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
@@ -67,12 +68,14 @@ if TYPE_CHECKING:
     from .notebook import show as show
     from .notebook import traces as traces
     from .plots.figures import draw_figures as draw_figures
+    from .reports.atlas import atlas as atlas
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
 
 _WHERE = {
     "Listener": ".listener",
     "RunScores": ".app.run",
+    "atlas": ".reports.atlas",
     "build_library": ".app.library",
     "calibrate_motion": ".app.calibrate",
     "calibrate_noise": ".app.calibrate",
@@ -111,6 +114,7 @@ _WHERE = {
 __all__ = [
     "Listener",
     "RunScores",
+    "atlas",
     "build_library",
     "calibrate_motion",
     "calibrate_noise",

@@ -19,6 +19,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
+from maurice_mcl.map import Arena
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.session import Frame, Moment, Session, SessionInfo
 
@@ -120,6 +121,13 @@ def _simulated(spec: SessionSpec, seed: int) -> Drive:
     start = None if spec.start else simulated.info.start
     bench = _bench(spec.world, plan.arena_seed, spec.tier)
     return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
+
+
+def arena_of(spec: SessionSpec, seed: int) -> Arena:
+    """Return the map that run `seed` drives in, without its pictures."""
+    if spec.path:
+        return _recorded(spec.drive).bench.library.arena
+    return load_world(spec.world, FIRST + seed % spec.arenas, spec.tier).arena
 
 
 def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> Drive:

@@ -74,9 +74,14 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "off_m": (_LIST, "position error at every update"),
     "sd_m": (_LIST, "standard deviation of the cloud at every update"),
     "confidence": (_LIST, "share of weight near the estimate at every update"),
+    "right_m": (_NUMBER, "position error up to which an update is correct"),
+    "true_x_m": (_LIST, "true position at every update; NaN where it is not known"),
+    "true_y_m": (_LIST, "the same"),
+    "truth_rank": (_LIST, "rank of the reference nearest the truth among all, from 1; NaN: not known"),
 }
 TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
 KEY = ("part", "session", "variant", "seed")
+LATER = ("right_m", "true_x_m", "true_y_m", "truth_rank")  # not in rows of earlier versions: null
 MEASURED = ("took_s", "host")  # what may differ between two computations of the same run
 Key = tuple[str, str, int, int]
 
@@ -197,7 +202,10 @@ def _files(folder: Path) -> list[Path]:
 def _frame(file: Path, columns: Sequence[str]) -> pl.DataFrame:
     """Read columns of a file of rows; InputError for one that is damaged, or is none of ours."""
     try:
-        rows = pl.read_parquet(file, columns=list(columns))
+        held = pl.read_parquet_schema(file)
+        missing = [name for name in columns if name in LATER and name not in held]
+        rows = pl.read_parquet(file, columns=[name for name in columns if name not in missing])
+        rows = rows.with_columns(pl.lit(None, TYPES[name]).alias(name) for name in missing).select(columns)
         what = next(
             (f"found {name} as {kind}" for name, kind in rows.schema.items() if kind != TYPES[name]), ""
         )

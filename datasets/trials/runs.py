@@ -24,6 +24,7 @@ from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
 from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
 from .tally import BatchTally, RunTally
+from .truths import TruthRanks
 
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
@@ -93,7 +94,8 @@ def _rows(
         else:
             steppers.append(one)
     moments: list[Moment] = []
-    for stepper, why in _stepped(drive, steppers, moments):
+    truths = TruthRanks({id(one.localizer.sensor): one.localizer.sensor for one in steppers})
+    for stepper, why in _stepped(drive, steppers, moments, truths):
         steppers.remove(stepper)
         if len(stepper.numbers) > 1 and not isinstance(why, Unread):
             again += stepper.numbers
@@ -101,9 +103,11 @@ def _rows(
         rows |= {number: _failed(job.asked[number], job.spec, why) for number in stepper.numbers}
     oracle = oracle_m(drive.bench.library, [moment.truth for moment in moments])
     for stepper in steppers:
+        told = truths.columns(stepper.localizer.sensor, moments)
+        told["right_m"] = stepper.localizer.radii.right_m
         for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
             about = _about(job.asked[number], job.spec) | {"arena": drive.arena, "oracle_m": oracle}
-            rows[number] = about | figures.row()
+            rows[number] = about | figures.row() | told
     return rows, again
 
 
@@ -134,18 +138,19 @@ def _begun(
 
 
 def _stepped(
-    drive: Drive, steppers: Sequence[Stepper], moments: list[Moment]
+    drive: Drive, steppers: Sequence[Stepper], moments: list[Moment], truths: TruthRanks
 ) -> Iterator[tuple[Stepper, Exception]]:
     """Step all runs through the drive, noting its moments without pictures; yield those that fail.
 
     A recording that cannot be read on fails all of them.
     """
     left = list(steppers)
-    sensors = {id(one.localizer.sensor): one.localizer.sensor for one in left}
+    sensors = truths.sensors
     try:
         known = None if drive.is_simulated else known_descriptors()  # drawn anew, pictures are never the same
         for moment, pictures in compared_ahead(list(sensors.values()), drive.session.moments(), known):
             moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+            truths.add(moment, pictures)
             picture_of = dict(zip(sensors, pictures, strict=True))
             for stepper in list(left):
                 try:

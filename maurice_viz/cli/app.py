@@ -75,6 +75,7 @@ COMMANDS = {
         Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS),
         Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS),
         Listed("trials-view", "trials", "Show curves of trials beside one of their runs.", _TRIALS),
+        Listed("atlas", "trials", "Show on the floor plan where runs go wrong.", _TRIALS),
         Listed("trials-report", "trials", "Write one page about trials.", _TRIALS),
         Listed("config show", "config", "Show the effective configuration.", _CONFIGURE),
         Listed("config check", "config", "Check a configuration file.", _CONFIGURE),

@@ -26,6 +26,7 @@ from maurice_loaders.files import expect_absent, write_whole
 from ..errors import OptionError
 from ..listener import progress_of
 from ..plots.figures import FORMATS, draw_figures
+from ..reports.atlas import atlas as write_atlas
 from ..reports.trials_report import trials_report as write_report
 from ..text.trials import metric_title
 from .shared import options as opt
@@ -35,6 +36,10 @@ from .shared.options import argument, option
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
 LOCALIZED = "pictures_to_localize"
 Folder = Annotated[Path, argument("DIR", "A folder that `trials` has made.")]
+Where = Annotated[
+    list[str] | None,
+    option("--where", "Only rows with COLUMN=VALUE; repeat for more.", metavar="COLUMN=VALUE"),
+]
 
 
 def trials(
@@ -130,6 +135,27 @@ def trials_report(
     results.print(f"{made} written")
 
 
+def atlas(
+    folder: Folder,
+    output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
+        "atlas.html"
+    ),
+    where: Where = None,
+    spot: Annotated[
+        str | None,
+        option(
+            "--spot", "Width of a spot, like 18in or 0.5m.", metavar="LENGTH", show_default="radius right"
+        ),
+    ] = None,
+    force: opt.Force = False,
+) -> None:
+    """Write one page that shows on the floor plan where runs go wrong, and whether to trust confidence."""
+    with listening():
+        spot_m = None if spot is None else opt.read_length(spot, "--spot")
+        made = write_atlas(folder, output, spot_m=spot_m, where=where or [], force=force)
+    results.print(f"{made} written")
+
+
 def trials_view(
     folder: Folder,
     metric: Annotated[
@@ -173,10 +199,7 @@ def trials_table(
         str, option("--by", "Group by these columns or settings.", metavar="COLUMNS", show_default=False)
     ] = "",
     metric: Annotated[str, option("--metric", "A column of the rows; docs/trials.md lists them.")] = DEFAULT,
-    where: Annotated[
-        list[str] | None,
-        option("--where", "Only rows with COLUMN=VALUE; repeat for more.", metavar="COLUMN=VALUE"),
-    ] = None,
+    where: Where = None,
     csv: Annotated[Path | None, option("--csv", "Write the groups here.", metavar="FILE")] = None,
     parquet: Annotated[Path | None, option("--parquet", "Write the groups here.", metavar="FILE")] = None,
     force: opt.Force = False,

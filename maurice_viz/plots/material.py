@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import polars as pl
 
 from maurice_datasets.trials.controls import filter_for
-from maurice_datasets.trials.drives import Drive, open_drive
+from maurice_datasets.trials.drives import Drive, arena_of, open_drive
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.rows import read_plan_of
 from maurice_datasets.trials.table import load_trials
@@ -19,6 +19,7 @@ from maurice_datasets.trials.timing import read_timing
 from maurice_loaders.errors import InputError
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
+from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
@@ -134,6 +135,10 @@ class Material:
     def drive_of(self, row: dict[str, Any]) -> Drive:
         """Return the drive of the run behind a row."""
         return _drive(SessionSpec(**self._asked(row)[1]), row["seed"])
+
+    def arena_of(self, row: dict[str, Any]) -> Arena:
+        """Return the map of the run behind a row."""
+        return arena_of(SessionSpec(**self._asked(row)[1]), row["seed"])
 
     def localizer_of(self, row: dict[str, Any]) -> Localizer:
         """Return the filter of the run behind a row."""

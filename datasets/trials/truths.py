@@ -1,0 +1,44 @@
+"""The truth along one drive, and how well its pictures fit there: what a map of failures is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.records import Comparison
+from maurice_mcl.sensor.ahead import Compared
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.session import Moment
+
+
+@dataclass(slots=True)
+class TruthRanks:
+    """The rank of the truth's reference in every picture, for each of some sensor models."""
+
+    sensors: Mapping[int, SensorModel]  # by their id
+    ranks: dict[int, list[float]] = field(default_factory=dict)
+
+    def add(self, moment: Moment, pictures: Sequence[Compared]) -> None:
+        """Process the next moment, compared with each sensor model's library."""
+        for (key, sensor), picture in zip(self.sensors.items(), pictures, strict=True):
+            self.ranks.setdefault(key, []).append(rank_of_truth(sensor, picture.comparison, moment))
+
+    def columns(self, sensor: SensorModel, moments: Sequence[Moment]) -> dict[str, Any]:
+        """Return what a row tells of the truth, update by update."""
+        truths = [(np.nan, np.nan) if one.truth is None else one.truth[:2].tolist() for one in moments]
+        x, y = zip(*truths, strict=True) if truths else ((), ())
+        return {"true_x_m": list(x), "true_y_m": list(y), "truth_rank": self.ranks.get(id(sensor), [])}
+
+
+def rank_of_truth(sensor: SensorModel, comparison: Comparison, moment: Moment) -> float:
+    """Return the rank, from 1, of the reference nearest the truth; NaN where it is not known."""
+    likely = comparison.log_likelihood
+    if moment.truth is None or not len(likely):
+        return np.nan
+    origin = sensor.library.origin
+    pose = (moment.truth - np.append(origin, 0.0)).astype(np.float32)
+    (entry,) = sensor.references.entries(pose[None], origin)
+    return np.nan if entry < 0 else float((likely > likely[entry]).sum() + 1)
