@@ -21,7 +21,7 @@ from ..tasks import TASKS
 from ..trials.drives import Held
 from .places import Ground
 
-UPDATES = 48
+UPDATES = 40
 Picture = Callable[[U8], U8]
 
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from maurice_mcl.analysis.failures.kinds import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
 from maurice_mcl.analysis.failures.near_truth import near_truth
 from maurice_mcl.analysis.metrics import LOST_FOR, StepScore, first_mostly, first_run_of, score_step
-from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.filter.localizer import LEFT_MAP as LEFT
+from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison, StepRecord
-from maurice_mcl.sensor.ahead import Compared
+from maurice_mcl.sensor.ahead import Compared, compared
 from maurice_mcl.session import Moment
 
+from ..trials.drives import Bench, Held
 from .ways import HEALTHY, LOOKS, Planting
 
 NEVER = 1_000_000  # a step that no drive has
@@ -26,7 +28,30 @@ Steps = Iterator[tuple[Moment, StepRecord]]
 
 def localizer_of(planting: Planting) -> Localizer:
     """Build the filter of a planted drive, without a seed."""
-    return make_localizer(planting.library, settings=planting.settings).of_session(planting.session)
+    return _bench(planting.library).localizer(dict(planting.settings)).of_session(planting.session)
+
+
+@lru_cache(2)
+def _bench(library: Library) -> Bench:
+    """Return what is built over a library, kept for the last two: most causes leave it as it is."""
+    return Bench.of(library)
+
+
+def compared_with(
+    plain: Held, localizer: Localizer, planting: Planting, known: dict[int, Comparison]
+) -> tuple[Comparison, ...]:
+    """Compare the pictures of a planted drive; those of the plain drive only if they are not `known`."""
+    own = {id(moment.frame.image) for moment in plain.all_moments}
+    found = []
+    for moment in planting.session.moments():
+        image = moment.frame.image
+        comparison = known.get(id(image))
+        if comparison is None:
+            comparison = compared([localizer.sensor], image)[0].comparison
+        if id(image) in own:
+            known[id(image)] = comparison
+        found.append(comparison)
+    return tuple(found)
 
 
 def steps_of(localizer: Localizer, planting: Planting, comparisons: Sequence[Comparison], seed: int) -> Steps:
@@ -121,5 +146,5 @@ def is_harm(kind: str, planting: Planting, outcome: Outcome) -> bool:
 def _in_time(planting: Planting, outcome: Outcome) -> bool:
     """Return whether a run with a known start was lost after the cause began, and soon after."""
     if planting.session.info.start is None or outcome.lost_from is None:
-        return outcome.right_share < 0.5
+        return outcome.right_share < 0.5 or outcome.localized_at is None
     return planting.since <= outcome.lost_from <= planting.since + planting.late
