@@ -76,18 +76,15 @@ def jobs_of(kinds: Iterable[str], drives: int) -> list[tuple[str, int]]:
 
 
 def made(which: str, jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[Row]:
-    """Diagnose all runs; those of one number in one process."""
-    numbers = list(dict.fromkeys(number for _, number in jobs))
-    each = [[job for job in jobs if job[1] == number] for number in numbers]
+    """Diagnose all runs, each as soon as a process is free: pictures of the last drives are kept in each."""
     parallel = joblib.Parallel(workers, return_as="generator_unordered", batch_size=1)
-    for rows in parallel(joblib.delayed(diagnosed)(which, some) for some in each):
-        yield from rows
+    yield from parallel(joblib.delayed(diagnosed)(which, kind, number) for kind, number in jobs)
 
 
-def diagnosed(which: str, jobs: Sequence[tuple[str, int]]) -> list[Row]:
-    """Make some runs and diagnose them."""
+def diagnosed(which: str, kind: str, number: int) -> Row:
+    """Make one run and diagnose it."""
     cv2.setNumThreads(1)
-    return [_row(which, kind, number) for kind, number in jobs]
+    return _row(which, kind, number)
 
 
 def _row(which: str, kind: str, number: int) -> Row:

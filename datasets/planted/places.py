@@ -22,6 +22,7 @@ from ..worlds.build import load_world
 from ..worlds.world import World
 
 FEATURE = "best"
+CHANNELS = (*weights_of(FEATURE), "color")
 APART_M = 1.0  # between the halves of a twin
 
 
@@ -58,7 +59,7 @@ class Ground:
     name: str
     arena_seed: int
     world: World
-    library: Library  # with the channels of `FEATURE` alone
+    library: Library  # with a few channels
 
 
 @lru_cache(1)
@@ -67,7 +68,7 @@ def ground_of(name: str, arena_seed: int) -> Ground:
     cv2.setNumThreads(1)
     world = load_world(name, arena_seed)
     survey = cached_survey(world, arena_seed, lambda done, total, what: None)
-    return Ground(name, arena_seed, world, open_library(survey / SURVEY.name, list(weights_of(FEATURE))))
+    return Ground(name, arena_seed, world, open_library(survey / SURVEY.name, CHANNELS))
 
 
 def part_of(library: Library, kept: Bool) -> Library:

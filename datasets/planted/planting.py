@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -18,10 +19,10 @@ from ..trials.drives import Held
 from .drives import anywhere, plain_drive
 from .harm import Outcome, compared_with, is_harm, localizer_of, outcome_of, steps_of
 from .places import SETS, Ground, ground_of
-from .ways import FILTER, HEALTHY, SEARCHING, SEEING, WAYS, Planting
+from .ways import HEALTHY, SEARCHING, WAYS, Planting
 
 VERSION = 2  # raise it whenever the same kind and number give another run
-DRIVES = 8  # tried for one planted run, each with a few seeds of the filter
+DRIVES = 5  # tried for one planted run, each with a few seeds of the filter
 FILTERS = 3
 MANY = 40  # seeds of the filter, where harm is a matter of chance
 PLACES = 4  # in each set
@@ -138,15 +139,15 @@ def _outcome(localizer: Localizer, planting: Planting, compared: Sequence[Compar
 
 
 def _is_fine_without(kind: str, planting: Planting, ground: Ground, drive_seed: int) -> bool:
-    """Return whether a usual filter, as cautious, is not lost on the drive without the cause."""
-    searching, cautious = planting.session.info.start is None, "motion" in planting.settings
-    return kind == HEALTHY or not _without(ground, drive_seed, searching, cautious).failed
+    """Return whether a usual filter is not lost on the drive without the cause."""
+    usual = SEARCHING if planting.session.info.start is None else planting.usual
+    return kind == HEALTHY or not _without(ground, drive_seed, repr(usual)).failed
 
 
-@lru_cache(8)
-def _without(ground: Ground, drive_seed: int, searching: bool, cautious: bool) -> Outcome:
-    plain = plain_drive(ground, drive_seed)
-    session, settings = (anywhere(plain), SEARCHING) if searching else (plain, SEEING if cautious else FILTER)
+@lru_cache(16)
+def _without(ground: Ground, drive_seed: int, usual: str) -> Outcome:
+    plain, settings = plain_drive(ground, drive_seed), ast.literal_eval(usual)
+    session = anywhere(plain) if settings == SEARCHING else plain
     planting = Planting("nothing", 1, session, ground.library, settings)
     localizer = localizer_of(planting)
     compared = _compared(ground, drive_seed, localizer, planting)

@@ -56,6 +56,7 @@ CAUTIOUS: Mapping[str, Any] = {  # a motion model so wide that the pictures must
     "drift": {"": {"bias_rad_per_m": 0.0, "sd_rad_per_m": float(np.radians(20))}},
 }
 SEEING: Mapping[str, Any] = {**FILTER, "motion": CAUTIOUS}
+COLOR: Mapping[str, Any] = {**SEEING, "sensor.weights": {"color": 1.0}}  # one that light and colors mislead
 FAR_M = 1.5  # a wrong start is at least so far away
 GAP_M = 1.6  # around the middle of a gap in the library
 SINCE = (12, 18)  # updates between which a cause begins
@@ -73,6 +74,7 @@ class Planting:
     library: Library
     settings: Mapping[str, Any] = field(default_factory=lambda: dict(FILTER))
     late: int = LOOKS  # updates after `since` within which a loss is due to it
+    usual: Mapping[str, Any] = field(default_factory=lambda: dict(FILTER))  # a filter that is fine without it
 
 
 Way = Callable[[Ground, int, np.random.Generator], Planting]
@@ -137,7 +139,7 @@ def _seen_so(ground: Ground, seed: int, rng: np.random.Generator, way: str, chan
     """Change all pictures, of drives with a known start and of others."""
     session = pictures_changed(plain_drive(ground, seed), change)
     if rng.random() < 0.5:
-        return Planting(way, 1, session, ground.library, SEEING, late=LASTING)
+        return Planting(way, 1, session, ground.library, COLOR, LASTING, COLOR)
     return Planting(way, 1, anywhere(session), ground.library, SEARCHING)
 
 
@@ -149,14 +151,15 @@ def _without(image: U8, color: int) -> U8:
 
 def mixed_up_channel(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """One channel of the library holds what it measured elsewhere, and has the most weight."""
-    name = str(rng.choice(list(ground.library.index)))
+    name = str(rng.choice(list(weights_of(FEATURE))))
     index = dict(ground.library.index)
     order = rng.permutation(ground.library.size)
     index[name] = replace(index[name], references=index[name].references[order])
     weights = {**weights_of(FEATURE), name: 3.0}
     settings = {**SEEING, "sensor.weights": weights}
     library = replace(ground.library, index=index)
-    return Planting(f"channel {name} mixed up", 1, plain_drive(ground, seed), library, settings, late=LASTING)
+    session, way = plain_drive(ground, seed), f"channel {name} mixed up"
+    return Planting(way, 1, session, library, settings, LASTING, SEEING)
 
 
 def dimmed(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -164,7 +167,7 @@ def dimmed(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     at, share = _since(rng), float(rng.uniform(0.03, 0.10))
     dim = (LightChange("dim", at, amount=share),)
     way = f"the light falls to {share:.0%}"
-    return Planting(way, at, drive(ground, seed, lights=dim), ground.library, SEEING, late=LASTING)
+    return Planting(way, at, drive(ground, seed, lights=dim), ground.library, COLOR, LASTING, COLOR)
 
 
 def lamps_off(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -173,7 +176,7 @@ def lamps_off(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     lamps = [source for source in ground.world.sources if source.endswith("lamp")]
     off = tuple(LightChange("off", at, source=lamp) for lamp in lamps)
     return Planting(
-        "all lamps go off", at, drive(ground, seed, lights=off), ground.library, SEEING, late=LASTING
+        "all lamps go off", at, drive(ground, seed, lights=off), ground.library, COLOR, LASTING, COLOR
     )
 
 
@@ -181,14 +184,14 @@ def people_in_view(ground: Ground, seed: int, rng: np.random.Generator) -> Plant
     """People stand in view of every picture, where there is room."""
     at = _since(rng)
     session = joined(plain_drive(ground, seed), drive(ground, seed, crowded=True), at)
-    return Planting("people in view", at, session, ground.library, SEEING, late=LASTING)
+    return Planting("people in view", at, session, ground.library, COLOR, LASTING, COLOR)
 
 
 def furniture_moved(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """Much of the furniture was moved after the survey."""
     most = len(ground.world.furniture)
     session = drive(ground, seed, moved=min(most, 5))
-    return Planting("furniture moved after the survey", 1, session, ground.library, SEEING, late=LASTING)
+    return Planting("furniture moved after the survey", 1, session, ground.library, COLOR, LASTING, COLOR)
 
 
 def something_ahead(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -204,7 +207,7 @@ def something_ahead(ground: Ground, seed: int, rng: np.random.Generator) -> Plan
         return np.asarray(np.clip(now, 0, 255), np.uint8)
 
     session = pictures_changed(plain_drive(ground, seed), covered, at)
-    return Planting("something hides most of the view", at, session, ground.library, SEEING, late=LASTING)
+    return Planting("something hides most of the view", at, session, ground.library, COLOR, LASTING, COLOR)
 
 
 # How the robot moves, and what its odometry tells.
@@ -258,7 +261,7 @@ def off_the_map(ground: Ground, seed: int, rng: np.random.Generator) -> Planting
         return motions
 
     session = odometry_changed(plain_drive(ground, seed), far, range(at, at + count))
-    return Planting("movements far too long", at, session, ground.library, SEEING)
+    return Planting("movements far too long", at, session, ground.library, SEEING, LOOKS, SEEING)
 
 
 def begun_outside(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -287,7 +290,7 @@ def region_left_out(ground: Ground, seed: int, rng: np.random.Generator) -> Plan
     inside = np.linalg.norm(truths[:, :2] - middle, axis=1) < GAP_M
     since = int(np.argmax(inside)) + 1
     return Planting(
-        "a region is not surveyed", since, held, part_of(ground.library, kept), SEEING, late=LASTING
+        "a region is not surveyed", since, held, part_of(ground.library, kept), SEEING, LASTING, SEEING
     )
 
 
@@ -356,7 +359,7 @@ def absurdly_sharp(ground: Ground, seed: int, rng: np.random.Generator) -> Plant
 
 def not_a_number(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """One channel of the library holds what is not a number."""
-    name = str(rng.choice(list(ground.library.index)))
+    name = str(rng.choice(list(weights_of(FEATURE))))
     index = dict(ground.library.index)
     index[name] = replace(index[name], references=np.full_like(index[name].references, np.nan))
     library = replace(ground.library, index=index)
@@ -376,7 +379,7 @@ def stuck_camera(ground: Ground, seed: int, rng: np.random.Generator) -> Plantin
     """The camera gives the same picture again and again."""
     at, count = _since(rng), int(rng.integers(10, 16))
     session = frozen(plain_drive(ground, seed), at, count)
-    return Planting("the camera repeats one picture", at, session, ground.library, SEEING, late=16)
+    return Planting("the camera repeats one picture", at, session, ground.library, SEEING, 16, SEEING)
 
 
 WAYS: Mapping[str, tuple[Way, ...]] = {
