@@ -7,6 +7,7 @@ import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -105,6 +106,7 @@ def _rows(
     for stepper in steppers:
         told = truths.columns(stepper.localizer.sensor, moments)
         told["right_m"] = stepper.localizer.radii.right_m
+        told |= _about_filter(job.asked[stepper.numbers[0]])
         for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
             about = _about(job.asked[number], job.spec) | {"arena": drive.arena, "oracle_m": oracle}
             rows[number] = about | figures.row() | told
@@ -165,8 +167,13 @@ def _stepped(
             yield stepper, Unread(str(problem) or type(problem).__name__)
 
 
-def _about(asked: TrialRun, spec: SessionSpec) -> Row:
+def _about_filter(asked: TrialRun) -> Row:
+    """Return what a row tells of a filter, the same for all of its runs: it takes longer than some runs."""
     parameters = configuration_of(asked.settings).parameters
+    return {"particles": parameters.particles, "configuration": configuration_hash(parameters)}
+
+
+def _about(asked: TrialRun, spec: SessionSpec) -> Row:
     return {
         "part": asked.part,
         "session": asked.session,
@@ -179,10 +186,8 @@ def _about(asked: TrialRun, spec: SessionSpec) -> Row:
         "lights": None if spec.path else spec.lights,
         "preset": asked.settings.get("preset"),
         "feature": asked.settings.get("feature"),
-        "particles": parameters.particles,
-        "configuration": configuration_hash(parameters),
-        "version": version("maurice-replay"),
-        "numpy": version("numpy"),
+        "version": _version("maurice-replay"),
+        "numpy": _version("numpy"),
         "host": platform.node(),
         "error": None,
     }
@@ -191,10 +196,15 @@ def _about(asked: TrialRun, spec: SessionSpec) -> Row:
 def _failed(asked: TrialRun, spec: SessionSpec, problem: Exception) -> Row:
     what = str(problem) or type(problem).__name__
     try:
-        about = _about(asked, spec)
+        about = _about(asked, spec) | _about_filter(asked)
     except ValueError:  # a configuration that cannot be
         about = {"part": asked.part, "session": asked.session, "variant": asked.variant, "seed": asked.seed}
     return about | {"label": asked.label, "error": what.splitlines()[0]}
+
+
+@cache
+def _version(package: str) -> str:
+    return version(package)
 
 
 def configuration_hash(parameters: FilterParameters) -> str:
