@@ -9,7 +9,7 @@ import re
 import sys
 from pathlib import Path
 
-from maurice_viz.plots.figures import draw_figures
+from maurice_viz.plots.drawn import draw_figures
 from maurice_viz.plots.material import Material
 from maurice_viz.reports.claims import CLAIMS
 

@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from .notebook import results as results
     from .notebook import show as show
     from .notebook import traces as traces
-    from .plots.figures import draw_figures as draw_figures
+    from .plots.drawn import draw_figures as draw_figures
     from .reports.atlas import atlas as atlas
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
@@ -85,7 +85,7 @@ _WHERE = {
     "convert": ".app.convert",
     "diagnose": ".app.understand.diagnose",
     "doctor": ".app.understand.inspect",
-    "draw_figures": ".plots.figures",
+    "draw_figures": ".plots.drawn",
     "drop_bookmarks": ".app.events",
     "error_budget": ".app.understand.budget",
     "events": ".app.events",

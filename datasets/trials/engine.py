@@ -10,11 +10,11 @@ import os
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import joblib  # type: ignore[import-untyped]
@@ -30,6 +30,8 @@ LOCAL, DASK = "local", "dask"
 CLUSTER = "pip install 'maurice-replay[cluster]'"
 AHEAD = 2  # jobs waiting per worker
 Progress = Callable[[int, int], None]  # runs on disk, runs in all
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,13 +97,18 @@ def _results(
     elif workers <= 1:
         yield map(_alone, jobs)
     else:
-        with _processes(jobs, workers) as found:
+        with in_processes(_alone, jobs, workers) as found:
             yield found
 
 
 @contextmanager
-def _processes(jobs: Iterator[Job], workers: int) -> Iterator[Iterator[list[Row]]]:
-    """Run jobs in spawned processes; joblib replaces one that has grown, and need not say so."""
+def in_processes(
+    work: Callable[[Item], Result], items: Iterable[Item], workers: int
+) -> Iterator[Iterator[Result]]:
+    """Yield the results of items in spawned processes, as they come; none outlives this process.
+
+    joblib replaces a process that has grown, and need not say so.
+    """
     parallel = joblib.Parallel(
         workers,
         return_as="generator_unordered",
@@ -112,7 +119,7 @@ def _processes(jobs: Iterator[Job], workers: int) -> Iterator[Iterator[list[Row]
     )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
-        found = parallel(joblib.delayed(_alone)(job) for job in jobs)
+        found = parallel(joblib.delayed(work)(one) for one in items)
         try:
             yield found
         finally:

@@ -25,7 +25,7 @@ from maurice_loaders.files import expect_absent, write_whole
 
 from ..errors import OptionError
 from ..listener import progress_of
-from ..plots.figures import FORMATS, draw_figures
+from ..plots.drawn import FORMATS, draw_figures
 from ..reports.atlas import atlas as write_atlas
 from ..reports.trials_report import trials_report as write_report
 from ..text.trials import metric_title

@@ -78,15 +78,19 @@ def dress(axes: Axes, title: str, x: str, y: str) -> None:
 
 def save(made: Figure, file: Path, *, force: bool) -> None:
     """Write a figure as its suffix says. InputError when the file exists (unless `force`)."""
+    expect_absent(file, force=force)
+    write_whole(file, figure_bytes(made, file.suffix[1:]), force=force)
+
+
+def figure_bytes(made: Figure, kind: str, dpi: int | None = None) -> bytes:
+    """Return a figure as a PNG, SVG or PDF, the same on every day."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    expect_absent(file, force=force)
     data = io.BytesIO()
     FigureCanvasAgg(made)
     dated = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    kind = file.suffix[1:]
-    made.savefig(data, format=kind, dpi=DPI, metadata=dated[kind], bbox_inches="tight")
-    write_whole(file, data.getvalue(), force=force)
+    made.savefig(data, format=kind, dpi=dpi or DPI, metadata=dated[kind], bbox_inches="tight")
+    return data.getvalue()
 
 
 def against_normal(axes: Axes, values: F64, spread: Spread, unit: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,9 @@ from maurice_mcl.geometry import INCH_M
 
 from ..errors import OptionError
 from ..plots.calibration import expect_matplotlib
+from ..plots.drawn import rendered
 from ..plots.figures import FIGURES
-from ..plots.material import Material, NothingToDraw
+from ..plots.material import Material
 from .claims import CLAIMS, NOT, REPRODUCED, UNDECIDED, UNTESTABLE
 
 SECTIONS = (
@@ -37,6 +37,7 @@ SECTIONS = (
     (range(63, 70), "Sensor-aided sampling (4.3)"),
     (range(70, 74), "Cost, and what remained open (5)"),
 )
+PAGE_DPI = 100
 CLASSES = {REPRODUCED: "yes", NOT: "no", UNDECIDED: "open", UNTESTABLE: "none"}
 
 
@@ -104,18 +105,14 @@ def page_of(material: Material, progress: Callable[[int, int], None] | None = No
 
 def drawings(material: Material, progress: Callable[[int, int], None] | None = None) -> list[PageFigure]:
     """Return every figure that the folder has runs for."""
-    drawn = []
-    for done, one in enumerate(FIGURES):
-        if progress is not None:
-            progress(done, len(FIGURES))
-        try:
-            made = one.draw(material)
-        except NothingToDraw:
-            continue
-        held = io.BytesIO()
-        made.savefig(held, format="png", dpi=100, metadata={"Software": None}, bbox_inches="tight")
-        drawn.append(PageFigure(one.number, one.title, base64.b64encode(held.getvalue()).decode()))
-    return drawn
+    titles = {one.number: one.title for one in FIGURES}
+    found = rendered(material.folder, tuple(titles), ("png",), titled=False, dpi=PAGE_DPI, progress=progress)
+    drawn = [
+        PageFigure(one.number, titles[one.number], base64.b64encode(one.files[0]).decode())
+        for one in found
+        if one.files
+    ]
+    return sorted(drawn, key=lambda one: one.number)
 
 
 def _parts(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:

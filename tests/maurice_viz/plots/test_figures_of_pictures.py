@@ -15,8 +15,9 @@ from maurice_datasets.trials.plan import read_plan
 from maurice_mcl.sensor.distances import DISTANCES
 from maurice_viz.plots import constants, histograms_of_light, matching
 from maurice_viz.plots.calibration import FIGURES as OF_MOTION
+from maurice_viz.plots.drawn import draw_figures
 from maurice_viz.plots.example import DrivePictures, in_other_light, ranks_of, with_noise
-from maurice_viz.plots.figures import FIGURES, draw_figures
+from maurice_viz.plots.figures import FIGURES
 from maurice_viz.plots.material import Material, ThesisFigure
 
 OURS = (*constants.FIGURES, *histograms_of_light.FIGURES, *matching.FIGURES)

@@ -13,7 +13,7 @@ from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
 from maurice_mcl.geometry import INCH_M
 from maurice_viz.plots import clouds, costs, drives, traces
-from maurice_viz.plots.figures import draw_figures
+from maurice_viz.plots.drawn import draw_figures
 from maurice_viz.plots.material import Material, NothingToDraw
 
 OURS = (*clouds.FIGURES, *costs.FIGURES, *drives.FIGURES, *traces.FIGURES)

@@ -1,0 +1,146 @@
+"""Drawing the thesis's figures from a folder of trials, several at once, and writing them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from maurice_datasets.trials.engine import in_processes
+from maurice_datasets.trials.rows import rows_changed
+from maurice_loaders.errors import InputError
+from maurice_loaders.files import check_target, write_whole
+
+from .calibration import INK, expect_matplotlib, figure_bytes
+from .figures import FIGURES
+from .material import Material, NothingToDraw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = ("png", "svg", "pdf")
+FEW = 3  # figures that are not worth the start of processes
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedFigure:
+    """One figure as files, or why there is none."""
+
+    number: int
+    files: tuple[bytes, ...] = ()  # in the order of the formats
+    missing: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """What was drawn, and what was not, with the reason."""
+
+    files: tuple[Path, ...]
+    left_out: tuple[tuple[int, str], ...]
+
+
+def draw_figures(
+    trials: str | Path,
+    to: str | Path,
+    *,
+    only: Iterable[int] = (),
+    formats: Sequence[str] = ("png",),
+    force: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Drawn:
+    """Draw figures from a folder of trials into a folder, as figure-26.png and so on.
+
+    What the folder has no runs for is left out, with the plan that makes them. InputError, once the others
+    are drawn, if it was asked for by its number; also for unknown numbers and formats.
+
+        >>> import maurice_viz as mv
+        >>> mv.draw_figures("trials", "figures", only=[26, 60]).files  # doctest: +SKIP
+        (PosixPath('figures/figure-26.png'), PosixPath('figures/figure-60.png'))
+    """
+    wanted, folder = list(only), Path(to)
+    known = {one.number: one for one in FIGURES}
+    for number in wanted:
+        if number not in known:
+            there = ", ".join(map(str, sorted(known)))
+            raise InputError(None, f"found figure {number}, expected one of {there}; docs/thesis.md says why")
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(None, f"found format {name!r}, expected one of {', '.join(FORMATS)}")
+    expect_matplotlib(folder)
+    if not folder.exists():
+        check_target(folder, force)
+        folder.mkdir(parents=True)
+    chosen = tuple(wanted) or tuple(known)
+    files, left = list[Path](), list[tuple[int, str]]()
+    for one in rendered(Path(trials), chosen, tuple(formats), titled=True, progress=progress):
+        if one.missing:
+            left.append((one.number, one.missing))
+            continue
+        for name, data in zip(formats, one.files, strict=True):
+            file = folder / f"figure-{one.number:02}.{name}"
+            write_whole(file, data, force=force)
+            files.append(file)
+    if wanted and left:
+        raise InputError(None, "; ".join(dict.fromkeys(why for _, why in sorted(left))))
+    return Drawn(tuple(sorted(files)), tuple(sorted(left)))
+
+
+def rendered(
+    folder: Path,
+    numbers: Sequence[int],
+    formats: tuple[str, ...],
+    *,
+    titled: bool,
+    dpi: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Iterator[RenderedFigure]:
+    """Yield figures as they are done, on all cores; those that the folder has no runs for say so."""
+    work = partial(_render, folder, formats, titled, dpi)
+    with _at_once(work, numbers) as found:
+        for done, one in enumerate(found):
+            if progress is not None:
+                progress(done, len(numbers))
+            yield one
+
+
+@contextmanager
+def _at_once(
+    work: Callable[[int], RenderedFigure], numbers: Sequence[int]
+) -> Iterator[Iterator[RenderedFigure]]:
+    workers = min(os.cpu_count() or 1, len(numbers) // FEW)
+    if workers <= 1:
+        yield map(work, numbers)
+        return
+    with in_processes(work, numbers, workers) as found:
+        yield found
+
+
+def _render(
+    folder: Path, formats: tuple[str, ...], titled: bool, dpi: int | None, number: int
+) -> RenderedFigure:
+    one = next(one for one in FIGURES if one.number == number)
+    try:
+        made = one.draw(_material(folder, rows_changed(folder)))
+    except NothingToDraw as problem:
+        return RenderedFigure(number, missing=str(problem))
+    if titled:
+        _entitle(made, f"{one.number}. {one.title}")
+    return RenderedFigure(number, tuple(figure_bytes(made, kind, dpi) for kind in formats))
+
+
+@lru_cache(1)
+def _material(folder: Path, changed: float) -> Material:
+    """Keep a process's drives from one figure to the next, unless rows were added."""
+    return Material(folder)
+
+
+def _entitle(made: Figure, title: str) -> None:
+    """Write the title over the only axes of a figure, or over all of them."""
+    if len(made.axes) == 1:
+        made.axes[0].set_title(title, loc="left", fontsize=12, color=INK)
+    else:
+        made.suptitle(title, x=0.01, ha="left", fontsize=12, color=INK)
