@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check bench causes difficulty results fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench causes difficulty results fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -19,6 +19,12 @@ check: .venv/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+
+# A simulated drive that the default filter must localize on, with 20 seeds: under a minute; CI runs it (docs/check.md).
+gate: .venv/installed
+	$(BIN)/maurice-replay simulate global --updates 40 -o out/gate/drive --force
+	$(BIN)/maurice-replay check out/gate/drive/session.log --max-error 0.15m --localized-by 20 --min-localized 0.95 \
+		--seeds 20 --junit out/gate/check.xml --artifacts out/gate/failed --force
 
 # All comparisons with the peers, some minutes; the tables go into docs/performance.md.
 bench: .venv/installed-dev

@@ -18,12 +18,14 @@ from .geometry import wrap
 from .library import Library
 from .library_quality import DIRECTIONS, VIEW_RAD, SelfSimilarity, free_space
 from .map import place_tree
+from .sensor.left_out import ONE_PLACE
+from .sensor.references import distinct_places
 
-CONFUSED = 0.5  # share of the likelihood elsewhere from which on a picture points to a wrong place
+CONFUSED = 0.5  # share of the likelihood elsewhere from which on a far place that looks alike counts
 GAP, HEADING, AMBIGUITY = "gap", "heading", "ambiguity"
 FILLED = 0.75  # spacings that a new reference fills: a grid of references reaches 0.71 of its spacing
 LEAST_AREA = 0.1  # spacings squared that a new reference adds at least
-APART = 0.5  # spacings from a new reference against ambiguity to any other
+APART = 0.5  # spacings from a new place against ambiguity to any other
 MOST_POINTS = 4000  # of free space that are looked at
 MOST_ADDED = 1000
 MOST_CLEARANCE_M = 0.3  # a place further from walls is free enough
@@ -76,17 +78,17 @@ def advise(library: Library, found: SelfSimilarity) -> LibraryAdvice:
     planned = _Planned.of(library, found.spacing_m)
     missing = planned.missing(found.places)
     planned.fill()
-    planned.part(library, found, [one.entry for one in confusions])
+    planned.part(library, [one.entry for one in confusions])
     return LibraryAdvice(confusions, missing, tuple(planned.added))
 
 
 def _confusions(library: Library, found: SelfSimilarity) -> tuple[Confusion, ...]:
     apart_m = np.hypot(*(library.poses[found.alias, :2] - library.poses[:, :2]).T)
-    worst = np.argsort(-found.confusion, kind="stable")
+    worst = np.argsort(-np.where(found.margin < 0, found.confusion, 0.0), kind="stable")
     return tuple(
         Confusion(k, int(found.alias[k]), float(apart_m[k]), float(found.confusion[k]), int(found.rank[k]))
         for k in worst.tolist()
-        if found.confusion[k] > CONFUSED
+        if found.confusion[k] > CONFUSED and found.margin[k] < 0
     )
 
 
@@ -145,41 +147,49 @@ class _Planned:
         )
 
     def fill(self) -> None:
-        """Propose references until no point worth it lacks a heading, those that fill most first."""
-        if not len(self.standing) or not self.lacking.any():
+        """Propose references until no point worth it lacks a heading, those that fill most first.
+
+        Places that are there get what they lack; new places get all headings, because a filter compares a
+        particle with the nearest place, whichever headings that has.
+        """
+        there = distinct_places(self.poses[:, :2])[0]
+        self._fill(there, without_reference(there, self.poses, ONE_PLACE * self.spacing_m))
+        self._fill(self.standing, None)
+
+    def _fill(self, candidates: F64, open_headings: Bool | None) -> None:
+        """Propose references at candidates (K, 2): of these headings (K, DIRECTIONS), or all; best first."""
+        if not len(candidates) or not self.lacking.any():
             return
-        reach_m, least = FILLED * self.spacing_m, LEAST_AREA * self.spacing_m**2 / self.area_m2
-        near = _near(self.standing, self.points, reach_m)
-        empty_m = _distance(self.poses, self.standing)
+        least = max(LEAST_AREA * self.spacing_m**2 / self.area_m2, 1.0)
+        near = _near(candidates, self.points, FILLED * self.spacing_m)
         while len(self.added) < MOST_ADDED:
             gain = near @ self.lacking.astype(np.float64)  # (K, DIRECTIONS)
+            if open_headings is not None:
+                gain = gain * open_headings
             best = int(np.where(gain >= least, gain, 0.0).sum(axis=1).argmax())
-            directions = gain[best] >= max(least, 1.0)
-            if not directions.any():
+            worth = gain[best] >= least
+            if not worth.any():
                 return
-            why = GAP if empty_m[best] > self.spacing_m else HEADING
-            for direction in headings()[directions]:
-                self.added.append(ProposedReference(np.array([*self.standing[best], direction]), why))
             filled = near[best].indices
+            is_gap = self.lacking[filled].all(axis=1).sum() >= least
+            directions = np.ones(DIRECTIONS, bool) if open_headings is None else worth
+            self._add(candidates[best], directions, GAP if is_gap else HEADING)
             self.lacking[np.ix_(filled, np.flatnonzero(directions))] = False
 
-    def part(self, library: Library, found: SelfSimilarity, confused: list[int]) -> None:
-        """Propose references between confused ones and their neighbors, where there is room."""
-        there = np.vstack([library.poses, *(one.pose[None] for one in self.added)])
+    def part(self, library: Library, confused: list[int]) -> None:
+        """Propose places beside confused references, as far from all others as there is room."""
         for entry in confused:
-            if len(self.added) >= MOST_ADDED or not len(self.standing):
-                return
-            x, y, heading = library.poses[entry]
-            same = there[np.abs(wrap(there[:, 2] - heading)) <= VIEW_RAD / 2 + 1e-6]
-            around = self.standing[np.hypot(*(self.standing - (x, y)).T) <= self.spacing_m]
-            if not len(around):
+            there = np.vstack([library.poses, *(one.pose[None] for one in self.added)])
+            around = self.standing[np.hypot(*(self.standing - library.poses[entry, :2]).T) <= self.spacing_m]
+            if len(self.added) >= MOST_ADDED or not len(around):
                 continue
-            distance_m = _distance(same, around)
-            if distance_m.max() < APART * self.spacing_m:
-                continue
-            pose = np.array([*around[distance_m.argmax()], heading])
-            self.added.append(ProposedReference(pose, AMBIGUITY))
-            there = np.vstack([there, pose[None]])
+            distance_m = _distance(there, around)
+            if distance_m.max() >= APART * self.spacing_m:
+                self._add(around[distance_m.argmax()], np.ones(DIRECTIONS, bool), AMBIGUITY)
+
+    def _add(self, place: F64, directions: Bool, why: str) -> None:
+        for direction in headings()[directions]:
+            self.added.append(ProposedReference(np.array([*place, direction]), why))
 
 
 def _distance(poses: F64, points: F64) -> F64:

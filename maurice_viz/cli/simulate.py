@@ -203,8 +203,8 @@ def survey(
 
     made: dict[str, object] = {}
     with listening() as listener:
-        drawn = surveyed_world(world, arena_seed, tier, spacing_m, headings)
         chosen = None if poses is None else read_poses(poses)
+        drawn = surveyed_world(world, arena_seed, tier, spacing_m, headings)
         how: dict[str, Any] = {
             "half_resolution": half_resolution,
             "force": force,

@@ -66,7 +66,8 @@ def draw_ambiguity(
         cv2.circle(image, start, max(radius // 4, 2), FRESH, -1, cv2.LINE_AA)
     text_px = TEXT * long_side(library.arena, scale) / canvas.unit_per_px
     what = "number of places that fit a picture taken here; lines: aliases"
-    what += f"; pink: {len(added)} references to add" if added else ""
+    if added:
+        what = f"number of places that fit a picture; lines: aliases; pink: {len(added)} to add"
     put_text(image, what, text_px, 1.6 * text_px, text_px, PALE)
     return image
 

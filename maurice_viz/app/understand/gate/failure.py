@@ -62,10 +62,10 @@ def failed_run(
     step = replayed.steps[update]
     around = replayed.steps[max(update - AROUND, 0) : update + AROUND + 1]
     words = re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
-    stem = f"{words}-seed-{seed}"
-    file = None if artifacts is None else artifacts / f"{stem}-step-{step}.rrd"
-    if file is not None:
-        file.parent.mkdir(parents=True, exist_ok=True)
+    folder = None if artifacts is None else artifacts / words
+    file = None if folder is None else folder / f"seed-{seed}-step-{step}.rrd"
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
     run = replace(replayed.run, localizer=replace(replayed.run.localizer, seed=seed))
     session = replayed.session
     total, has_truth = session.overview()
@@ -84,8 +84,8 @@ def failed_run(
     scores = play(playback, output, listener)
     scale = scale_for(session.info.display_units, replayed.library.arena)
     found = FailedRun(seed, step, said(scores.runs[0].verdict, scale), file)
-    if artifacts is not None:
-        write_whole(artifacts / f"{stem}-{DIAGNOSIS}", f"{found.said}\n".encode(), force=True)
+    if folder is not None:
+        write_whole(folder / DIAGNOSIS, f"{found.said}\n".encode(), force=True)
     return found
 
 

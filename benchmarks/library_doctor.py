@@ -1,0 +1,193 @@
+"""Does it help to add the references that `library check` asks for? Asked before, and tried by simulation.
+
+    .venv/bin/python benchmarks/library_doctor.py [--quick]
+
+On unseen arenas some references are left out of a survey: those in a disc of floor, or three of eight
+headings in it. Those that `library check` asks for are taken by the simulated surveyor and added; as a
+control, as many at random free places. Drives search globally; errors count where the robot is inside the
+disc. The third case leaves nothing out: its references part places that are confused. Differences are paired
+by drive, with intervals that draw arenas first. The table is in docs/library-from-a-recording.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from maurice_datasets.render.camera_session import survey_camera
+from maurice_datasets.surveys import Surveyor, added_references
+from maurice_datasets.trials.drives import Bench, Drive, open_drive
+from maurice_datasets.trials.drives import _world as world_of
+from maurice_datasets.trials.plan import SessionSpec
+from maurice_datasets.trials.statistics import Interval, mean
+from maurice_mcl.analysis.demands import RunTrack
+from maurice_mcl.arrays import F64, Bool
+from maurice_mcl.filter.batch import run_batch
+from maurice_mcl.geometry import INCH_M
+from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.library_advice import AMBIGUITY, LibraryAdvice, advise, headings, without_reference
+from maurice_mcl.library_quality import DIRECTIONS, SelfSimilarity, free_space, self_similarity_of
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
+
+ARENAS, DRIVES, SEEDS, UPDATES = 5, 2, 4, 50
+RADIUS_M = 36 * INCH_M  # of the disc
+SEARCH = 20  # updates that do not count
+REACH_M = 18 * INCH_M  # the survey's spacing
+CASES = ("disc", "headings", "confused")
+KINDS = ("left out", "asked for", "random")
+NEEDED = FEATURES["blended"]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One drive with one library, the mean over seeds; inside the disc, after the search."""
+
+    error_m: float
+    correct: float
+    ambiguity: float  # of the library there: places that fit a picture
+    lacking: float  # share of floor and headings there without a reference
+
+
+def subset(library: Library, kept: Bool) -> Library:
+    index = {name: replace(one, references=one.references[kept]) for name, one in library.index.items()}
+    pictures = tuple(one for one, keep in zip(library.pictures, kept, strict=True) if keep)
+    return replace(library, poses=library.poses[kept], pictures=pictures, index=index)
+
+
+def with_poses(library: Library, poses: F64, arena: int) -> Library:
+    """Return a library with references taken by the simulated surveyor at poses (L, 3)."""
+    camera = survey_camera(world_of("two-rooms", arena, "nominal"), arena)
+    taken = list(added_references(poses, camera, Surveyor()))
+    index = {}
+    for name in NEEDED:
+        one = library.index[name]
+        rows = np.array([CHANNELS[name].describe(picture) for _, picture in taken], np.float32)
+        both = np.vstack([one.references, rows.reshape(-1, one.references.shape[1])])
+        index[name] = ChannelIndex(both, one.noise_floor, both.max(axis=0))
+    joined = np.vstack([library.poses, poses])
+    return replace(library, poses=joined, pictures=(None,) * len(joined), index=index)
+
+
+def checked(library: Library) -> tuple[SelfSimilarity, LibraryAdvice]:
+    nearest = nearest_reference(library.poses, library.arena)
+    found = self_similarity_of(library, SensorModel(library, nearest, SensorParameters(dict(NEEDED))))
+    return found, advise(library, found)
+
+
+def inside(points: F64, center: F64) -> Bool:
+    return np.hypot(*(points[:, :2] - center).T) <= RADIUS_M
+
+
+def libraries(case: str, full: Library, center: F64, arena: int) -> dict[str, Library]:
+    """Return the library of each kind."""
+    there = inside(full.poses, center)
+    degrees = np.round(np.degrees(full.poses[:, 2])) % 360
+    gone = {"disc": there, "headings": there & np.isin(degrees, [0, 45, 90]), "confused": there & False}
+    left = subset(full, ~gone[case])
+    _, advice = checked(left)
+    wanted = [one for one in advice.added if (one.why == AMBIGUITY) == (case == "confused")]
+    poses = np.array([one.pose for one in wanted])
+    grid, free, _ = free_space(left)
+    rng, cells = np.random.default_rng(arena), grid.centers()[free.ravel()]
+    chosen = cells[rng.choice(len(cells), -(-len(poses) // DIRECTIONS))]
+    random = np.column_stack([chosen.repeat(DIRECTIONS, axis=0), np.tile(headings(), len(chosen))])
+    made = {KINDS[0]: left, KINDS[1]: with_poses(left, poses, arena)}
+    return made if case == "confused" else made | {KINDS[2]: with_poses(left, random, arena)}
+
+
+def measured(drive: Drive, library: Library, found: SelfSimilarity, center: F64) -> Measured | None:
+    """Return the figures of a drive; None for one that does not pass the disc."""
+    moments = list(drive.session.moments())
+    truths = np.array([moment.truth for moment in moments])
+    counts = inside(truths, center) & (np.arange(len(moments)) >= SEARCH)
+    if not counts.any():
+        return None
+    localizer = Bench.of(library).localizer({}).of_session(drive.session)
+    traces = run_batch(localizer, moments, range(SEEDS), drive.start)
+    tracks = [RunTrack.of(trace, moments) for trace in traces]
+    near = inside(found.places, center)
+    grid, free, _ = free_space(library)
+    cells = grid.centers()[free.ravel()]
+    lacking = without_reference(cells[inside(cells, center)], library.poses, REACH_M)
+    return Measured(
+        float(np.mean([track.off_m[counts].mean() for track in tracks])),
+        float(np.mean([track.localized[counts].mean() for track in tracks])),
+        float(found.at_places(found.ambiguity)[near].mean()) if near.any() else np.nan,
+        float(lacking.mean()),
+    )
+
+
+def runs(arenas: int, drives: int) -> Iterator[tuple[str, str, int, int, Measured, int]]:
+    """Yield case, kind, arena, drive, figures, and how many references were added."""
+    spec = SessionSpec("doctor", "global", updates=UPDATES, arenas=arenas)
+    for arena in range(arenas):
+        some = [open_drive(spec, arena + arenas * k) for k in range(drives)]
+        full, seed = some[0].bench.library, some[0].arena or 0
+        full = replace(full, index={name: full.index[name] for name in NEEDED})
+        places = np.array([moment.truth for moment in some[0].session.moments()])
+        center = places[UPDATES * 2 // 3, :2]  # where the first drive is late: others may pass, too
+        for case in CASES:
+            made = libraries(case, full, center, seed)
+            for kind, library in made.items():
+                added, (about, _) = library.size - made[KINDS[0]].size, checked(library)
+                for number, drive in enumerate(some):
+                    found = measured(drive, library, about, center)
+                    if found is not None:
+                        yield case, kind, arena, number, found, added
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    asked = parser.parse_args()
+    size = (2, 1) if asked.quick else (ARENAS, DRIVES)
+    rows: dict[tuple[str, str], dict[tuple[int, int], tuple[Measured, int]]] = {}
+    for case, kind, arena, number, found, added in runs(*size):
+        rows.setdefault((case, kind), {})[arena, number] = (found, added)
+        print(case, kind, arena, number, found, added, flush=True)
+    show(rows)
+
+
+def show(rows: dict[tuple[str, str], dict[tuple[int, int], tuple[Measured, int]]]) -> None:
+    print(
+        "| case | library | added | without a reference | places that fit | error (m) | localized | drives |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
+    figures = ("lacking", "ambiguity", "error_m", "correct")
+    for (case, kind), found in rows.items():
+        values = [column(found, name) for name in figures]
+        added = np.mean([one[1] for one in found.values()])
+        cells = " | ".join(f"{one.value:.3f} ({one.low:.3f} to {one.high:.3f})" for one in values)
+        print(f"| {case} | {kind} | {added:.0f} | {cells} | {len(found)} |")
+    for case in CASES:
+        for kind in KINDS[1:]:
+            before, after = rows.get((case, KINDS[0]), {}), rows.get((case, kind), {})
+            for name in figures:
+                gained = difference(before, after, name)
+                print(f"{case}: {kind} less {KINDS[0]}, {name}: {gained}")
+
+
+def column(found: dict[tuple[int, int], tuple[Measured, int]], name: str) -> Interval:
+    values = np.array([getattr(one[0], name) for one in found.values()])
+    return mean(values[np.isfinite(values)], np.array([key[0] for key in found])[np.isfinite(values)])
+
+
+def difference(before: dict, after: dict, name: str) -> str:  # type: ignore[type-arg]
+    keys = [key for key in before if key in after]
+    pick = partial(getattr)
+    values = np.array([pick(after[key][0], name) - pick(before[key][0], name) for key in keys])
+    known = np.isfinite(values)
+    if not known.any():
+        return "-"
+    one = mean(values[known], np.array([key[0] for key in keys])[known])
+    return f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f}), {one.count} drives"
+
+
+if __name__ == "__main__":
+    main()
