@@ -109,7 +109,7 @@ def _print(found: CheckResult) -> None:
             results.print(_changes(drive))
         lines = [f"not certain: {text}" for text in drive.doubts]
         if drive.failure is not None:
-            lines.append(drive.failure.said)
+            lines += drive.failure.text.splitlines()
             if drive.failure.recording is not None:
                 lines.append(f"recording: {drive.failure.recording}")
         for line in lines:

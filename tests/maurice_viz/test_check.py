@@ -63,12 +63,15 @@ def test_a_failed_check_leaves_what_a_build_server_and_a_person_need(drive, tmp_
     failures = suite.findall("testcase/failure")
     assert [case for case in cases if len(case)] == cases[2:]
     assert "mean error at most 0.001 m: met by 0 of 3 runs" in str(failures[0].get("message"))
-    assert failures[0].text == f"seed 0, step {found['failure']['step']}: {found['failure']['why']}"
+    text = str(failures[0].text)
+    assert text.startswith(f"seed 0, first failed at step {found['failure']['step']}\n")
+    assert found["failure"]["diagnosis"]["verdict"] in text
 
-    (text,) = kept.glob("*.txt")
-    assert text.read_text().strip() == failures[0].text
+    folder = kept / "kleine-Fahrt"
+    assert (folder / "diagnosis.txt").read_text().strip() == text.strip()
+    assert json.loads((folder / "diagnosis.json").read_text()) == found["failure"]
     recording = Path(found["failure"]["recording"])
-    assert recording.parent == kept
+    assert recording.parent == folder
     chunks = [chunk.to_record_batch() for chunk in RrdReader(recording).stream()]
     steps = {step for one in chunks if "step" in one.schema.names for step in one.column("step").to_pylist()}
     first = found["runs"][0]["first_failed_step"]
@@ -178,4 +181,4 @@ def test_names_that_xml_cannot_hold_are_written(drive, tmp_path):
     log.write_text(drive.read_text().replace("kleine Fahrt", "a\\u0001<b>&", 1))
     found = mv.check(log, max_error_m=0.0001, artifacts=tmp_path / "kept", **SMALL)
     assert ET.fromstring(found.to_junit())[0].get("name") == "a?<b>&"
-    assert len(list((tmp_path / "kept").iterdir())) == 2
+    assert len(list((tmp_path / "kept" / "a-b").iterdir())) == 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +16,13 @@ from maurice_mcl.library import Library
 from ....listener import Listener
 from ....playback import FilterRun, run_together, shared
 from ....scene import Detail, RunView
-from ....style import scale_for
-from ....text.verdict import said
 from ...open import AnySession
 from ...output import DriveScene, OutputOptions
 from ...run import Playback, play
+from ..diagnose import RunDiagnosis
 
 AROUND = 10  # steps drawn before and after the first that failed
-DIAGNOSIS = "diagnosis.txt"
+DIAGNOSIS = "diagnosis"  # file, as text and as JSON
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,18 +41,19 @@ class FailedRun:
 
     seed: int
     step: int  # the first that failed
-    why: str
+    diagnosis: RunDiagnosis
     recording: Path | None = None  # the steps around it
 
     @property
-    def said(self) -> str:
-        """Return it in a line."""
-        return f"seed {self.seed}, step {self.step}: {self.why}"
+    def text(self) -> str:
+        """The diagnosis in lines."""
+        return f"seed {self.seed}, first failed at step {self.step}\n{self.diagnosis.text}"
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
         recording = None if self.recording is None else str(self.recording)
-        return {"seed": self.seed, "step": self.step, "why": self.why, "recording": recording}
+        found = {"seed": self.seed, "step": self.step, "recording": recording}
+        return found | {"diagnosis": self.diagnosis.to_json()}
 
 
 def failed_run(
@@ -82,10 +83,13 @@ def failed_run(
         rrd=file, headless=True, no_recording=file is None, force=True, detail=Detail.LIGHT.value
     )
     scores = play(playback, output, listener)
-    scale = scale_for(session.info.display_units, replayed.library.arena)
-    found = FailedRun(seed, step, said(scores.runs[0].verdict, scale), file)
+    result = scores.runs[0]
+    diagnosis = RunDiagnosis(result.label, result.verdict, None, session.info.display_units)
+    found = FailedRun(seed, step, diagnosis, file)
     if folder is not None:
-        write_whole(folder / DIAGNOSIS, f"{found.said}\n".encode(), force=True)
+        write_whole(folder / f"{DIAGNOSIS}.txt", f"{found.text}\n".encode(), force=True)
+        as_json = json.dumps(found.to_json(), indent=1)
+        write_whole(folder / f"{DIAGNOSIS}.json", as_json.encode(), force=True)
     return found
 
 

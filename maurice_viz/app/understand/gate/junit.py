@@ -31,7 +31,7 @@ def junit_xml(drives: Sequence[DriveCheck]) -> str:
             case.set("classname", _plain(f"maurice-replay.{drive.session}"))
             if not passed:
                 failure = ET.SubElement(case, "failure", message=_plain(said), type=kind)
-                failure.text = _plain("" if drive.failure is None else drive.failure.said)
+                failure.text = _plain("" if drive.failure is None else drive.failure.text)
         _count(suite, [suite])
     _count(suites, list(suites))
     suites.set("time", f"{sum(drive.took_s for drive in drives):.3f}")

@@ -65,7 +65,7 @@ def test_what_it_asks_for_fills_the_gap_and_lowers_the_error(gap, tmp_path):
         for library in (gap, built)
     ]
     worse = [old.error_m - new.error_m for old, new in zip(*errors, strict=True)]
-    assert min(worse) > 0.05  # with every seed
+    assert np.median(worse) > 0.2
 
 
 def test_a_complete_survey_needs_nothing(small_session):
