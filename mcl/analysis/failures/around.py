@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -40,13 +41,21 @@ class PlaceFit:
     costs: float  # nats that it costs
 
 
+@dataclass(frozen=True, slots=True)
+class UsualFit:
+    """What the pictures of a library say of each other: what can be expected of a session's."""
+
+    cost: float  # median, in nats, of a picture at the most similar one of the same view
+    confused: float  # share of other places that are more similar than a neighbor; 0.5: it tells nothing
+    by_channel: Mapping[str, float]  # the same of each channel alone
+
+
 @dataclass(eq=False)
 class Surroundings:
     """A library as seen from the places of a drive; built once a run."""
 
     sensor: SensorModel
     lost_m: float  # references farther than this are at another place
-    _near: dict[tuple[float, ...], Index] = field(default_factory=dict)
 
     @cached_property
     def spacing_m(self) -> float:
@@ -112,18 +121,25 @@ class Surroundings:
         return float(found[0])
 
     @cached_property
-    def usual_cost(self) -> float:
-        """The median cost in nats between a reference and the most similar one of the same view."""
-        library, found = self.sensor.library, list[float]()
+    def usual(self) -> UsualFit:
+        """How well the library's own pictures fit their neighbors, and other places."""
+        sensor, library = self.sensor, self.sensor.library
+        names, costs = list(sensor.parameters.weights), list[float]()
+        confused: list[F64] = []
         for entry in range(0, library.size, max(library.size // SAMPLED, 1)):
-            measured = {
-                name: library.index[name].references[entry] for name in self.sensor.parameters.weights
-            }
+            measured = {name: library.index[name].references[entry] for name in names}
             near = self.near(library.poses[entry])
-            near = near[near != entry]
-            if len(near):
-                found.append(float(self.sensor.compare(measured).cost[near].min()))
-        return float(np.median(found)) if found else float("nan")
+            near, far = near[near != entry], self.far(library.poses[entry])
+            if not len(near) or not far.any():
+                continue
+            found = sensor.compare(measured)
+            costs.append(float(found.cost[near].min()))
+            rows = np.concatenate([found.cost[None], found.channel_cost])
+            confused.append((rows[:, far] < np.median(rows[:, near], axis=1)[:, None]).mean(axis=1))
+        if not costs:
+            return UsualFit(float("nan"), 0.0, {})
+        shares = np.mean(confused, axis=0).tolist()
+        return UsualFit(float(np.median(costs)), shares[0], dict(zip(names, shares[1:], strict=True)))
 
     @cached_property
     def levels(self) -> F64 | None:

@@ -25,9 +25,9 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
     weights_vanish,
     library_gap,
     lighting,
-    ambiguity,
     another_view,
     sensor_model,
+    ambiguity,
     unlucky,
     no_particle,
 )

@@ -51,7 +51,7 @@ class DiagnosisBuilder:
         times = troubled(self._updates)
         if not times or around is None:
             return [Story(self._updates, *one) for one in times]
-        return [Story(self._updates, *one, around.spacing_m, around.usual_cost) for one in times]
+        return [Story(self._updates, *one, around.spacing_m, around.usual) for one in times]
 
 
 def troubled(updates: Sequence[UpdateEvidence]) -> list[tuple[int, int, int]]:

@@ -32,24 +32,17 @@ def weights_vanish(story: Story) -> Failure | None:
 
 
 def unlucky(story: Story) -> Failure | None:
-    """Particles at the true place had weight for a copy or more, and resampling made none."""
-    for k in range(story.end, story.since - 1, -1):
-        one = story.updates[k]
-        if one.near is None or one.near.shares[2] > 0:
-            if k < story.end:
-                break
-            continue
-        share = one.near.shares[1]
-        if share * one.size >= A_COPY:
-            return story.failure(
-                RESAMPLING,
-                one.step,
-                share=share,
-                copies=share * one.size,
-                near=one.near.particles,
-                particles=one.size,
-            )
-    return None
+    """Particles at the true place had weight for a copy or more, and resampling made none, for good."""
+    known = [k for k in range(story.since, story.end + 1) if story.updates[k].near is not None]
+    kept = [k for k in known if (near := story.updates[k].near) and near.shares[2] > 0]
+    last = next((k for k in known if not kept or k > kept[-1]), None)
+    if last is None or (one := story.updates[last]).near is None:
+        return None
+    share = one.near.shares[1]
+    if share * one.size < A_COPY:
+        return None
+    had = {"share": share, "copies": share * one.size, "near": one.near.particles}
+    return story.failure(RESAMPLING, one.step, **had, particles=one.size)
 
 
 def no_particle(story: Story) -> Failure | None:
@@ -59,17 +52,10 @@ def no_particle(story: Story) -> Failure | None:
         return None
     nearest = min(one.near.nearest_m for one in known if one.near)
     counted = [one for one in known if one.near and one.near.shares[1] * one.size >= A_COPY]
+    size = {"nearest_m": nearest, "particles": known[0].size}
     if not counted:
-        return story.failure(PROPOSAL, known[0].step, ever="no", nearest_m=nearest, particles=known[0].size)
-    after = [one for one in known if one.step > counted[-1].step and one.near and not one.near.particles]
-    if not after:
-        return None
-    return story.failure(
-        PROPOSAL,
-        after[0].step,
-        ever="yes",
-        held_until=counted[-1].step,
-        died=after[0].step,
-        nearest_m=nearest,
-        particles=after[0].size,
-    )
+        return story.failure(PROPOSAL, known[0].step, ever="no", **size)
+    until = [one for one in counted if one.step < story.updates[story.lost].step] or counted[:1]
+    after = [one for one in known if one.step > until[-1].step and one.near and not one.near.particles]
+    died = after[0].step if after else story.updates[story.lost].step
+    return story.failure(PROPOSAL, died, ever="yes", held_until=until[-1].step, died=died, **size)

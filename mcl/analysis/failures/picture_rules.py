@@ -1,4 +1,4 @@
-"""Rules about pictures: whether the truth's references could be recognized, and what kept them from it."""
+"""Rules about pictures: whether the true place could be recognized, and what kept it from that."""
 
 from __future__ import annotations
 
@@ -7,21 +7,23 @@ import numpy as np
 from .around import PlaceFit
 from .evidence import UpdateEvidence
 from .kinds import AMBIGUITY, LIBRARY_GAP, LIGHTING, SENSOR, VIEW, Failure, Value
-from .story import Story
+from .story import FIRST, Story
 
 OUT_FOR = 2  # updates without a reference
 GAP_SPACINGS = 1.5  # a reference farther than this shows another view
-BAD_NATS = 2.0  # a picture that fits another place so much better speaks against the truth
-UNLIKE = 1.6  # times the usual cost between neighboring references: the picture is unlike them
+UNLIKE = 1.6  # times the usual cost: the picture is unlike the references at the true place
+BEHIND_SHARE, BEHIND_LEAST = 0.025, 10  # of all references, that score above those: it is not recognized
+WORSE_NATS = 1.5  # by which the place of the estimate is ahead: the picture speaks against the truth
 LIGHT = 0.3  # log of the brightness over the expected one
-REPAIRED = 0.5  # of what the truth lost, that a corrected brightness must give back
-ALIKE_NATS = 1.0  # a rival that is ahead or behind by less looks the same
+REPAIRED = 0.8  # of the cost above the usual one, that may be left once the brightness is corrected
+CONFUSED = 0.25  # share of other places more similar than a neighbor: the library tells little
+ALIKE_NATS = 1.0  # places whose mean log-likelihoods differ by less look alike
 MOSTLY, ALWAYS = 0.5, 0.7  # of the updates looked at
 
 
 def library_gap(story: Story) -> Failure | None:
     """No reference is near the true place."""
-    least = max(GAP_SPACINGS * story.spacing_m, 0.0)
+    least = GAP_SPACINGS * story.spacing_m
     far = story.some(story.window, lambda one: one.reference_m is not None and one.reference_m > least)
     if len(far) < OUT_FOR:
         return None
@@ -32,90 +34,125 @@ def library_gap(story: Story) -> Failure | None:
 
 
 def lighting(story: Story) -> Failure | None:
-    """The pictures are brighter or darker than the references, and fit when that is taken out."""
-    bad = _bad(story)
-    known = [one for one in bad if one.light is not None]
-    if not known or len(known) < MOSTLY * len(bad):
+    """The pictures are brighter or darker than the references, and fit better with that taken out."""
+    lit = [one for one in _bad(story) if one.light is not None and one.fit is not None]
+    if not lit or story.usual is None:
         return None
-    ratio = float(np.median([one.light.ratio for one in known if one.light]))
-    if abs(ratio) < LIGHT:
+    ratio = float(np.median([one.light.ratio for one in lit if one.light]))
+    before = float(np.median([one.fit.cost for one in lit if one.fit])) - story.usual.cost
+    after = float(np.median([one.light.cost for one in lit if one.light])) - story.usual.cost
+    if abs(ratio) < LIGHT or before <= 0 or after > REPAIRED * before:
         return None
-    first = next(one for one in known if one.light and one.light.ratio * np.sign(ratio) > LIGHT / 2)
-    lost = sum(_loss(one.fit) for one in known if one.fit)
-    left = sum(max(one.light.behind, 0.0) for one in known if one.light)
-    told = [text for k in story.window for text in story.updates[k].events if text.startswith("lights")]
-    very = abs(ratio) > 2 * LIGHT
-    if not (told or very or left < REPAIRED * lost):
-        return None
+    told = [text for k in story.pictures for text in story.updates[k].events if text.startswith("lights")]
     words: dict[str, Value] = {"told": told[0]} if told else {}
     return story.failure(
         LIGHTING,
-        first.step,
+        _since(lit, story),
         brightness=float(np.exp(ratio)),
-        level=float(np.median([one.light.level for one in known if one.light])),
-        expected_level=float(np.median([one.light.expected for one in known if one.light])),
-        behind_nats=lost / len(known),
-        corrected_nats=left / len(known),
+        level=float(np.median([one.light.level for one in lit if one.light])),
+        expected_level=float(np.median([one.light.expected for one in lit if one.light])),
+        over_usual_nats=before,
+        corrected_nats=after,
+        pictures=len(lit),
         **words,
     )
 
 
 def another_view(story: Story) -> Failure | None:
     """The pictures are unlike the references at the true place, and were not so from the beginning."""
-    return None if _was_always_bad(story) else _unlike(story, VIEW)
+    return None if _tells_nothing(story) or _was_always_bad(story) else _unlike(story, VIEW)
 
 
 def sensor_model(story: Story) -> Failure | None:
-    """The pictures fit wrong places better than the true one."""
-    return _unlike(story, SENSOR)
+    """The true place is not recognized, and never was: the fault is in camera, channels or library."""
+    return _unlike(story, SENSOR) if _tells_nothing(story) or _was_always_bad(story) else None
 
 
 def ambiguity(story: Story) -> Failure | None:
-    """The pictures fit the true place, and other places as well."""
-    known = story.some(story.around, lambda one: one.fit is not None)
-    alike = [one for one in known if one.fit and one.fit.rivals and abs(one.fit.behind) < ALIKE_NATS]
-    if len(alike) < max(MOSTLY * len(known), OUT_FOR):
+    """The pictures fit the true place, and the place of the estimate as well, on average."""
+    lost = range(story.lost, min(story.lost + 3 * FIRST, story.end + 1))
+    wrong = story.some(lost, lambda one: one.score.correct is False and one.fit is not None)
+    away = [one for one in wrong if one.fit and one.fit.estimate_behind]
+    if len(away) < max(MOSTLY * len(wrong), OUT_FOR):
         return None
-    best = min(alike, key=lambda one: abs(one.fit.behind) if one.fit else np.inf)
-    rivals = float(np.median([one.fit.rivals for one in alike if one.fit]))
-    x, y = best.fit.rival if best.fit else (0.0, 0.0)
+    behind = float(np.median([one.fit.estimate_behind for one in away if one.fit]))
+    if abs(behind) > ALIKE_NATS:
+        return None
+    rivals = float(np.median([one.fit.rivals for one in away if one.fit]))
+    x, y = away[0].fit.rival if away[0].fit else (0.0, 0.0)
     return story.failure(
-        AMBIGUITY, alike[0].step, places=1 + rivals, rival_x_m=x, rival_y_m=y, pictures=len(alike)
+        AMBIGUITY,
+        away[0].step,
+        behind_nats=behind,
+        places=1 + rivals,
+        rival_x_m=x,
+        rival_y_m=y,
+        pictures=len(away),
     )
+
+
+def _is_bad(one: UpdateEvidence, story: Story) -> bool:
+    """Return whether a picture does not show what the references at the true place do."""
+    fit, usual = one.fit, story.usual
+    if fit is None or usual is None:
+        return False
+    behind = fit.rank > max(BEHIND_SHARE * fit.references, BEHIND_LEAST)
+    return behind or fit.cost > UNLIKE * usual.cost or fit.estimate_behind > WORSE_NATS
 
 
 def _bad(story: Story) -> list[UpdateEvidence]:
-    """Return the updates around the loss whose pictures speak against the truth."""
-    return story.some(story.around, lambda one: one.fit is not None and _loss(one.fit) > BAD_NATS)
+    """Return the bad pictures around the loss; none where they are few."""
+    known = story.some(story.pictures, lambda one: one.fit is not None)
+    bad = [one for one in known if _is_bad(one, story)]
+    return bad if len(bad) >= max(MOSTLY * len(known), 1) else []
 
 
-def _loss(fit: PlaceFit) -> float:
-    return max(fit.behind, fit.estimate_behind, 0.0)
+def _since(bad: list[UpdateEvidence], story: Story) -> int:
+    """Return the first step of the bad pictures in a row that these begin with."""
+    k = next(k for k in story.pictures if story.updates[k] is bad[0])
+    while k > 0 and _is_bad(story.updates[k - 1], story):
+        k -= 1
+    return story.updates[k].step
 
 
 def _was_always_bad(story: Story) -> bool:
-    """Return whether most pictures spoke against the truth from the first update on."""
-    before = story.some(range(story.window.stop), lambda one: one.fit is not None)
-    bad = [one for one in before if one.fit and _loss(one.fit) > BAD_NATS]
-    return len(bad) >= ALWAYS * len(before)
+    """Return whether most pictures were bad from the first update on."""
+    before = story.some(range(story.pictures.stop), lambda one: one.fit is not None)
+    return sum(_is_bad(one, story) for one in before) >= ALWAYS * len(before)
+
+
+def _tells_nothing(story: Story) -> bool:
+    """Return whether the library does not even recognize its own pictures."""
+    return story.usual is not None and story.usual.confused > CONFUSED
 
 
 def _unlike(story: Story, kind: str) -> Failure | None:
-    known, bad = story.some(story.around, lambda one: one.fit is not None), _bad(story)
-    if not bad or len(bad) < MOSTLY * len(known):
+    bad, usual = _bad(story), story.usual
+    if not bad or usual is None:
         return None
     fits = [one.fit for one in bad if one.fit]
-    channels = [fit.costliest for fit in fits]
-    channel = max(set(channels), key=channels.count)
+    channel = _channel(fits, story)
     return story.failure(
         kind,
-        bad[0].step,
+        _since(bad, story),
         channel=channel,
-        channel_nats=float(np.median([fit.costs for fit in fits if fit.costliest == channel])),
-        behind_nats=float(np.median([_loss(fit) for fit in fits])),
+        channel_nats=float(np.median([fit.costs for fit in fits])),
+        behind_nats=float(np.median([fit.behind for fit in fits])),
         rank=float(np.median([fit.rank for fit in fits])),
         references=fits[0].references,
-        times_usual=float(np.median([fit.cost for fit in fits])) / max(story.usual_cost, 1e-9),
+        times_usual=float(np.median([fit.cost for fit in fits])) / usual.cost,
+        confused=usual.confused,
         pictures=len(bad),
-        of_pictures=len(known),
+        of_pictures=len(story.some(story.pictures, lambda one: one.fit is not None)),
     )
+
+
+def _channel(fits: list[PlaceFit], story: Story) -> str:
+    """Return the channel to blame: the one that tells nothing, else the one that costs most most often."""
+    usual = story.usual
+    if usual is not None and usual.by_channel:
+        worst = max(usual.by_channel, key=lambda name: usual.by_channel[name])
+        if _tells_nothing(story):
+            return worst
+    channels = [fit.costliest for fit in fits]
+    return max(sorted(set(channels)), key=channels.count)

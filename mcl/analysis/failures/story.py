@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from .around import UsualFit
 from .evidence import UpdateEvidence
 from .kinds import Failure, Value
 
 HELD = 0.5  # share of the weight near the truth that counts as having it
 BEFORE, AFTER = 3, 1  # updates before the last one that held the truth, and after the first lost one
+FIRST = 10  # updates of a trouble whose pictures are looked at
 LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was never held
 
 
@@ -25,8 +27,7 @@ class Story:
     end: int  # of the last one of the trouble
     since: int = 0  # of the first update after the trouble before
     spacing_m: float = float("nan")  # of the library's places
-    usual_cost: float = float("nan")  # nats between neighboring references
-    context: dict[str, Value] = field(default_factory=dict)
+    usual: UsualFit | None = None  # of the library's own pictures; None: not known
 
     @cached_property
     def held(self) -> int | None:
@@ -47,6 +48,12 @@ class Story:
     def around(self) -> range:
         """The updates whose pictures are judged: the window, and the first of the trouble."""
         return range(self.window.start, min(self.lost + LOOKS_BACK, self.end) + 1)
+
+    @cached_property
+    def pictures(self) -> range:
+        """The updates whose pictures may have led it astray: since it held the truth last."""
+        first = self.window.start if self.held is None else max(self.held, self.since)
+        return range(first, min(self.lost + FIRST, self.end) + 1)
 
     def some(self, where: range, holds: Callable[[UpdateEvidence], bool]) -> list[UpdateEvidence]:
         """Return the updates of a range for which something holds."""

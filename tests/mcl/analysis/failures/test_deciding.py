@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.analysis.failures.around import PlaceFit
+from maurice_mcl.analysis.failures.around import PlaceFit, UsualFit
 from maurice_mcl.analysis.failures.deciding import decide
 from maurice_mcl.analysis.failures.diagnosis import troubled
 from maurice_mcl.analysis.failures.evidence import UpdateEvidence
@@ -24,6 +24,7 @@ POOR = replace(FITS, cost=4.0, behind=5.0, estimate_behind=4.0, rank=200, costli
 LIT = LightFit(0.02, 100.0, 98.0, 0.8, -1.0)
 HELD = NearTruth(900, (0.9, 0.95, 0.95), 0.02)
 GONE = NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+USUAL = UsualFit(0.8, 0.05, {"color": 0.1, "tiny": 0.04})
 LOST_AT, UPDATES = 11, 24
 
 
@@ -63,7 +64,7 @@ def failure_of(changes, steps):
     """Diagnose a run that is lost from 11 on, with something else at some steps."""
     updates = [replace(healthy(step), **(changes if step in steps else {})) for step in range(1, UPDATES)]
     (times,) = troubled(updates)
-    return decide(Story(updates, *times, 0.45, 0.8))
+    return decide(Story(updates, *times, 0.45, USUAL))
 
 
 SINCE = range(LOST_AT, UPDATES)
@@ -81,10 +82,10 @@ CASES = {
     "no numbers": ("numeric", {"broken": True, "left": True}, range(9, 14)),
     "too sharp": ("numeric", {"spread_nats": 900.0, "ess": 1.0}, ALL),
     "no reference": ("library_gap", {"reference_m": 1.1, "fit": None}, range(9, 14)),
-    "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5)}, range(9, UPDATES)),
+    "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6)}, range(9, UPDATES)),
     "people": ("changed_view", {"fit": POOR}, range(9, UPDATES)),
     "a channel": ("sensor", {"fit": POOR}, ALL),
-    "twins": ("ambiguity", {"fit": replace(FITS, behind=0.1, rivals=1)}, ALL),
+    "twins": ("ambiguity", {"fit": replace(FITS, estimate_behind=0.1, rivals=1)}, ALL),
     "chance": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [11]),
     "died out": ("impoverished", {}, []),
 }
