@@ -110,7 +110,7 @@ class BranchPoint:
     @property
     def restored(self) -> Restored:
         """The run, to go through its steps."""
-        return Restored(self.run, self.localizer.sensor)
+        return Restored(self.run, self.localizer)
 
     def steps(self) -> Iterator[tuple[Moment, StepRecord]]:
         """Go through the run with the pictures that it saw. InputError for other pictures."""
@@ -210,8 +210,12 @@ def step_before_loss(verdict: RunVerdict) -> int | None:
     first = chosen[0]
     began = [first.step]
     began += [] if first.cause is None else [first.cause.step]
-    if first.why is not None and first.why.gone is not None:
-        began.append(first.why.held or 1)
+    for one in verdict.failures:
+        if one.lost <= first.step <= one.last:
+            began += [
+                one.first,
+                *(int(one.evidence[name]) for name in ("held_until",) if name in one.evidence),
+            ]
     return 0 if verdict.found is None or verdict.found > min(began) else max(min(began) - 1, 0)
 
 
