@@ -13,8 +13,6 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import wrap
 from maurice_mcl.session import Moment
 
-from ..render.camera_session import session_camera
-from ..render.conditions import Conditions
 from ..sessions import SimulatedSession, session_info
 from ..simulation import SimulationPlan, stage
 from ..tasks import TASKS
@@ -25,13 +23,10 @@ UPDATES = 40
 Picture = Callable[[U8], U8]
 
 
-def drive(
-    ground: Ground, seed: int, *, task: str = "tracking", crowded: bool = False, **changes: Any
-) -> Held:
+def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) -> Held:
     """Drive a seed in a world, and forget what the log would say of it: a diagnosis must see it by itself.
 
-    `changes` are fields of a `SimulationPlan`. Wheels slip only where they are asked to; with `crowded`
-    people stand in view of every picture, where there is room for them.
+    `changes` are fields of a `SimulationPlan`. Wheels slip only where they are asked to.
     """
     plan = SimulationPlan(
         TASKS[task],
@@ -43,9 +38,6 @@ def drive(
         **changes,
     )
     set_up = stage(plan, ground.world)
-    if crowded:
-        camera = session_camera(set_up.world, seed, Conditions(occluded=1.0))
-        set_up = replace(set_up, camera=camera)
     info = replace(session_info(set_up), survey=None, notes=())
     return Held(info, tuple(replace(one, events=()) for one in SimulatedSession(set_up, info).moments()))
 
@@ -113,9 +105,3 @@ def gap(held: Held, since: int, count: int) -> Held:
     kept = [one for one in held.moments() if not since <= one.frame.step < since + count]
     numbered = [replace(one, frame=replace(one.frame, step=k)) for k, one in enumerate(kept, start=1)]
     return with_moments(held, numbered)
-
-
-def joined(first: Held, second: Held, since: int) -> Held:
-    """Return the pictures of one drive up to an update, and of another along the same path from there on."""
-    moments = [*first.all_moments[: since - 1], *second.all_moments[since - 1 :]]
-    return with_moments(first, moments)

@@ -37,7 +37,6 @@ from .drives import (
     drive,
     frozen,
     gap,
-    joined,
     odometry_changed,
     pictures_changed,
     plain_drive,
@@ -178,20 +177,6 @@ def lamps_off(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     return Planting(
         "all lamps go off", at, drive(ground, seed, lights=off), ground.library, COLOR, LASTING, COLOR
     )
-
-
-def people_in_view(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
-    """People stand in view of every picture, where there is room."""
-    at = _since(rng)
-    session = joined(plain_drive(ground, seed), drive(ground, seed, crowded=True), at)
-    return Planting("people in view", at, session, ground.library, COLOR, LASTING, COLOR)
-
-
-def furniture_moved(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
-    """Much of the furniture was moved after the survey."""
-    most = len(ground.world.furniture)
-    session = drive(ground, seed, moved=min(most, 5))
-    return Planting("furniture moved after the survey", 1, session, ground.library, COLOR, LASTING, COLOR)
 
 
 def something_ahead(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -391,7 +376,7 @@ WAYS: Mapping[str, tuple[Way, ...]] = {
     MOTION: (spinning_wheels, skidded, encoder_stuck),
     LIBRARY_GAP: (region_left_out,),
     LIGHTING: (dimmed, lamps_off),
-    VIEW: (people_in_view, furniture_moved, something_ahead),
+    VIEW: (something_ahead,),
     KIDNAPPED: (carried_away,),
     LEFT_MAP: (off_the_map, begun_outside),
     NUMERIC: (absurdly_sharp, not_a_number),
