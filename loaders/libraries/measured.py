@@ -148,7 +148,7 @@ def channel_checksum(name: str) -> bytes:
     channel = CHANNELS[name]
     told = [name, channel.parameters(), cv2.__version__, np.__version__, platform.machine()]
     total = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
-    code = Path(sys.modules[type(channel).__module__].__file__ or "")
+    code = Path(getattr(sys.modules[type(channel).__module__], "__file__", None) or "")
     for file in sorted(code.parent.glob("*.py")) if name in OUR_NAMES else [code]:
         with suppress(OSError):  # a channel that was typed into an interpreter
             total.update(file.read_bytes())

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import F32, F64, I32
 from ..radii import Radii
 from ..records import Comparison, Estimate, FilterState, StepRecord
-from ..sensor.ahead import Compared, compared_ahead
+from ..sensor.ahead import Compared, KnownDescriptors, compared_ahead
 from ..sensor.model import SensorModel
 from ..session import Frame, Moment
 from .batch_step import Batch, Runs, can_batch
@@ -73,9 +73,14 @@ class RunTrace:
         )
 
 
-def compared_once(sensor: SensorModel, moments: Iterable[Moment]) -> tuple[Comparison, ...]:
-    """Compare every picture with the library, on a second thread: for many batches over one session."""
-    return tuple(pictures[0].comparison for _, pictures in compared_ahead([sensor], moments))
+def compared_once(
+    sensor: SensorModel, moments: Iterable[Moment], known: KnownDescriptors | None = None
+) -> tuple[Comparison, ...]:
+    """Compare every picture with the library, on a second thread: for many batches over one session.
+
+    Pictures in `known` are not measured again.
+    """
+    return tuple(pictures[0].comparison for _, pictures in compared_ahead([sensor], moments, known))
 
 
 def run_batch(

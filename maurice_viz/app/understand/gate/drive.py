@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading import ReadingOptions
 from maurice_mcl.analysis.demands import (
     ERROR,
@@ -174,7 +175,7 @@ def _run_all(
             moments.append(replace(moment, frame=replace(moment.frame, image=UNSEEN)))
             listener.progress(len(moments), total, "compare pictures")
 
-    comparisons = compared_once(run.localizer.sensor, seen())
+    comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())
     remark_skipped(session, listener)
     _expect_long_enough(session, moments, asked.demands)
     traces = run_batch(run.localizer, moments, range(asked.seeds), run.start, comparisons)
