@@ -27,8 +27,8 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
     lighting,
     another_view,
     sensor_model,
-    ambiguity,
     unlucky,
+    ambiguity,
     no_particle,
 )
 

@@ -8,8 +8,8 @@ from .evidence import UpdateEvidence
 from .kinds import DATA, KIDNAPPED, LEFT_MAP, MOTION, Failure
 from .story import Story
 
-LONG_GAP, VERY_LONG_GAP = 3.0, 5.0  # times the usual time between pictures
-SPEEDING, VERY_SPEEDING = 1.3, 2.0  # times the usual speed: the robot did not drive that far by itself
+LONG_GAP, VERY_LONG_GAP = 3.0, 5.5  # times the usual time between pictures; a robot is carried in less
+SPEEDING, VERY_SPEEDING = 1.0, 4.0  # times the usual speed: the robot did not drive that far by itself
 STUCK_FOR = 3  # equal pictures in a row
 BEYOND_SD = 4.5  # standard deviations of the motion model, of one movement
 BEYOND_SUM_SD = 5.0  # and of the sum of several
@@ -60,7 +60,8 @@ def off_map(story: Story) -> Failure | None:
     left = story.some(
         story.window, lambda one: not one.broken and (one.left or (one.zero and one.inside == 0))
     )
-    if left:
+    before = [one for one in story.some(story.window, _is_surprising) if left and one.step < left[0].step]
+    if left and not before:  # else the cloud left as the motion had led it astray
         return story.failure(
             LEFT_MAP, left[0].step, cloud="left the map", driven_m=left[0].driven_m, updates=len(left)
         )

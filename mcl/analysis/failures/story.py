@@ -66,13 +66,13 @@ class Story:
 
     @cached_property
     def usual_speed(self) -> float:
-        """The speed in m/s that the true path rarely exceeds from picture to picture."""
+        """The median speed of the true path in m/s, from picture to picture."""
         known = [
             one.moved_m / one.after_s
             for one in self.updates
             if one.moved_m is not None and one.after_s and one.after_s < 2 * self.usual_s
         ]
-        return float(np.quantile(known, 0.9)) if known else float("nan")
+        return float(np.median(known)) if known else float("nan")
 
     def failure(self, kind: str, first: int, **evidence: Value) -> Failure:
         """Return the failure of a kind, whose cause shows first at a step."""
