@@ -117,7 +117,7 @@ def _remedy_table(found: Remedies) -> Table:
         title=title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0)
     )
     table.add_column("from there on", overflow="fold")
-    for name in ("right at the end", f"error ({units.name})"):
+    for name in ("localized at end", f"error ({units.name})"):
         table.add_column(f"{name}, 95 %", justify="right", no_wrap=True)
     table.add_column("against the run", no_wrap=True)
     for one in (found.as_it_was, *found.tried):

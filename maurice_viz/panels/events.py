@@ -20,6 +20,7 @@ from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..style import FRESH, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
+from ..text.what_if import BRANCH
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only, set_place
 
 PARTLY = " · only partly drawn, see `--detail`"
@@ -64,7 +65,7 @@ MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 NEUTRAL = PALE
 LEGEND = "marks begin at their event; green good, orange wrong or doubtful, blue search or acts, red lost"
-LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump"
+LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump, branch"
 
 STATUS_COLORS: Mapping[str, RGB] = {
     states.LOCALIZED: GOOD,
@@ -93,6 +94,8 @@ LOG_COLORS: Mapping[str, RGB] = {
     kinds.LIGHTS_CHANGED: NEUTRAL,
     "bump": NEUTRAL,
     "slip": NEUTRAL,
+    BRANCH: NOTE,
+    kinds.PARTED: DOUBTFUL,
     kinds.SESSION: NEUTRAL,
 }
 SHORT = {
@@ -117,6 +120,7 @@ LINE_COLORS: Mapping[str, RGB] = {
     kinds.LIGHTS_CHANGED: NEUTRAL,
     "bump": NEUTRAL,
     "slip": NEUTRAL,
+    BRANCH: NEUTRAL,
 }  # of the events that are lines in plots
 LINE_WIDTH, GRAVE_WIDTH = 0.8, 2.2  # the wider one is seen under another line at the same step
 

@@ -7,6 +7,8 @@ from typing import Any
 
 from ..style import Scale
 
+BRANCH = "branch"  # first word of what a branched run adds to its log
+
 # what of an update differs first, by the beginning of its field in a saved run
 DIFFERENCES = {
     "particles.log_weight": "the weights differ",
@@ -52,14 +54,14 @@ def remedies_line(found: Mapping[str, Any]) -> str:
     best = next((one for one in tried if one["name"] == found["proposed"]), None)
     before = f"as it was in {_share(was)}"
     if best is not None:
-        text = f"{best['name']} helps beyond doubt: right at the end in {_share(best)} seeds, {before}"
+        text = f"{best['name']} helps beyond doubt: localized at the end in {_share(best)} seeds, {before}"
         others = [one["name"] for one in tried if one["verdict"] == "better" and one is not best]
         return f"{text}. {_also(others)}"
     some = next((one for one in tried if one["verdict"] == "better"), None)
     if some is not None:
-        text = f"{some['name']} is better beyond doubt, but right at the end in only {_share(some)} seeds"
+        text = f"{some['name']} is better beyond doubt, but localized at the end in only {_share(some)} seeds"
         return f"{text}, {before}: nothing tried helps reliably."
-    right = f"right at the end in {_share(was)} seeds"
+    right = f"localized at the end in {_share(was)} seeds"
     if was["localized"]["value"] >= LUCK:
         other = f"with other noise from step {found['from_step']} on, the run as it was is {right}"
         return f"No remedy is better beyond doubt: {other}."

@@ -70,8 +70,8 @@ def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
     assert f"the estimates part at {found.parted_at}" in found.line
     assert found.scores.rrd == folder / "out.rrd"
     batches = _texts(found.scores.rrd)
-    assert "['bookmark']" in batches["/mixture/events/noticed"]  # where it branches
-    assert "['bookmark']" not in batches["/color/events/noticed"]
+    assert "['branch']" in batches["/_log"]
+    assert "['parted']" in batches["/_log"]
     assert f"apart, since step {found.parted_at}" in batches["/compare/text"]
 
 
@@ -129,7 +129,7 @@ def test_a_remedy_that_is_proposed_works_with_other_seeds(folder):
     found = mv.remedies(folder / "lost", 3, seeds=12, names=REMEDIES)
     assert found.as_it_was.localized.value < 0.5
     assert found.proposed.name == "recovery mixture"
-    assert found.line.startswith("recovery mixture helps beyond doubt: right at the end in 1")
+    assert found.line.startswith("recovery mixture helps beyond doubt: localized at the end in 1")
     again = mv.remedies(folder / "lost", 3, seeds=range(500, 512), names=["recovery mixture"])
     assert again.tried[0].localized.value >= 0.8
     assert found.tried[0].change.options == ("--set", "recovery.strategy=mixture")
@@ -141,7 +141,7 @@ def test_the_command_says_where_nothing_helps(folder):
     nothing = mv.remedies(folder / "lost", 3, seeds=3, names=["roughening 0.2"])
     assert nothing.proposed is None
     assert nothing.line.startswith(
-        "Nothing tried helps beyond doubt: the run as it was is right at the end in 0 of 3"
+        "Nothing tried helps beyond doubt: the run as it was is localized at the end in 0 of 3"
     )
 
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from maurice_datasets.trials.statistics import Interval, holm, mean, rate, sign_flip
 from maurice_loaders.errors import InputError
-from maurice_mcl.analysis.metrics import RIGHT_AT_END
+from maurice_mcl.analysis.metrics import RIGHT_AT_END, mostly_at_end, score_step
 from maurice_mcl.analysis.trace_score import score_trace
 from maurice_mcl.arrays import F32, F64, Bool
-from maurice_mcl.filter.batch import run_batch
+from maurice_mcl.filter.batch import RunTrace, run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import Belief, Comparison
@@ -33,7 +33,7 @@ SEEDS = 20
 AS_IT_WAS = "as it was"
 BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
 BEYOND_DOUBT = 0.05  # of all that is tried together: p-values are adjusted for their number
-USUALLY = 0.8  # least share of the seeds in which a remedy that is proposed is right at the end
+USUALLY = 0.8  # least share of the seeds in which a remedy that is proposed is localized at the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class RemedyResult:
 
     name: str
     change: BranchChange
-    localized: Interval  # share of the runs that are right at the end
+    localized: Interval  # share of the runs that are localized at the end
     error_m: Interval  # mean position error
     verdict: str  # BETTER, WORSE or UNCLEAR, against the run as it was with the same seeds
     p_localized: float  # of no difference, adjusted for the number of remedies
@@ -69,7 +69,7 @@ class Remedies:
 
     @property
     def proposed(self) -> RemedyResult | None:
-        """The best of those that are better beyond doubt and usually right; None: nothing helps enough."""
+        """The best of those that are better beyond doubt and usually localized; None: none is."""
         good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUALLY]
         return good[0] if good else None
 
@@ -139,7 +139,7 @@ def remedies(
 class SeedResults:
     """One filter from the branch, by seed (S,)."""
 
-    localized: Bool  # right at the end
+    localized: Bool  # at the end
     error_m: F64
 
 
@@ -210,8 +210,15 @@ class _Past:
         ]
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
         scores = [score_trace(trace, self.moments) for trace in traces]
-        right = np.array([one.right_at_end is True for one in scores], bool)
-        return SeedResults(right, np.array([one.position_error_mean_m for one in scores], np.float64))
+        at_end = np.array([_is_localized(trace, self.moments) for trace in traces], bool)
+        return SeedResults(at_end, np.array([one.position_error_mean_m for one in scores], np.float64))
+
+
+def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:
+    """Return whether a run was converged and correct in at least 7 of the last 10 updates."""
+    last = range(max(trace.updates - RIGHT_AT_END[1], 0), trace.updates)
+    scores = [score_step(trace.estimate(update), moments[update].truth) for update in last]
+    return mostly_at_end([one.localized for one in scores]) is True
 
 
 def least_seeds(remedies: int) -> int:
@@ -222,8 +229,8 @@ def least_seeds(remedies: int) -> int:
 def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[RemedyResult]:
     """Compare all but the first with the first, seed by seed.
 
-    One is better beyond doubt where it is right at the end in more seeds, or as often with a smaller error,
-    by sign-flip tests whose p-values are adjusted for the number of all of them (Holm).
+    One is better beyond doubt where it is localized at the end in more seeds, or as often with a smaller
+    error, by sign-flip tests whose p-values are adjusted for the number of all of them (Holm).
     """
     first, count = found[0], len(found) - 1
     tests = [sign_flip(one.localized.astype(float) - first.localized) for one in found[1:]]
@@ -245,7 +252,7 @@ def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[Remedy
 
 
 def _verdict(one: SeedResults, first: SeedResults, p_localized: float, p_error: float) -> str:
-    """Return BETTER, WORSE or UNCLEAR: by the share that is right at the end, then by the error."""
+    """Return BETTER, WORSE or UNCLEAR: by the share that is localized at the end, then by the error."""
     if p_localized < BEYOND_DOUBT:
         return BETTER if one.localized.mean() > first.localized.mean() else WORSE
     if p_error < BEYOND_DOUBT:

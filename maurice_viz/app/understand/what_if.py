@@ -12,8 +12,9 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
 from maurice_loaders.runs.writer import RECOVERY, StepRows, rows_of
+from maurice_mcl.analysis.events import PARTED
 from maurice_mcl.analysis.metrics import mostly_at_end, score_step
-from maurice_mcl.analysis.run_comparison import Step
+from maurice_mcl.analysis.run_comparison import RunComparison, Step
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import FilterState, StepRecord
@@ -25,7 +26,7 @@ from ...listener import SILENT, Listener
 from ...playback import ResultCollector
 from ...scene import RunView
 from ...style import scale_for
-from ...text.what_if import what_if_line
+from ...text.what_if import BRANCH, what_if_line
 from ..open import unique_labels
 from ..output import DriveScene, OutputOptions
 from ..replay import output_of
@@ -161,8 +162,14 @@ class _Pair:
     localizer: Localizer  # of the branch
     differs: RunDifference | None = None
     last: int = 0  # step
+    parting: RunComparison = field(init=False)
     run_errors: list[Errors] = field(default_factory=list)
     branch_errors: list[Errors] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        info, arena = self.point.session.info, self.point.library.arena
+        say = scale_for(info.display_units, arena).say
+        self.parting = RunComparison(self.point.run.manifest.label, self.label, say)
 
     @property
     def label(self) -> str:
@@ -172,8 +179,7 @@ class _Pair:
     def playback(self, listener: Listener) -> Playback:
         """Prepare both for `play`."""
         point, manifest = self.point, self.point.run.manifest
-        mark = {self.from_step: [f"branch: {', '.join(self.change.words) or 'nothing changed'}"]}
-        branch = replace(RunView.live(self.label, self.localizer), bookmarks=mark)
+        branch = RunView.live(self.label, self.localizer)
         scene = DriveScene(point.session.info, point.library, manifest.has_truth, manifest.pictures)
 
         def remarks(collector: ResultCollector) -> None:
@@ -197,7 +203,18 @@ class _Pair:
             else:
                 state, branch = self._stepped(state, moment, record)
             self.last = step
+            moment = self._with_events(moment, record, branch)
             yield dict(zip(names, ((moment, record), (moment, branch)), strict=True))
+
+    def _with_events(self, moment: Moment, record: StepRecord, branch: StepRecord) -> Moment:
+        """Add to the log where the branch begins, and where it is certain that both have parted."""
+        events, step = list(moment.events), moment.frame.step
+        if step == max(self.from_step, 1):
+            events.append(f"{BRANCH} with {', '.join(self.change.words) or 'nothing changed'}")
+        seen = self.parting.see((moment, record), (moment, branch))
+        if seen.event is not None:
+            events.append(f"{PARTED} at step {self.parting.parted_at}: {seen.event.text}")
+        return replace(moment, events=tuple(events))
 
     def _stepped(
         self, state: FilterState, moment: Moment, record: StepRecord
