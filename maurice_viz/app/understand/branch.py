@@ -9,7 +9,7 @@ from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble, VerdictBuilder
+from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
 from maurice_mcl.filter.branch import branched
@@ -129,7 +129,7 @@ class BranchPoint:
         """
         steps = self.run.manifest.steps
         if from_step is None:
-            found = step_before_loss(verdict_of(self.run))
+            found = step_before_loss(verdict_of(self))
             if found is None:
                 raise OptionError("the run was never lost, as far as is known; name a step with --from")
             return found
@@ -198,30 +198,20 @@ def open_branch(run: str | Path, run_label: str | None = None, listener: Listene
 
 
 def step_before_loss(verdict: RunVerdict) -> int | None:
-    """Return the step to branch from: before the first trouble that did not end, or the first; None: none.
+    """Return the step to branch from: before the first failure that did not end, or the first; None: none.
 
-    It is before what befell the robot and before the last particle near the truth went, so that a remedy
-    has something to work with; 0 for a run that never found itself.
+    It is before the step at which the failure's cause shows first, so that a remedy has something to work
+    with; 0 for a run that never found itself.
     """
-    unsolved = [one for one in verdict.troubles if one.recovered is None]
-    chosen: Sequence[Trouble] = unsolved or verdict.troubles
-    if not chosen:
-        return None if verdict.found is not None or not verdict.has_truth else 0
-    first = chosen[0]
-    began = [first.step]
-    began += [] if first.cause is None else [first.cause.step]
-    for one in verdict.failures:
-        if one.lost <= first.step <= one.last:
-            began += [
-                one.first,
-                *(int(one.evidence[name]) for name in ("held_until",) if name in one.evidence),
-            ]
-    return 0 if verdict.found is None or verdict.found > min(began) else max(min(began) - 1, 0)
+    if not verdict.failures:
+        return None
+    ending = [one for one in verdict.failures if one.last == verdict.last] or list(verdict.failures)
+    return 0 if verdict.found is None else max(min(ending[0].first, ending[0].lost) - 1, 0)
 
 
-def verdict_of(run: SavedRun) -> RunVerdict:
-    """Return what happened in a saved run, from its steps alone."""
-    builder, label = VerdictBuilder(None), run.manifest.label
-    for moment, records in restored_together([Restored(run, None)], Pictures()):
-        builder.add(moment, records[label])
+def verdict_of(point: BranchPoint) -> RunVerdict:
+    """Return what happened in a saved run, and why, as `diagnose` does."""
+    builder = VerdictBuilder(point.localizer)
+    for moment, record in point.steps():
+        builder.add(moment, record)
     return builder.result()

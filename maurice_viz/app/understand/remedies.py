@@ -211,7 +211,8 @@ class _Past:
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
         scores = [score_trace(trace, self.moments) for trace in traces]
         at_end = np.array([_is_localized(trace, self.moments) for trace in traces], bool)
-        return SeedResults(at_end, np.array([one.position_error_mean_m for one in scores], np.float64))
+        errors_m = np.array([one.position_error_mean_m for one in scores], np.float64)
+        return SeedResults(at_end, errors_m)
 
 
 def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:

@@ -198,6 +198,7 @@ class _Pair:
             step, branch = moment.frame.step, record
             if state is None:
                 past.append(recovery_evidence(record))
+                branch = self._looked_at(moment, record)
                 if step == self.from_step:
                     state = self.point.begin(self.localizer, step, record.belief, past, anywhere=anywhere)
             else:
@@ -205,6 +206,16 @@ class _Pair:
             self.last = step
             moment = self._with_events(moment, record, branch)
             yield dict(zip(names, ((moment, record), (moment, branch)), strict=True))
+
+    def _looked_at(self, moment: Moment, record: StepRecord) -> StepRecord:
+        """Return a step before the branch as its panels show it: compared by its own sensor model."""
+        sensor = self.localizer.sensor
+        if sensor is self.point.localizer.sensor:
+            return record
+        comparison = sensor.compare(sensor.measure(moment.frame.image))
+        unknown = np.full(len(comparison.channels), np.nan)
+        sighting = sensor.at(comparison, record.weighted.poses)
+        return replace(record, sighting=sighting, channel_evidence=unknown)
 
     def _with_events(self, moment: Moment, record: StepRecord, branch: StepRecord) -> Moment:
         """Add to the log where the branch begins, and where it is certain that both have parted."""
