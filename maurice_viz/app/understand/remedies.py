@@ -219,7 +219,7 @@ def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:
     """Return whether a run was converged and correct in at least 7 of the last 10 updates."""
     last = range(max(trace.updates - RIGHT_AT_END[1], 0), trace.updates)
     scores = [score_step(trace.estimate(update), moments[update].truth) for update in last]
-    return mostly_at_end([one.localized for one in scores]) is True
+    return mostly_at_end([one.localized is True for one in scores]) is True
 
 
 def least_seeds(remedies: int) -> int:
