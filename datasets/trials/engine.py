@@ -24,7 +24,7 @@ from maurice_loaders.errors import InputError
 from . import timing
 from .plan import Plan
 from .rows import RowStore
-from .runs import Job, Row, jobs_of, run_job
+from .runs import RUNS_A_JOB, Job, Row, jobs_of, run_job
 
 LOCAL, DASK = "local", "dask"
 CLUSTER = "pip install 'maurice-replay[cluster]'"
@@ -70,7 +70,8 @@ def run_plan(
     report = progress or (lambda done, total: None)
     before = len(store.done)
     report(before, plan.runs)
-    jobs = jobs_of(plan, set(store.done))
+    share = -(-(plan.runs - before) // max(workers, 1))  # of each worker, where there are but few runs
+    jobs = jobs_of(plan, set(store.done), min(max(share, 1), RUNS_A_JOB))
     try:
         with _results(jobs, workers, engine, scheduler) as results:
             for rows in results:

@@ -29,6 +29,7 @@ from .truths import TruthRanks
 
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
+RUNS_A_JOB = 256
 SEEDS_A_JOB = 64  # of a recorded session: these are stepped as one array
 Stepper = RunTally | BatchTally
 NO_PICTURE = np.zeros((0, 0, 3), np.uint8)
@@ -212,7 +213,7 @@ def configuration_hash(parameters: FilterParameters) -> str:
     return hashlib.sha256(repr(parameters).encode()).hexdigest()[:12]
 
 
-def jobs_of(plan: Plan, done: set[Key], most: int = 256) -> Iterator[Job]:
+def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]:
     """Yield the work that is left of a plan, lazily; sessions that are alike share their drives.
 
     Drives of one arena follow one another, whatever their session: a worker lights an arena once.

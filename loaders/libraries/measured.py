@@ -58,6 +58,7 @@ class MeasuredPictures:
     >>> known.flush()
     >>> len(known.find(image, ["edges"])["edges"])
     84
+    >>> known.flush()
     """
 
     file: Path

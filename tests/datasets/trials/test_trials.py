@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -161,6 +162,20 @@ def test_workers_and_order_do_not_matter(plan_file: Path, tmp_path: Path) -> Non
     run_plan(plan, tmp_path / "one")
     run_plan(plan, tmp_path / "two", workers=2)
     assert same(read_rows(tmp_path / "one")).equals(same(read_rows(tmp_path / "two")))
+
+
+def test_few_runs_over_one_recording_are_shared_by_all_workers(
+    plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+
+    def noted(jobs: Iterator[Job], *words: Any) -> Any:
+        sizes.extend(len(job.asked) for job in jobs)
+        return nullcontext(iter(()))
+
+    monkeypatch.setattr("maurice_datasets.trials.engine._results", noted)
+    run_plan(read_plan(plan_file), tmp_path / "out", workers=4)
+    assert sizes == [3, 3, 3, 3]  # the three seeds of a filter stay together
 
 
 def test_nothing_is_computed_twice(plan_file: Path, tmp_path: Path) -> None:

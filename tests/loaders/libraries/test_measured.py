@@ -5,7 +5,9 @@ from __future__ import annotations
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,22 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS
 
 RNG = np.random.default_rng(2)
 IMAGES = [RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8) for _ in range(5)]
+
+
+@pytest.fixture(autouse=True)
+def _closed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Close every file that a test opens: some versions of Python warn of those that are not."""
+    opened: list[sqlite3.Connection] = []
+    connect = sqlite3.connect
+
+    def noted(*words: Any, **options: Any) -> sqlite3.Connection:
+        opened.append(connect(*words, **options))
+        return opened[-1]
+
+    monkeypatch.setattr(sqlite3, "connect", noted)
+    yield
+    for one in opened:
+        one.close()
 
 
 def filled(file: Path, **options: int) -> MeasuredPictures:
