@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated
 
@@ -231,10 +232,15 @@ def _missing_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
 
 
 def _add_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
-    for one in advice.added[:MOST_PAIRS]:
-        yield f"add: {scale.say_pose(one.pose)} ({one.why})"
-    if len(advice.added) > MOST_PAIRS:
-        yield f"... and {len(advice.added) - MOST_PAIRS} more to add; --poses OUT.csv writes all"
+    places = [
+        (place, list(added))
+        for place, added in groupby(advice.added, lambda one: (*one.pose[:2].tolist(), one.why))
+    ]
+    for (x_m, y_m, why), added in places[:MOST_PAIRS]:
+        degrees = ", ".join(f"{round(np.degrees(one.pose[2])) % 360}" for one in added)
+        yield f"add: ({scale.say(x_m)}, {scale.say(y_m)}), looking {degrees} deg ({why})"
+    if len(places) > MOST_PAIRS:
+        yield f"... and {len(places) - MOST_PAIRS} more places; --poses OUT.csv writes every pose"
 
 
 def _check_table(library: Library, found: SelfSimilarity, covered: Coverage, scale: Scale) -> Table:

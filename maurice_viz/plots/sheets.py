@@ -28,7 +28,7 @@ SHEET_QUALITY = 80
 
 MOST_PAIRS = 60  # lines between aliases; more cannot be distinguished
 DOT = 0.32  # radius, of the distance from a place to the next
-RAY = 0.3  # of a reference to add, of the same distance
+RAY = 0.46  # of a reference to add, of the same distance: it sticks out of a dot
 DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays readable
 
 
@@ -37,7 +37,7 @@ def draw_ambiguity(
 ) -> U8:
     """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between aliases.
 
-    With `advice`, rays from a small dot are references to add, each in its heading.
+    With `advice`, rays are references to add, each in its heading: out of a place's dot, or at a new place.
     """
     canvas = draw_ground(library.arena, scale)
     image = canvas.image.copy()
@@ -49,13 +49,6 @@ def draw_ambiguity(
         start, end = _pixels(canvas, pair, scale)
         cv2.line(image, start, end, DEAD, 2, cv2.LINE_AA)
     radius = max(round(DOT * scale.length(spacing(found.places)) / canvas.unit_per_px), 3)
-    values = found.at_places(found.ambiguity)
-    dots = list(zip(_pixels(canvas, found.places, scale), values.tolist(), _colors(values), strict=True))
-    for (x, y), value, color in sorted(dots, key=lambda dot: dot[1]):  # the most ambiguous on top
-        cv2.circle(image, (x, y), radius, color, -1, cv2.LINE_AA)
-        label = f"{value:.0f}"
-        height = radius * 0.8
-        put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
     added = () if advice is None else advice.added
     for one in added:
         tip = one.pose[:2] + RAY * spacing(found.places) * np.array(
@@ -64,6 +57,13 @@ def draw_ambiguity(
         start, end = _pixels(canvas, np.array([one.pose[:2], tip]), scale)
         cv2.line(image, start, end, FRESH, 2, cv2.LINE_AA)
         cv2.circle(image, start, max(radius // 4, 2), FRESH, -1, cv2.LINE_AA)
+    values = found.at_places(found.ambiguity)
+    dots = list(zip(_pixels(canvas, found.places, scale), values.tolist(), _colors(values), strict=True))
+    for (x, y), value, color in sorted(dots, key=lambda dot: dot[1]):  # the most ambiguous on top
+        cv2.circle(image, (x, y), radius, color, -1, cv2.LINE_AA)
+        label = f"{value:.0f}"
+        height = radius * 0.8
+        put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
     text_px = TEXT * long_side(library.arena, scale) / canvas.unit_per_px
     what = "number of places that fit a picture taken here; lines: aliases"
     if added:
