@@ -141,3 +141,18 @@ def test_a_trace_is_scored_as_its_records(world, localizer_of):
         steps = _alone(localizer, world, trace.seed, world.start)
         assert score_trace(trace, moments, arena) == mcl.score(steps, arena)
         assert score_trace(trace, moments) == mcl.score(steps)
+
+
+def test_a_trace_is_scored_as_its_records_where_the_truth_is_not_always_known(world, localizer_of):
+    localizer, arena = localizer_of("as it comes", 200), world.library.arena
+    moments = world.drive.all_moments
+    for hidden in (range(len(moments)), (0, 1, 4), (2, 3), (len(moments) - 1,)):
+        known = [replace(one, truth=None) if k in hidden else one for k, one in enumerate(moments)]
+        late = [replace(one, frame=replace(one.frame, time_s=100.0 * k)) for k, one in enumerate(known)]
+        for drive in (known, late):
+            (trace,) = run_batch(localizer, drive, (1,))
+            records = [record for _, record in _alone(localizer, world, 1, None)]
+            steps = [
+                (one, replace(record, frame=one.frame)) for one, record in zip(drive, records, strict=True)
+            ]
+            assert score_trace(trace, drive, arena) == mcl.score(steps, arena)
