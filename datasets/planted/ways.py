@@ -336,7 +336,7 @@ def absurdly_sharp(ground: Ground, seed: int, rng: np.random.Generator) -> Plant
         **SEARCHING,
         "sensor.sharpness": 10_000.0,
         "sensor.widening": 1.0,
-        "particles": int(rng.integers(200, 600)),
+        "particles": int(rng.integers(50, 150)),
     }
     session = anywhere(plain_drive(ground, seed))
     return Planting("a likelihood far too sharp", 1, session, ground.library, settings)
