@@ -45,6 +45,7 @@ def _ends(after: Mapping[str, Mapping[str, Any]], scale: Scale) -> str:
     )
 
 
+USUALLY = 0.8  # least share of the seeds in which a remedy that is proposed is localized at the end
 LUCK = 0.8  # share of the seeds from which on a run that is not changed would usually have been right
 
 
@@ -55,7 +56,8 @@ def remedies_line(found: Mapping[str, Any]) -> str:
     before = f"as it was in {_share(was)}"
     if best is not None:
         text = f"{best['name']} helps beyond doubt: localized at the end in {_share(best)} seeds, {before}"
-        others = [one["name"] for one in tried if one["verdict"] == "better" and one is not best]
+        good = [one for one in tried if one["verdict"] == "better" and one["localized"]["value"] >= USUALLY]
+        others = [one["name"] for one in good if one is not best]
         return f"{text}. {_also(others)}"
     some = next((one for one in tried if one["verdict"] == "better"), None)
     if some is not None:
@@ -76,5 +78,5 @@ def _share(one: Mapping[str, Any]) -> str:
 
 def _also(others: Sequence[str]) -> str:
     if not others:
-        return "Nothing else is better beyond doubt."
-    return f"Also better: {', '.join(others)}."
+        return "Nothing else helps as reliably."
+    return f"So do: {', '.join(others)}."

@@ -24,7 +24,7 @@ from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment
 
 from ...listener import SILENT, Listener
-from ...text.what_if import remedies_line
+from ...text.what_if import USUALLY, remedies_line
 from ..saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from .branch import BranchChange, BranchPoint, open_branch
 from .candidates import Remedy, candidates
@@ -33,7 +33,6 @@ SEEDS = 20
 AS_IT_WAS = "as it was"
 BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
 BEYOND_DOUBT = 0.05  # of all that is tried together: p-values are adjusted for their number
-USUALLY = 0.8  # least share of the seeds in which a remedy that is proposed is localized at the end
 
 
 @dataclass(frozen=True, slots=True)
