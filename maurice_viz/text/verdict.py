@@ -175,7 +175,7 @@ def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
             away = scale.say(worst.error_m)
             text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} from the truth"
             is_bereft = worst.bereft
-    is_bereft = is_bereft and not verdict.failures  # whose cause says more
+    is_bereft = is_bereft and not _why(verdict, scale)  # which says more
     return f"{text}, with no particle near" if is_bereft else text
 
 

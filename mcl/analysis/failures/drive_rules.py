@@ -73,7 +73,7 @@ def off_map(story: Story) -> Failure | None:
 
 def beyond_motion(story: Story) -> Failure | None:
     """The robot moved as the motion model never would, at once or little by little."""
-    known = story.some(story.window, lambda one: one.surprise is not None)
+    known = story.some(story.moves, lambda one: one.surprise is not None)
     alone = [one for one in known if _is_surprising(one)]
     if alone:
         worst = max(alone, key=lambda one: one.surprise.largest if one.surprise else 0.0)

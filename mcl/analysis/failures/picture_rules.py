@@ -18,7 +18,7 @@ LIGHT = 0.3  # log of the brightness over the expected one
 REPAIRED = 0.8  # of the cost above the usual one, that may be left once the brightness is corrected
 CONFUSED = 0.25  # share of other places more similar than a neighbor: the library tells little
 ALIKE_NATS = 1.0  # places whose mean log-likelihoods differ by less look alike
-MOSTLY, ALWAYS = 0.5, 0.7  # of the updates looked at
+MOSTLY = 0.5  # of the updates looked at
 
 
 def library_gap(story: Story) -> Failure | None:
@@ -76,7 +76,7 @@ def ambiguity(story: Story) -> Failure | None:
     if len(away) < max(MOSTLY * len(wrong), OUT_FOR):
         return None
     behind = float(np.median([one.fit.estimate_behind for one in away if one.fit]))
-    if abs(behind) > ALIKE_NATS:
+    if story.fits_truth or abs(behind) > ALIKE_NATS:
         return None
     rivals = float(np.median([one.fit.rivals for one in away if one.fit]))
     x, y = away[0].fit.rival if away[0].fit else (0.0, 0.0)
@@ -101,7 +101,9 @@ def _is_bad(one: UpdateEvidence, story: Story) -> bool:
 
 
 def _bad(story: Story) -> list[UpdateEvidence]:
-    """Return the bad pictures around the loss; none where they are few."""
+    """Return the bad pictures around the loss; none where they are few, or fit the truth all the same."""
+    if story.fits_truth:
+        return []
     known = story.some(story.pictures, lambda one: one.fit is not None)
     bad = [one for one in known if _is_bad(one, story)]
     return bad if len(bad) >= max(MOSTLY * len(known), 1) else []
@@ -116,9 +118,11 @@ def _since(bad: list[UpdateEvidence], story: Story) -> int:
 
 
 def _was_always_bad(story: Story) -> bool:
-    """Return whether most pictures were bad from the first update on."""
-    before = story.some(range(story.pictures.stop), lambda one: one.fit is not None)
-    return sum(_is_bad(one, story) for one in before) >= ALWAYS * len(before)
+    """Return whether pictures were bad from the first update on: most of those before these began."""
+    bad = _bad(story)
+    first = _since(bad, story) if bad else 0
+    before = [one for one in story.updates if one.step < first and one.fit is not None]
+    return sum(_is_bad(one, story) for one in before) >= MOSTLY * len(before)
 
 
 def _tells_nothing(story: Story) -> bool:

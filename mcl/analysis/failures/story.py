@@ -15,6 +15,8 @@ from .kinds import Failure, Value
 HELD = 0.5  # share of the weight near the truth that counts as having it
 BEFORE, AFTER = 3, 1  # updates before the last one that held the truth, and after the first lost one
 FIRST = 10  # updates of a trouble whose pictures are looked at
+LEAST_AWAY, NEARLY_ALL = 4, 0.8  # updates at another place, and share of them
+CLEARLY = 0.25  # of the spread of log-likelihoods over the library
 LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was never held
 
 
@@ -48,6 +50,32 @@ class Story:
     def around(self) -> range:
         """The updates whose pictures are judged: the window, and the first of the trouble."""
         return range(self.window.start, min(self.lost + LOOKS_BACK, self.end) + 1)
+
+    @cached_property
+    def moves(self) -> range:
+        """The updates whose movements are looked at; of a search, until it held the truth last."""
+        if self.held is not None:
+            return self.window
+        shares = [self.updates[k].held for k in range(self.since, self.end + 1)]
+        most = max(shares, default=0.0)
+        if most < HELD / 2:
+            return self.window
+        last = max(k for k, share in enumerate(shares, self.since) if share >= most / 2)
+        return range(self.window.start, min(max(last + BEFORE, self.window.stop), self.end + 1))
+
+    @cached_property
+    def fits_truth(self) -> bool:
+        """Whether the pictures of the trouble fit the true place clearly better than that of the estimate."""
+        away = [
+            one
+            for one in self.updates[self.lost : min(self.lost + LOOKS_BACK, self.end + 1)]
+            if one.fit is not None and one.fit.estimate_behind
+        ]
+        if len(away) < LEAST_AWAY:
+            return False
+        behind = np.array([one.fit.estimate_behind for one in away if one.fit])
+        spread = float(np.median([one.spread_nats for one in away]))
+        return float((behind < 0).mean()) >= NEARLY_ALL and float(np.median(behind)) < -CLEARLY * spread
 
     @cached_property
     def pictures(self) -> range:
