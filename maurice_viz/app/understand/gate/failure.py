@@ -19,9 +19,10 @@ from ....scene import Detail, RunView
 from ...open import AnySession
 from ...output import DriveScene, OutputOptions
 from ...run import Playback, play
-from ..diagnose import RunDiagnosis
+from ..diagnose import NONE, RunDiagnosis
 
 AROUND = 10  # steps drawn before and after the first that failed
+HARMLESS = "No failure is diagnosed: it was never lost for long. Only what is demanded was not met."
 DIAGNOSIS = "diagnosis"  # file, as text and as JSON
 
 
@@ -47,7 +48,8 @@ class FailedRun:
     @property
     def text(self) -> str:
         """The diagnosis in lines."""
-        return f"seed {self.seed}, first failed at step {self.step}\n{self.diagnosis.text}"
+        why = self.diagnosis.text.replace(NONE, HARMLESS)
+        return f"seed {self.seed}, first failed at step {self.step}\n{why}"
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
