@@ -75,6 +75,14 @@ def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
     assert f"apart, since step {found.parted_at}" in batches["/compare/text"]
 
 
+def test_a_branch_may_compare_pictures_by_other_channels(folder):
+    """Its diagnosis looks at the steps before the branch with its own sensor model."""
+    found = mv.what_if(folder / "lost", 3, preset="robust")
+    assert found.same_until == 3
+    assert found.change == ("preset robust",)
+    assert found.after.error_mean_m < found.before.error_mean_m
+
+
 def test_the_command_prints_when_they_part_and_json(folder):
     args = ("what-if", folder / "lost", "--from", "3", "--particles", "800", "--rrd", "none")
     out, err = maurice(*args)
