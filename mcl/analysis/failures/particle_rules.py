@@ -55,7 +55,7 @@ def no_particle(story: Story) -> Failure | None:
     size = {"nearest_m": nearest, "particles": known[0].size}
     if not counted:
         return story.failure(PROPOSAL, known[0].step, ever="no", **size)
-    until = [one for one in counted if one.step < story.updates[story.lost].step] or counted[:1]
+    until = [one for one in counted if one.step < story.updates[story.lost].step] or counted
     after = [one for one in known if one.step > until[-1].step and one.near and not one.near.particles]
     died = after[0].step if after else story.updates[story.lost].step
     return story.failure(PROPOSAL, died, ever="yes", held_until=until[-1].step, died=died, **size)

@@ -15,8 +15,8 @@ from .kinds import Failure, Value
 HELD = 0.5  # share of the weight near the truth that counts as having it
 BEFORE, AFTER = 3, 1  # updates before the last one that held the truth, and after the first lost one
 FIRST = 10  # updates of a trouble whose pictures are looked at
-LEAST_AWAY, NEARLY_ALL = 4, 0.8  # updates at another place, and share of them
-CLEARLY = 0.25  # of the spread of log-likelihoods over the library
+LEAST_AWAY, NEARLY_ALL = 4, 0.75  # updates at another place, and share of them
+CLEARLY = 0.15  # of the spread of log-likelihoods over the library
 LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was never held
 
 
@@ -68,7 +68,7 @@ class Story:
         """Whether the pictures of the trouble fit the true place clearly better than that of the estimate."""
         away = [
             one
-            for one in self.updates[self.lost : min(self.lost + LOOKS_BACK, self.end + 1)]
+            for one in self.updates[self.lost : self.end + 1]
             if one.fit is not None and one.fit.estimate_behind
         ]
         if len(away) < LEAST_AWAY:
