@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check gate bench causes difficulty results fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench causes difficulty results lost-signal fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -43,6 +43,10 @@ difficulty: .venv/installed-dev
 results: .venv/installed-dev
 	$(BIN)/maurice-replay trials results -o .results --resume
 	$(BIN)/python benchmarks/results.py .results
+
+# The lost signal's false alarms and misses on unseen arenas: half an hour, and it goes on where it stopped.
+lost-signal: .venv/installed-dev
+	$(BIN)/python benchmarks/lost_signal.py
 
 # 200,000 inputs for what reads session logs, CMUcam dumps and live sources: minutes, and it goes on where it stopped.
 # INPUTS=N for another number.

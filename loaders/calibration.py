@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from maurice_mcl.arrays import F64, U8, Bool
 from maurice_mcl.calibration.motion import MotionSegment, Straights, Trials, Turns, trials_of
 from maurice_mcl.filter.motion import MauriceParameters
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.geometry import INCH_M, motion_between
 from maurice_mcl.map import Arena
 
 from .errors import InputError, PictureError, ReadingNotes
@@ -32,6 +32,7 @@ from .session_log.records import (
     read_header,
     read_records,
 )
+from .transforms import GATE
 
 # A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
 
@@ -307,6 +308,19 @@ def read_aligned(folder: Path) -> AlignedDrive:
 def _table(file: Path, columns: int) -> F64:
     rows = read_number_rows(file, "a table of numbers", "a table", columns, f"{columns} finite numbers")
     return np.array(rows, np.float64).reshape(-1, columns)
+
+
+def segments_from_folder(folder: Path) -> list[MotionSegment]:
+    """Read a drive and cut it wherever the robot has moved as far as between two pictures."""
+    drive, found, first = read_aligned(folder), [], 0
+    jumped = jumps(drive, Cutting())
+    for last in range(1, len(drive.truth)):
+        motion = motion_between(drive.odometry[first], drive.odometry[last])
+        if GATE.open_after(motion):
+            if not jumped[first:last].any():
+                found.append(MotionSegment(drive.truth[first], (motion,), drive.truth[last]))
+            first = last
+    return found
 
 
 def trials_from_folder(folder: Path, cutting: Cutting | None = None) -> Trials:

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from maurice_mcl.analysis.events import is_kidnapping
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between, wrap_angle
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from .errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from .reading import ReadingOptions
-from .recording import Motion, OdometryPose, Picture, Record, Recording, TruthPose, checked
+from .recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
 from .session_log.header import Kind
 from .session_log.reader import SessionLog, SurveyPicture
 from .session_log.records import read_records
 from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
-from .transforms import PLACEHOLDER, Gate
+from .transforms import PLACEHOLDER, Gate, Placeholders
+
+if TYPE_CHECKING:
+    from maurice_mcl.calibration.motion import MotionSegment
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,3 +227,41 @@ def before(pose: F64, motion: F64) -> F64:
     x = pose[0] - (motion[0] * cos - motion[1] * sin)
     y = pose[1] - (motion[0] * sin + motion[1] * cos)
     return np.array([x, y, wrap_angle(heading)])
+
+
+def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:
+    """Yield the movements between true poses of a recording of any format; none across a kidnapping.
+
+    Odometry poses become a movement a picture, as the filter gets them, or one for every 0.25 m or 15 degrees
+    where there are no pictures; measured motions need none.
+    """
+    from maurice_mcl.calibration.motion import MotionSegment  # loads scipy, which reading does without
+
+    before: F64 | None = None
+    motions: list[F64] = []
+    for moved, truth, events in _between_truths(session):
+        motions.extend(moved)
+        if any(is_kidnapping(text) for text in events):
+            before, motions = None, []
+        if truth is None:
+            continue
+        if before is not None and motions:
+            yield MotionSegment(before, tuple(motions), truth)
+        if before is None or motions:
+            before, motions = truth, []
+
+
+def _between_truths(session: RecordedSession) -> Iterator[tuple[Iterable[F64], F64 | None, tuple[str, ...]]]:
+    notes = ReadingNotes(session.options.keep_going)
+    if session.odometry is not Motion:
+        if not session.count_pictures():
+            session = RecordedSession(Placeholders(session.recording), session.options)
+        yield from ((one.motions, one.truth, one.events) for one in session.glances(notes))
+        return
+    for record in checked(session.recording, notes):
+        if isinstance(record, Motion):
+            yield (record.motion,), None, ()
+        elif isinstance(record, TruthPose):
+            yield (), record.pose, ()
+        elif isinstance(record, Note):
+            yield (), None, (record.text,)

@@ -17,6 +17,8 @@
 | `verify`, `export` | filter a saved run again to the last bit; files for other tools |
 | `inspect`, `doctor`, `formats`, `convert` | what a recording holds, its faults, rewriting it |
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
+| `calibrate_belief` | how often the regions of saved runs' clouds hold the truth |
+| `calibrate_drive` | the noise of the odometry, from drives with truth |
 | `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
 | `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
@@ -34,6 +36,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .app.calibrate import calibrate_drive as calibrate_drive
     from .app.calibrate import calibrate_motion as calibrate_motion
     from .app.calibrate import calibrate_noise as calibrate_noise
     from .app.calibrate import figures as figures
@@ -52,6 +55,7 @@ if TYPE_CHECKING:
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
     from .app.trials import trials_view as trials_view
+    from .app.understand.belief import calibrate_belief as calibrate_belief
     from .app.understand.budget import error_budget as error_budget
     from .app.understand.check import check as check
     from .app.understand.diagnose import diagnose as diagnose
@@ -77,6 +81,8 @@ _WHERE = {
     "RunScores": ".app.run",
     "atlas": ".reports.atlas",
     "build_library": ".app.library",
+    "calibrate_belief": ".app.understand.belief",
+    "calibrate_drive": ".app.calibrate",
     "calibrate_motion": ".app.calibrate",
     "calibrate_noise": ".app.calibrate",
     "check": ".app.understand.check",
@@ -116,6 +122,8 @@ __all__ = [
     "RunScores",
     "atlas",
     "build_library",
+    "calibrate_belief",
+    "calibrate_drive",
     "calibrate_motion",
     "calibrate_noise",
     "check",

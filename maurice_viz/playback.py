@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.analysis.events import Say, in_meters
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.analysis.lost_signal import SignalCollector, SignalSummary
 from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
 from maurice_mcl.arrays import F64
@@ -42,6 +43,7 @@ class RunResult:
     radii: Radii = USUAL  # by which it was judged
     against: str | None = None  # label of the run that it is compared with; None: the first or only one
     paired: ComparisonResult | None = None  # how it compares
+    signal: SignalSummary | None = None  # whether it knew where it is, without truth; None: not known
 
 
 def run_together(
@@ -108,6 +110,7 @@ class ResultCollector:
             for label in labels[1:]
         }
         self._verdicts = {label: VerdictBuilder((localizers or {}).get(label)) for label in labels}
+        self._signals = {label: SignalCollector() for label in labels}
         self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
@@ -125,6 +128,7 @@ class ResultCollector:
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
             self._judges[label].add(record, moment.truth)
             self._verdicts[label].add(moment, record)
+            self._signals[label].add(record)
             self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
         return {label: one.see(steps[one.first], steps[label]) for label, one in self._pairings.items()}
@@ -141,6 +145,7 @@ class ResultCollector:
         took_s = self._took_s[label]
         score = replace(score, success=self._judges[label].result())
         per_s = score.updates / took_s if took_s > 0 else None
-        result = RunResult(label, score, per_s, self._verdicts[label].result(), self._radii[label])
+        verdict, signal = self._verdicts[label].result(), self._signals[label].result()
+        result = RunResult(label, score, per_s, verdict, self._radii[label], signal=signal)
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

@@ -133,9 +133,17 @@ class Comparison:
         """The same of each channel alone, (C, L)."""
         return EntryLikelihood.of(self.channel_cost)
 
+    @cached_property
+    def library_evidence(self) -> LibraryEvidence | None:
+        """How well the library as a whole explains the picture; None without entries."""
+        if not len(self.cost):
+            return None
+        top = float(self.explained.top[0])
+        return LibraryEvidence(top + float(np.log(self.explained.relative.mean())), top)
+
     def prepare(self) -> None:
         """Compute now what every filter asks for: on the thread that compares, ahead of them."""
-        _ = self.of_references, self.explained, self.channels_explained
+        _ = self.of_references, self.explained, self.channels_explained, self.library_evidence
 
     def best(self, count: int) -> I32:
         """Return the numbers of the best entries (count,), best first; all L when there are fewer."""
@@ -163,6 +171,14 @@ class EntryLikelihood:
         nats = -cost.astype(np.float64)
         top = nats.max(axis=-1, keepdims=True)
         return cls(np.exp(nats - top), top[..., 0])
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryEvidence:
+    """What a cloud's calibrated evidence is measured against: that of the library as a whole, in nats."""
+
+    mean: float  # of a cloud that is spread over all entries alike
+    best: float  # of a cloud at the entry that explains the picture best
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,6 +229,7 @@ class StepRecord:
     events: tuple[str, ...]  # what the filter noticed: "resampled", "left the map"
     took_s: Mapping[str, float]  # seconds per stage; not part of what must repeat
     recovery_test: RecoveryTest | None = None  # None: the strategy compared nothing, or it is not known
+    library_evidence: LibraryEvidence | None = None  # of the same picture; None: not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -73,6 +73,8 @@ BY_COLUMN = {
     "recovery_compared": Rule(lambda v: v in (None, PICTURE, AVERAGES), f"{PICTURE} or {AVERAGES}"),
     "recovery_threshold": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
     "recovery_found": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
+    "library_evidence_mean": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
+    "library_evidence_best": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
     "particles": _from(1, 2**31, "a whole number from 1"),
     TOOK: SPREAD,
 }
@@ -115,11 +117,13 @@ def check_step(file: Path, row: Mapping[str, Any], rules: Mapping[str, Rule]) ->
     for name, rule in rules.items():
         if name in row and not rule.holds(row[name]):
             _refuse(file, name, row[name], row["step"], rule.expected)
-    for start, what in (("truth_", "the true pose"), ("recovery_", "the recovery columns")):
+    wholes = {"truth_": "all three of the true pose", "recovery_": "all three of the recovery columns"}
+    wholes |= {"library_evidence_": "both columns of the library's evidence"}
+    for start, what in wholes.items():
         together = [name for name in row if name.startswith(start)]
         if len({row[name] is None for name in together}) > 1:
             missing = next(name for name in together if row[name] is None)
-            _refuse(file, missing, None, row["step"], f"all three of {what} or none")
+            _refuse(file, missing, None, row["step"], f"{what} or none")
     if len(row["best_entries"]) != len(row["best_quality"]):
         _refuse(file, "best_quality", row["best_quality"], row["step"], "one for each of best_entries")
 

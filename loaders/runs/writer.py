@@ -18,7 +18,7 @@ import polars as pl
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.radii import Radii
-from maurice_mcl.records import Belief, Estimate, RecoveryTest, Sighting, StepRecord
+from maurice_mcl.records import Belief, Estimate, LibraryEvidence, RecoveryTest, Sighting, StepRecord
 from maurice_mcl.session import Frame, Moment
 
 from ..errors import InputError
@@ -129,9 +129,12 @@ RENEWED: dict[str, Any] = {**_CLOUD, "log_weight": pl.Float64, "parent": pl.Int3
 _POSE = ("x_m", "y_m", "heading_rad")
 _SPREAD = ("sd_x_m", "sd_y_m", "heading_sd_rad", "mass", "confidence", "converged")
 
-# what recovery compared; runs saved by earlier versions do not have these columns
+# what recovery compared, and what the library as a whole says of a picture; runs saved by earlier versions do
+# not have these columns
 RECOVERY: dict[str, Any] = {"recovery_compared": pl.String}
 RECOVERY |= {"recovery_threshold": pl.Float64, "recovery_found": pl.Float64}
+LIBRARY: dict[str, Any] = {"library_evidence_mean": pl.Float64, "library_evidence_best": pl.Float64}
+LATER = {**RECOVERY, **LIBRARY}
 
 
 def steps_schema(channels: Sequence[str]) -> dict[str, Any]:
@@ -142,7 +145,7 @@ def steps_schema(channels: Sequence[str]) -> dict[str, Any]:
     schema: dict[str, Any] = {"step": pl.Int32, "time_s": pl.Float64}
     schema |= {"picture": pl.String, "picture_sha256": pl.String, "motions": pl.List(pl.List(pl.Float64))}
     schema |= dict.fromkeys(floats, pl.Float64)
-    schema |= RECOVERY
+    schema |= LATER
     schema |= {"events": pl.List(pl.String), "session_events": pl.List(pl.String)}
     schema |= {"best_entries": pl.List(pl.Int32), "best_quality": pl.List(pl.Float32)}
     return schema | {"particles": pl.Int32, TOOK: pl.Float64}
@@ -173,7 +176,7 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
     row |= {"calibrated_evidence": record.calibrated_evidence}
     evidences = zip(comparison.channels, record.channel_evidence.tolist(), strict=True)
     row |= {f"evidence_{name}": value for name, value in evidences}
-    row |= _recovery_columns(record.recovery_test)
+    row |= _recovery_columns(record.recovery_test) | _library_columns(record.library_evidence)
     truth: list[Any] = [None] * len(_POSE) if moment.truth is None else moment.truth.tolist()
     row |= {f"truth_{name}": value for name, value in zip(_POSE, truth, strict=True)}
     row |= {"events": list(record.events), "session_events": list(moment.events)}
@@ -197,6 +200,17 @@ def _estimate_columns(kind: str, estimate: Estimate) -> dict[str, float]:
 def _recovery_columns(test: RecoveryTest | None) -> dict[str, Any]:
     values = (None, None, None) if test is None else (test.compared, test.threshold, test.found)
     return dict(zip(RECOVERY, values, strict=True))
+
+
+def _library_columns(found: LibraryEvidence | None) -> dict[str, Any]:
+    values = (None, None) if found is None else (found.mean, found.best)
+    return dict(zip(LIBRARY, values, strict=True))
+
+
+def _library_of(row: Mapping[str, Any]) -> LibraryEvidence | None:
+    if row.get("library_evidence_mean") is None:
+        return None
+    return LibraryEvidence(*(row[name] for name in LIBRARY))
 
 
 def _recovery_of(row: Mapping[str, Any]) -> RecoveryTest | None:
@@ -267,6 +281,7 @@ def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64, rad
         events=tuple(row["events"]),
         took_s={"all": row[TOOK]},
         recovery_test=_recovery_of(row),
+        library_evidence=_library_of(row) or sighting.comparison.library_evidence,
     )
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from maurice_loaders.calibration import (
     METERS,
     covered_pictures,
+    floor_between,
     is_odometry_folder,
     mishaps,
     read_trials,
+    segments_from_folder,
     trials_from_folder,
     trials_from_session,
     write_trials,
@@ -20,14 +23,19 @@ from maurice_loaders.calibration import (
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import drive_segments
 from maurice_loaders.session_log.records import read_header
-from maurice_mcl.calibration.motion import Calibration, Trials
+from maurice_mcl.calibration.motion import Calibration, FloorOf, MotionSegment, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
+from maurice_mcl.calibration.odometry import LinearMaurice, LinearModel, LinearOdometry, MotionFit, fit_motion
 from maurice_mcl.calibration.sensor import NoiseFloor, noise_floor
+from maurice_mcl.session import SessionInfo
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..style import Units, units_named
+from .open import as_recorded_session, open_session
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,6 +166,108 @@ def make_trials(to: str | Path, *, trials: int = 41, seed: int = 0, force: bool 
     expect_absent(path, force=force)
     write_trials(path, calibration_drive(seed, TrialPlan(trials, trials)), force=force)
     return path
+
+
+MODELS = ("odometry", "maurice")
+TOLERATED = 0.01  # a scale that is surely farther from 1 is no noise
+
+
+@dataclass(frozen=True, slots=True)
+class DriveCalibration:
+    """A motion model fitted to drives with truth, with intervals."""
+
+    sources: tuple[Path, ...]
+    fit: MotionFit
+
+    def to_toml(self) -> str:
+        """Return the constants as TOML for a replay; those that the log does not tell keep their defaults."""
+        names = ", ".join(source.name for source in self.sources)
+        said = [f"from {self.fit.segments} movements of {names}"]
+        said += [f"{one.name}: the default, {one.why}" for one in self.fit.constants if not one.told]
+        return motion_to_toml(self.fit.motion_header(), tuple(said))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return every constant with its interval, and the header's robot.motion."""
+        found: dict[str, Any] = _no_nan(asdict(self.fit))
+        return found | {"motion": self.fit.motion_header()}
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the log cannot tell, and movements that no constant explains."""
+        fit = self.fit
+        said = [f"{one.name}: {one.why}; the default stands" for one in fit.constants if not one.told]
+        scales = {"ways": ("odometry_scale", fit.way_scale), "turns": ("turn_scale", fit.turn_scale)}
+        for what, (key, found) in scales.items():
+            if found is not None and (found.low > 1 + TOLERATED or found.high < 1 - TOLERATED):
+                within = f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
+                advice = f"correct that with --reading {key}={found.value:.3f} and fit again"
+                said.append(f"{what} are really {within} times as measured, which counts as noise; {advice}")
+        if fit.far > 1 + fit.segments / 1000:
+            said.append(f"{fit.far} of {fit.segments} movements are far beyond the noise: slips, perhaps")
+        return said
+
+
+def calibrate_drive(
+    *sources: str | Path,
+    model: str | None = None,
+    reading: ReadingOptions | None = None,
+    to: str | Path | None = None,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> DriveCalibration:
+    """Fit the constants of a motion model to recordings with odometry and truth, of any format.
+
+    `model` is one of MODELS; None: the one that the first recording's header names, or the odometry model.
+    `to` writes the constants as TOML, for a replay's motion. A constant that the recordings cannot tell keeps
+    its default, and the listener is told why. Raises OptionError for an unknown model, and InputError for
+    recordings with fewer than ten movements between true poses, or a file that exists (unless `force`).
+
+        >>> import maurice_viz as mv
+        >>> found = mv.calibrate_drive("drive.log", model="odometry")
+        >>> len(found.fit.constants)
+        4
+    """
+    paths = tuple(Path(source) for source in sources)
+    if not paths:
+        raise OptionError("found no recording, expected one or more")
+    if model not in (None, *MODELS):
+        raise OptionError(f"found the model {model!r}, expected one of {', '.join(MODELS)}")
+    if to is not None:
+        expect_absent(Path(to), force=force)
+    options = reading or ReadingOptions()
+    drives = [_driven(path, options, listener) for path in paths]
+    segments, info = [segment for drive, _ in drives for segment in drive], drives[0][1]
+    named = (info.motion or {}).get("model", "maurice" if info.motion else "odometry")
+    chosen: LinearModel = LinearOdometry()
+    if (model or named) == "maurice":
+        floor_of = partial(floor_between, info.arena)
+        segments = _of_one_floor(segments, floor_of)
+        floors = {floor_of(one.before[:2], one.after[:2]) or "" for one in segments}
+        chosen = LinearMaurice(tuple(sorted(floors)), floor_of)
+    try:
+        found = DriveCalibration(paths, fit_motion(segments, chosen))
+    except ValueError as problem:
+        raise InputError(paths[0], str(problem)) from None
+    if to is not None:
+        write_whole(Path(to), found.to_toml().encode(), force=force)
+    for text in found.warnings:
+        listener.warning(f"note: {text}")
+    return found
+
+
+def _driven(
+    path: Path, options: ReadingOptions, listener: Listener
+) -> tuple[list[MotionSegment], SessionInfo]:
+    """Return the movements between true poses of a recording, or of a folder of odometry beside truth."""
+    if path.is_dir() and is_odometry_folder(path):
+        return segments_from_folder(path), SessionInfo(path.name)
+    session = as_recorded_session(open_session(path, options, listener), options)
+    return list(drive_segments(session)), session.info
+
+
+def _of_one_floor(segments: list[MotionSegment], floor_of: FloorOf) -> list[MotionSegment]:
+    """Leave out movements from one floor to another, which tell no floor's drift."""
+    return [one for one in segments if floor_of(one.before[:2], one.after[:2]) is not None]
 
 
 def figures(

@@ -11,6 +11,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.runs.writer import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_mcl.analysis.events import EventDetector, RunEvent
+from maurice_mcl.analysis.lost_signal import LostSignal
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.geometry import compose
@@ -114,6 +115,7 @@ NUMBERS = (
     "calibrated_evidence",
     "log_evidence",
     "odometry_m",
+    "knows_where_it_is",
 )
 POSES = ("estimate", "truth", "odometry")
 NOWHERE: F64 = np.full(3, np.nan)
@@ -127,6 +129,7 @@ class Track:
     rows: list[tuple[float, ...]] = field(default_factory=list)  # NUMBERS
     poses: list[F64] = field(default_factory=list)  # (3, 3): POSES, each x_m, y_m, heading_rad
     events: list[RunEvent] = field(default_factory=list)
+    _signal: LostSignal = field(default_factory=LostSignal)
     _odometry: F64 | None = None
 
     def add(self, moment: Moment, record: StepRecord, start: F64 | None) -> None:
@@ -134,7 +137,7 @@ class Track:
         truth = moment.truth
         apart, angle = (np.nan, np.nan) if truth is None else errors(record.estimate, truth)
         share = record.effective_sample_size / record.weighted.size
-        motions = record.frame.motions
+        motions, knows = record.frame.motions, self._signal.add(record)
         values = (
             float(moment.frame.step),
             moment.frame.time_s,
@@ -147,6 +150,7 @@ class Track:
             record.calibrated_evidence,
             record.log_evidence,
             float(np.hypot(motions[:, 0], motions[:, 1]).sum()),
+            np.nan if knows is None else knows,
         )
         self._odometry = self._reckoned(motions, truth, start)
         known = [NOWHERE if pose is None else pose for pose in (truth, self._odometry)]

@@ -15,7 +15,7 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from .shared.errors import errors_end_the_command, fail, stop_by_exception
-from .shared.spelling import modern
+from .shared.spelling import modern, modern_command
 
 GROUPS = (
     "Replay and compare",
@@ -70,7 +70,9 @@ COMMANDS = {
         Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE),
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE),
         Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE),
-        Listed("calibrate drive", "calibrate", "Simulate a table of trials.", _SIMULATE),
+        Listed("calibrate belief", "calibrate", "Check how often a cloud holds the truth.", _SIMULATE),
+        Listed("calibrate drive", "calibrate", "Fit the noise of the odometry to drives.", _SIMULATE),
+        Listed("calibrate trials", "calibrate", "Simulate a table of trials.", _SIMULATE),
         Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS),
         Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS),
         Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS),
@@ -147,6 +149,7 @@ class CommandList(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command of the first word. If there is none, a usage error suggests one."""
+        args = modern_command(self.name or "", args)
         if args[0] not in self.list_commands(ctx):
             ctx.fail(f"there is no command {args[0]!r}; {_nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)

@@ -1,4 +1,4 @@
-"""`maurice-replay calibrate motion|noise|drive`: the robot's and the camera's constants from trials."""
+"""`maurice-replay calibrate ...`: the robot's and the camera's constants, from drives and from trials."""
 
 from __future__ import annotations
 
@@ -11,10 +11,20 @@ from rich.table import Table
 from maurice_loaders.calibration import METERS
 from maurice_loaders.files import expect_absent
 from maurice_mcl.calibration.motion import Calibration
+from maurice_mcl.calibration.odometry import MotionFit
 from maurice_mcl.calibration.sensor import NoiseFloor
 from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
 
-from ..app.calibrate import calibrate_motion, calibrate_noise, figures, make_trials, noise_json
+from ..app.calibrate import (
+    MODELS,
+    calibrate_drive,
+    calibrate_motion,
+    calibrate_noise,
+    figures,
+    make_trials,
+    noise_json,
+)
+from ..app.understand.belief import CalibratedBelief, calibrate_belief
 from ..plots.calibration import expect_matplotlib
 from ..style import Units
 from .shared import options as opt
@@ -86,17 +96,101 @@ def noise(
 
 
 def drive(
+    sessions: Annotated[
+        list[Path], argument("SESSION...", "Recordings of any format with odometry and truth.")
+    ],
+    model: Annotated[
+        str | None,
+        option("--model", f"{' | '.join(MODELS)}. [default: the header's, or odometry]", metavar="NAME"),
+    ] = None,
+    output: Annotated[
+        Path | None, option("-o --output", "Write the parameters here.", metavar="OUT.toml")
+    ] = None,
+    reading: opt.Reading = None,
+    keep_going: opt.KeepGoing = False,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Fit the noise of the odometry to drives with truth, with intervals; says what the log cannot tell."""
+    with listening() as listener:
+        how = opt.reading_of(reading, keep_going=keep_going)
+        found = calibrate_drive(
+            *sessions, model=model, reading=how, to=output, force=force, listener=listener
+        )
+    if json_output:
+        print_json(found.to_json())
+        return
+    results.print(_drive_table(found.fit, ", ".join(source.name for source in found.sources)))
+    if output is None:
+        results.print(found.to_toml(), end="")
+    else:
+        note(f"{output} written; now try: maurice-replay SESSION --set motion={output}")
+
+
+def belief(
+    runs: Annotated[list[Path], argument("RUN...", "Saved runs with truth, or comparisons.")],
+    lost: Annotated[bool, option("--lost", "Also count runs that were lost or kidnapped.")] = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Check how often the regions of a cloud hold the truth, and which exponent of the likelihood fits."""
+    with listening() as listener:
+        found = calibrate_belief(*runs, lost=lost, listener=listener)
+    if json_output:
+        print_json([one.to_json() for one in found])
+        return
+    for one in found:
+        results.print(_belief_table(one))
+
+
+def _belief_table(one: CalibratedBelief) -> Table:
+    found = one.found
+    title = f"belief of {one.label}: {found.updates} updates of {found.runs} runs"
+    table = Table(title=title, title_justify="left")
+    for heading in ("quantity", "found", "95 % interval", "if calibrated"):
+        table.add_column(heading, justify="left" if heading == "quantity" else "right")
+    shares = [
+        (f"truth in the {100 * r.level:.0f} % region", r.held, f"{100 * r.level:.0f} %")
+        for r in found.regions
+    ]
+    shares.append(("truth in the two-sigma ellipse", found.ellipse, "86.5 % (normal)"))
+    for what, share, expected in shares:
+        value, low, high = (f"{100 * v:.1f}" for v in (share.value, share.low, share.high))
+        table.add_row(what, f"{value} %", f"{low} to {high} %", expected)
+    within = "{:.2f} to {:.2f}".format(*found.nees_expected)
+    table.add_row("NEES, mean (3 dimensions)", *_cells(found.nees, 1, 2), f"3 ({within})")
+    table.add_row("exponent of the likelihood", *_cells(found.exponent, 1, 2), f"1: it is {found.likelihood}")
+    table.caption = (
+        f"sensor.sharpness was {one.sharpness:g}; {one.better_sharpness:.2g} would fit these pictures best"
+    )
+    return table
+
+
+def trials(
     output: Annotated[
         Path, option("-o --output", "The table to write.", metavar="OUT.csv", show_default=False)
     ],
     seed: Annotated[int, option("--seed", "The same seed gives the same trials.", min=0, max=MOST_SEED)] = 0,
-    trials: Annotated[int, option("--trials", "Number of turns, and of straights.", min=1, max=100_000)] = 41,
+    count: Annotated[int, option("--trials", "Number of turns, and of straights.", min=1, max=100_000)] = 41,
     force: opt.Force = False,
 ) -> None:
     """Make a table of calibration trials with the simulated Maurice: turns, and straights on both floors."""
-    make_trials(output, trials=trials, seed=seed, force=force)
-    results.print(f"{output}: {trials} turns, {trials} straights")
+    make_trials(output, trials=count, seed=seed, force=force)
+    results.print(f"{output}: {count} turns, {count} straights")
     note(f"now try: maurice-replay calibrate motion {output}")
+
+
+def _drive_table(fit: MotionFit, name: str) -> Table:
+    title = f"{fit.model} model of {name}, {fit.segments} movements between true poses"
+    table = Table(title=title, title_justify="left")
+    for heading in ("constant", "fitted", "95 % interval", "default", "told by the log"):
+        left = heading in ("constant", "told by the log")
+        table.add_column(heading, justify="left" if left else "right")
+    for one in fit.constants:
+        low, high = (f"{v:.4g}" for v in (one.fitted.low, one.fitted.high))
+        value, within = (f"{one.fitted.value:.4g}", f"{low} to {high}") if one.told else ("-", "-")
+        table.add_row(one.name, value, within, f"{one.default:.4g}", "yes" if one.told else f"no: {one.why}")
+    table.caption = "meters and radians; a constant that the log does not tell keeps its default"
+    return table
 
 
 def _motion_table(fit: Calibration, units: Units, name: str) -> Table:

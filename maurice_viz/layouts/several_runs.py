@@ -102,11 +102,13 @@ def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     """Plot one quantity per panel, one line per run."""
     labels = [run.label for run in runs]
     who = lines.who_is_who(labels)  # stands in the first two titles
-    columns = []
+    columns, knows = [], lines.knows_plot(labels)
     if scene.has_truth:
-        columns.append(rrb.Vertical(*lines.error_plots(labels, scene, who), *lines.truth_plots(labels)))
+        errors = lines.error_plots(labels, scene, who)
+        columns.append(rrb.Vertical(*errors, *lines.truth_plots(labels), knows))
     cloud = lines.cloud_plots(runs, scene, lines.NOBODY if scene.has_truth else who)
-    columns.append(rrb.Vertical(*cloud, *lines.survival_plots(labels)))
+    cloud += lines.survival_plots(labels)
+    columns.append(rrb.Vertical(*cloud, *([] if scene.has_truth else [knows])))
     return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
 
 

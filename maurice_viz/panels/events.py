@@ -74,9 +74,11 @@ STATUS_COLORS: Mapping[str, RGB] = {
     states.LOST: LOST,
     states.CONVERGED: GOOD,
     states.SPREAD: ACTS,
+    states.PROBABLY_LOST: LOST,
 }
 NOTICED_COLORS: Mapping[str, RGB] = {
     kinds.LOST: LOST,
+    kinds.PROBABLY_LOST: LOST,
     kinds.LEFT_THE_MAP: LOST,
     kinds.ALL_WEIGHTS_ZERO: LOST,
     kinds.RECOVERED: GOOD,

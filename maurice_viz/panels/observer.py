@@ -136,7 +136,8 @@ class RerunObserver:
         if self._detector is None:
             raise RuntimeError("begin() comes before see()")
         events = self._detector.see(moment, record)
-        update = StepUpdate(moment, record, events, self._detector.state, self._detector.modes)
+        found = self._detector
+        update = StepUpdate(moment, record, events, found.state, found.knows, found.modes)
         for ready in self._filter.see(update):
             self._draw(ready)
 

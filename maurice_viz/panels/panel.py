@@ -78,6 +78,7 @@ class StepUpdate:
     record: StepRecord
     events: tuple[RunEvent, ...] = ()
     status: str = ""  # the localization status after this update
+    knows: float | None = None  # probability that the estimate is right, without truth; None: not known
     modes: tuple[TrackedMode, ...] = ()  # heaviest first
     whole: bool = True  # draw in full; else only what is cheap
     is_first: bool = False

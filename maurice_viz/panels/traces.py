@@ -26,6 +26,7 @@ SPREAD = "spread"
 TWO_SIGMA = "two_sigma"  # a band of twice the spread: the errors that the filter holds for possible
 CONFIDENCE = "confidence"
 EFFECTIVE = "effective_sample"
+KNOWS = "knows_where_it_is"  # the lost signal: a probability, which no truth is needed for
 TRUTH_RATIO = "truth_over_estimate"
 TRUTH_RANK = "truth_rank"
 EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
@@ -39,6 +40,7 @@ COLORS: dict[str, RGB] = {
     HEADING_ERROR: RUN_COLORS[0],
     CONFIDENCE: RUN_COLORS[0],
     EFFECTIVE: RUN_COLORS[1],
+    KNOWS: RUN_COLORS[3],
     SURVIVORS: RUN_COLORS[2],
     ANCESTORS: RUN_COLORS[3],
     TRUTH_RATIO: RUN_COLORS[0],
@@ -47,7 +49,13 @@ COLORS: dict[str, RGB] = {
 EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (204, 121, 167))  # of channels, in turn
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
 THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
-SHARES = {CONFIDENCE: 1.1, EFFECTIVE: 1.1, SURVIVORS: 1.1, ANCESTORS: 1.1}  # the ends of their scales
+SHARES = {
+    CONFIDENCE: 1.1,
+    EFFECTIVE: 1.1,
+    KNOWS: 1.1,
+    SURVIVORS: 1.1,
+    ANCESTORS: 1.1,
+}  # the ends of their scales
 # plots that begin at zero, and how many steps of a scale their smallest panel labels
 ABOVE_EVIDENCE = 0.1  # of its extent: the label of 0 is often at the top
 ABOVE_LABEL = 1.15  # of the last label, whose upper half would be cut off
@@ -100,6 +108,8 @@ class TracesPanel(Panel):
         )
         self._log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
         self._log(rec, CONFIDENCE, record.estimate.confidence)
+        if update.knows is not None:
+            self._log(rec, KNOWS, update.knows)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
             rec.log(self._paths.trace(EVIDENCE), scalars(nats))
@@ -196,8 +206,10 @@ def round_top(most: float, steps: float) -> float:
 def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     """Plot one run: distances, heading error where the truth is known, shares."""
     unit = scene.scale.units.name
-    both = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE)]
-    shares = plot("Confidence orange, effective sample blue (share)", both, top=1.1)
+    lines = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE), paths.trace(KNOWS)]
+    shares = plot(
+        "Confidence orange, effective sample blue (shares), knows where it is green", lines, top=1.1
+    )
     if not scene.has_truth:
         return [plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
     distances = [paths.trace(POSITION_ERROR), paths.trace(TWO_SIGMA)]
@@ -237,6 +249,11 @@ def cloud_plots(runs: Sequence[RunView], scene: SceneInfo, who: Who = NOBODY) ->
         plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near}){who[1]}", labels, top=1.1),
         plot_of_runs(EFFECTIVE, "Effective sample size (share of particles)", labels, top=1.1),
     ]
+
+
+def knows_plot(labels: Sequence[str]) -> rrb.TimeSeriesView:
+    """Plot the lost signal of some runs: the probability that the estimate is right, without truth."""
+    return plot_of_runs(KNOWS, "Knows where it is (probability, without truth)", labels, top=1.1)
 
 
 def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:

@@ -172,12 +172,14 @@ def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[
     """Return a chart for each trace that is known, and the names of the others."""
     unit, per_m, per_rad = scale.units.name, scale.units.per_m, 180 / np.pi
     near = f"Weight within {scale.say(collected.results[0].radii.confidence_m)} of the estimate."
+    knows = "That the estimate is right, by how well pictures fit there and elsewhere; needs no truth."
     explained = "How well the cloud explained each picture; higher is better."
     kinds = (
         (Chart("Position error", unit, "From estimate to truth."), "position_error_m", per_m),
         (Chart("Heading error", "deg", "Between estimate and truth."), "heading_error_rad", per_rad),
         (Chart("Spread", unit, "Standard deviation of the complete cloud."), "spread_m", per_m),
         (Chart("Confidence", "share", near, top=1.0), "confidence", 1.0),
+        (Chart("Knows where it is", "probability", knows, top=1.0), "knows_where_it_is", 1.0),
         (Chart("Effective sample size", "share", "Of all particles.", top=1.0), "effective_share", 1.0),
         (Chart("Evidence", "nats", explained, from_zero=False), "calibrated_evidence", 1.0),
     )

@@ -90,8 +90,17 @@ def _run_json(result: RunResult) -> dict[str, Any]:
     head = {"label": result.label, "verdict": _verdict_json(result)}
     relative = None if result.score.relative is None else asdict(result.score.relative)
     scores["relative_error"] = relative
+    scores["knows_where_it_is"] = _signal_json(result)
     tail = {"thesis_success": success, "radii": asdict(result.radii), "steps_per_s": result.steps_per_s}
     return head | scores | tail
+
+
+def _signal_json(result: RunResult) -> dict[str, Any] | None:
+    signal = result.signal
+    if signal is None:
+        return None
+    spans = [{"from_step": first, "to_step": last} for first, last in signal.probably_lost]
+    return {"share": signal.share, "at_end": signal.at_end, "probably_lost": spans}
 
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
@@ -177,11 +186,22 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
         ("localized at update", lambda r: _or_never(r.score.localized_at_update, r.score.lost)),
         ("lost", _lost),
         ("wrong and confident", lambda r: _written(r.score.wrong_confident_share, ".0%")),
+        ("knows where it is, without truth", _known),
         ("localized (thesis, sd < 10 %)", lambda r: _success(r, "tenth", units)),
         ("localized (thesis, one foot)", lambda r: _success(r, "circle", units)),
         (f"right, converged, lost ({unit})", lambda r: _radii(r.radii, units)),
         ("filter steps per second", lambda r: _written(r.steps_per_s, ".0f")),
     ]
+
+
+def _known(result: RunResult) -> str:
+    signal = result.signal
+    if signal is None:
+        return "-"
+    steps = [f"{first} to {last}" if last > first else str(first) for first, last in signal.probably_lost]
+    more = f" and {len(steps) - 1} more" if len(steps) > 1 else ""
+    lost = f", probably lost at step {steps[0]}{more}" if steps else ""
+    return f"{signal.share:.0%}{lost}"
 
 
 def _written(value: float | None, how: str, per_unit: float = 1.0) -> str:

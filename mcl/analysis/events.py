@@ -16,6 +16,7 @@ from ..arrays import F64, dot
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED, RESEEDED
 from ..records import AVERAGES, RecoveryTest, StepRecord
 from ..session import Moment
+from .lost_signal import LostSignal
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .modes import ModeTracker, TrackedMode
 
@@ -28,7 +29,7 @@ def in_meters(length_m: float) -> str:
 
 
 LOCALIZED, SEARCHING, WRONG, LOST = "localized", "searching", "wrong and confident", "lost"
-CONVERGED, SPREAD = "converged", "spread"
+CONVERGED, SPREAD, PROBABLY_LOST = "converged", "spread", "probably-lost"
 
 STATES: Mapping[str, str] = {
     LOCALIZED: "converged and correct",
@@ -37,6 +38,7 @@ STATES: Mapping[str, str] = {
     LOST: "too far off for four updates in a row, and still so",
     CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
     SPREAD: "truth not known: less than that",
+    PROBABLY_LOST: "truth not known: pictures fit elsewhere, whatever the cloud says",
 }
 
 
@@ -221,6 +223,7 @@ KINDS: Mapping[str, str] = {
     LOCALIZED: "converged and correct in 4 of 5 updates, for the first time",
     LOST: "for four updates in a row beyond the lost radius, or more than 45 degrees off",
     RECOVERED: "localized again after it was lost or kidnapped",
+    PROBABLY_LOST: "truth not known: it has stopped to know where it is, by the lost signal",
     BEYOND_THREE_SIGMA: "the truth lies more than three standard deviations from the estimate",
     MODE_SWITCH: "another mode has become the heaviest: the estimate jumps",
     LEFT_THE_MAP: "every particle drove out of free space: the cloud stays where it was",
@@ -258,6 +261,8 @@ class EventDetector:
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of the user, by step
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of STATES
+    knows: float | None = None  # probability that the last update's estimate is right, without truth
+    _signal: LostSignal = field(default_factory=LostSignal)
     _tracker: ModeTracker = field(default_factory=ModeTracker)
     _status: LocalizationStatus = field(default_factory=LocalizationStatus)
     _dip: Dip = field(default_factory=Dip)
@@ -269,12 +274,16 @@ class EventDetector:
         """Process the next update; return its events in the order of KINDS."""
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
+        was_lost, self.knows = self._signal.probably_lost, self._signal.add(record)
         happened = [
             *((BOOKMARK, note) for note in self.bookmarks.get(step, ())),
             *logged(moment.events),
             *self._of_filter(step, record),
             *self._judged(moment, record),
         ]
+        if moment.truth is None and self._signal.probably_lost:
+            self.state = PROBABLY_LOST
+            happened += [] if was_lost else [(PROBABLY_LOST, _doubts(self._signal))]
         order = list(KINDS)
         happened.sort(key=lambda one: order.index(one[0]))
         return tuple(RunEvent(step, time_s, kind, text) for kind, text in happened)
@@ -323,6 +332,10 @@ def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
         first = line.split(" ")[0].lower()
         said = "the robot was carried away" if line == "kidnapped" else line
         yield kinds.get(first, SESSION), said
+
+
+def _doubts(signal: LostSignal) -> str:
+    return f"knows where it is with a probability of {signal.knows or 0:.0%}: pictures fit elsewhere"
 
 
 def _reseeded(record: StepRecord) -> str:

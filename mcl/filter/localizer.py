@@ -135,6 +135,7 @@ class Localizer:
             events=_events(left, log_evidence, recovery, recovered),
             took_s=took,
             recovery_test=recovery.test,
+            library_evidence=comparison.library_evidence,
         )
         return FilterState(frame.step, recovered.belief, recovery.state), record
 

@@ -48,6 +48,18 @@ MOVED: Mapping[str, str] = {
 }
 
 
+OF_TRIALS = ("-o", "--output", "--seed", "--trials")  # options, each with a value, of what made a table
+
+
+def modern_command(family: str, args: list[str]) -> list[str]:
+    """Replace a command's old name: `calibrate drive` without a recording made a table of trials."""
+    if family != "calibrate" or args[:1] != ["drive"] or not set(OF_TRIALS) & set(args):
+        return args
+    taken = {at + 1 for at, word in enumerate(args) if word in OF_TRIALS}
+    names = [word for at, word in enumerate(args[1:], 1) if at not in taken and not word.startswith("-")]
+    return args if names or "--help" in args else ["trials", *args[1:]]
+
+
 def modern(args: list[str], known: Collection[str]) -> list[str]:
     """Replace old spellings by the current ones; `known` are the options of the command.
 

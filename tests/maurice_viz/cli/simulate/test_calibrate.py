@@ -14,6 +14,8 @@ import pytest
 
 from helpers.commands import failure, run, runs_of
 from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
+from maurice_mcl.geometry import compose
 from maurice_mcl.session import SessionInfo
 
 FIGURES = {
@@ -35,7 +37,7 @@ refused = partial(failure, "calibrate")
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
     file = tmp_path / "trials.csv"
-    calibrate("drive", "-o", file, "--seed", "3", "--trials", "30")
+    calibrate("trials", "-o", file, "--seed", "3", "--trials", "30")
     return file
 
 
@@ -59,6 +61,49 @@ def test_what_is_printed_without_a_file(table):
     assert [drift["floor"] for drift in facts["drifts"]] == ["wood", "carpet"]
     assert "straight error (in)" in calibrate("motion", table, "--unit", "in").stdout
     calibrate("motion", table, "--unit", "feet", expect=2)
+
+
+def test_the_name_that_tables_of_trials_were_made_by_before(table, tmp_path):
+    calibrate("drive", "-o", tmp_path / "before.csv", "--seed", "3", "--trials", "30")
+    assert (tmp_path / "before.csv").read_bytes() == table.read_bytes()
+
+
+def carmen(file: Path, turns: bool) -> Path:
+    """Write a drive in CARMEN's format, without pictures; its odometry errs by known alphas."""
+    rng, model = np.random.default_rng(1), OdometryMotion(OdometryParameters(0.05, 0.002, 0.003, 0.0005))
+    told, pose = np.zeros(3), np.zeros((1, 3), np.float32)
+    lines = ["# message formats defined: PARAM ODOM TRUEPOS", "PARAM robot_width 0.4 host 0"]
+    for k in range(200):
+        at, (x, y, heading) = f"{k}.0", pose[0].tolist()
+        lines.append(f"ODOM {told[0]} {told[1]} {told[2]} 0.5 0 0 {at} host {at}")
+        lines.append(f"TRUEPOS {x} {y} {heading} {told[0]} {told[1]} {told[2]} {at} host {at}")
+        motion = np.array([rng.uniform(0.3, 0.7), 0, rng.uniform(-1.2, 1.2) if turns else 0.0])
+        told = compose(told, motion)
+        pose = model.move(pose, np.zeros(2), motion, rng.normal(size=(1, 3)).astype(np.float32))
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def test_the_noise_of_odometry_from_a_recording_of_another_format(tmp_path, small_session):
+    log = carmen(tmp_path / "drive.log", turns=True)
+    done = calibrate("drive", log, "-o", tmp_path / "m.toml")
+    assert "odometry model of drive.log, 199 movements" in done.stdout
+    found = tomllib.loads((tmp_path / "m.toml").read_text())["robot"]["motion"]
+    assert found["turn_from_turn"] == pytest.approx(0.05, rel=0.5)
+    assert found["way_from_way"] == pytest.approx(0.003, rel=0.7)
+    run(small_session, "--set", f"motion={tmp_path / 'm.toml'}", "--rrd", "none", "--particles", 50)
+    facts = json.loads(calibrate("drive", log, "--json").stdout)
+    assert facts["motion"] == found
+    assert found["model"] == "odometry"
+    assert "--force" in refused("drive", log, "-o", tmp_path / "m.toml")
+
+
+def test_a_drive_that_goes_straight_says_what_it_cannot_tell(tmp_path):
+    done = calibrate("drive", carmen(tmp_path / "drive.log", turns=False))
+    notes = " ".join(done.stderr.split())
+    assert "turn_from_turn: no movement of the log shows it; the default stands" in notes
+    assert "turn_from_turn = 0.02" in done.stdout
+    calibrate("drive", tmp_path / "drive.log", "--model", "x", expect=2)
 
 
 @pytest.mark.slow

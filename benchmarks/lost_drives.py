@@ -1,0 +1,163 @@
+"""Simulated drives for the lost signal, and the numbers of many runs over them; both are kept on disk.
+
+Arenas FITTED are what the signal was fitted on (fitting seeds, tiers nominal and hard), arenas UNSEEN what it
+is judged on (test seeds, all tiers): no seed is in both, or in any other table of docs/results.md. Every
+arena has four drives of 120 updates: two of position tracking, two in which the robot is kidnapped once.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from maurice_datasets.sessions import simulated_session, simulation_plan
+from maurice_datasets.surveys import cached_survey
+from maurice_datasets.tasks import GENERATOR, SURVEY, for_fitting, for_testing
+from maurice_datasets.trials.controls import filter_for
+from maurice_datasets.trials.drives import Bench, Drive, Held
+from maurice_datasets.worlds.build import load_world
+from maurice_loaders.libraries.store import open_library
+from maurice_mcl.analysis.metrics import score_step
+from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch
+
+Numbers = dict[str, NDArray[Any]]
+SEEDS = (1, 2, 3)  # of the filter, for each drive
+UPDATES = 120
+FILTERS: dict[str, dict[str, Any]] = {
+    "best": {"preset": "robust", "particles": 1000, "recovery.strategy": "none"},
+    "robust": {"preset": "robust", "particles": 1000},
+    "thesis": {"preset": "thesis"},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """One drive: what it is made from."""
+
+    world: str
+    tier: str
+    arena: int  # seed of the arena, a multiple of four
+    number: int  # of the drive in it, 0 to 3: even ones are tracking, odd ones kidnapped
+
+    @property
+    def task(self) -> str:
+        """Whether the robot is carried away."""
+        return "kidnapped" if self.number % 2 else "tracking"
+
+    @property
+    def seed(self) -> int:
+        """The seed of the drive: one that no other drive has."""
+        return self.arena + self.number
+
+    @property
+    def name(self) -> str:
+        """What its files are called."""
+        return f"{GENERATOR}-{self.world}-{self.tier}-{self.seed}"
+
+
+def _courses(world: str, tiers: Sequence[str], arenas: range, drives: int = 4) -> list[Course]:
+    return [
+        Course(world, tiers[k % len(tiers)], arena, number)
+        for k, arena in enumerate(arenas)
+        for number in range(drives)
+    ]
+
+
+FITTED = _courses("two-rooms", ("nominal", "hard"), range(52, 76, 4))
+UNSEEN = _courses("two-rooms", ("nominal", "dim", "hard"), range(1500, 1536, 4))
+
+
+def drive_of(course: Course, folder: Path) -> Drive:
+    """Return a drive, rendered at the first time and kept."""
+    (for_fitting if course.arena < 1000 else for_testing)(course.seed)
+    world = load_world(course.world, course.arena, course.tier)
+    survey = cached_survey(world, course.arena, lambda done, total, what: None) / SURVEY.name
+    file = folder / f"{course.name}.drive"
+    if not file.exists():
+        cv2.setNumThreads(1)
+        plan = simulation_plan(
+            course.task,
+            world=course.world,
+            tier=course.tier,
+            arena_seed=course.arena,
+            seed=course.seed,
+            updates=UPDATES,
+        )
+        made = simulated_session(plan, world)
+        put(file, pickle.dumps(Held(made.info, tuple(made.moments()))))
+    held = pickle.loads(file.read_bytes())
+    return Drive(held, held.info.start, Bench.of(open_library(survey)), course.arena)
+
+
+def numbers_of(course: Course, folder: Path) -> dict[str, Numbers]:
+    """Return what every filter found on a drive: arrays (R, U), of R seeds and U updates."""
+    file = folder / f"{course.name}.npz"
+    if not file.exists():
+        drive = drive_of(course, folder)
+        kept = {
+            f"{label}/{name}": values
+            for label, settings in FILTERS.items()
+            for name, values in _numbers(drive, settings).items()
+        }
+        with file.with_suffix(".part").open("wb") as part:
+            np.savez(part, **kept)  # type: ignore[arg-type]  # its stubs know no names
+        file.with_suffix(".part").replace(file)
+    found: dict[str, Numbers] = {label: {} for label in FILTERS}
+    with np.load(file) as held:
+        for key in held:
+            label, name = key.split("/")
+            found[label][name] = held[key]
+    return found
+
+
+def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
+    localizer, moments = filter_for(drive, settings, 0), list(drive.session.moments())
+    comparisons = compared_once(localizer.sensor, moments)
+    traces = run_batch(localizer, moments, SEEDS, drive.start, comparisons)
+    library = np.array([(one.mean, one.best) for c in comparisons if (one := c.library_evidence)]).T
+    found: Numbers = {
+        "library_mean": np.tile(library[0], (len(SEEDS), 1)),
+        "library_best": np.tile(library[1], (len(SEEDS), 1)),
+        "error_m": np.array([[_error_m(t, u, m.truth) for u, m in enumerate(moments)] for t in traces]),
+        "correct": np.array([[_score(t, u, m.truth).correct for u, m in enumerate(moments)] for t in traces]),
+        "lost": np.array([[_score(t, u, m.truth).lost for u, m in enumerate(moments)] for t in traces]),
+        "evidence": np.array([t.calibrated_evidence for t in traces]),
+        "log_evidence": np.array([t.log_evidence for t in traces]),
+        "mass": np.array([t.mass for t in traces]),
+        "spread": np.array([np.hypot(*t.mean_sd_m.T) / t.radii.right_m for t in traces]),
+        "survivors": np.array([t.parents / t.particles for t in traces]),
+        "fresh": np.array([t.fresh / t.particles for t in traces]),
+        "ess": np.array([t.effective_sample_size / t.particles for t in traces]),
+        "confidence": np.array([t.confidence for t in traces]),
+        "converged": np.array([t.converged for t in traces]),
+    }
+    return found
+
+
+def _score(trace: RunTrace, update: int, truth: Any) -> Any:
+    return score_step(trace.estimate(update), truth)
+
+
+def _error_m(trace: RunTrace, update: int, truth: Any) -> float:
+    return float(_score(trace, update, truth).position_error_m)
+
+
+def put(file: Path, data: bytes) -> None:
+    """Write a file at once or not at all."""
+    part = file.with_suffix(".part")
+    part.write_bytes(data)
+    part.replace(file)
+
+
+def all_numbers(courses: Sequence[Course], folder: Path) -> Iterator[tuple[Course, dict[str, Numbers]]]:
+    """Yield the numbers of some drives; those that are kept are not made again."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for course in courses:
+        yield course, numbers_of(course, folder)

@@ -1,0 +1,91 @@
+"""Whether saved runs believe what is true: how often the regions of their clouds hold the true pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_mcl.analysis.events import is_kidnapping
+from maurice_mcl.analysis.metrics import Scorer
+from maurice_mcl.calibration.belief import BeliefCalibration, BeliefJudge
+
+from ...errors import OptionError
+from ...listener import SILENT, Listener
+from ..saved_steps import Pictures, Restored, restored_together
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedBelief:
+    """What was found for all runs of one label."""
+
+    label: str
+    found: BeliefCalibration
+    left_out: int  # runs that were lost or kidnapped: their regions cannot hold the truth
+    sharpness: float  # of the likelihood, as these runs had it
+
+    @property
+    def better_sharpness(self) -> float:
+        """The value of `sensor.sharpness` that describes these pictures best."""
+        return self.sharpness * self.found.exponent.value
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        facts = asdict(self.found) | {"likelihood": self.found.likelihood}
+        own = {"label": self.label, "left_out": self.left_out, "sharpness": self.sharpness}
+        return own | facts | {"better_sharpness": self.better_sharpness}
+
+
+def calibrate_belief(
+    *runs: str | Path, lost: bool = False, listener: Listener = SILENT
+) -> list[CalibratedBelief]:
+    """Judge the belief of saved runs with truth: one result per label, over all runs of that label.
+
+    A run that was lost or kidnapped is left out, unless `lost`: its regions cannot hold the truth. Raises
+    InputError for what is no saved run, and where no run is left; OptionError without any run.
+
+        >>> import maurice_viz as mv
+        >>> [found] = mv.calibrate_belief("my-run")
+        >>> [region.level for region in found.found.regions]
+        [0.5, 0.9, 0.99]
+    """
+    if not runs:
+        raise OptionError("found no saved run, expected one or more")
+    labelled: dict[str, list[SavedRun]] = {}
+    for path in runs:
+        for one in open_runs(Path(path)):
+            labelled.setdefault(one.manifest.label, []).append(one)
+    return [_judged(label, some, lost=lost, listener=listener) for label, some in labelled.items()]
+
+
+def _judged(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Listener) -> CalibratedBelief:
+    judge, left_out = BeliefJudge(), 0
+    for number, run in enumerate(runs, 1):
+        listener.progress(number, len(runs), f"belief of {label}")
+        judge.begin()
+        if not _add(judge, run) and not lost:
+            judge.drop()
+            left_out += 1
+    try:
+        found = judge.result()
+    except ValueError as problem:
+        why = f" ({left_out} lost or kidnapped, left out; --lost counts them)" if left_out else ""
+        raise InputError(runs[0].folder, f"{problem}{why}") from None
+    if left_out:
+        gone = f"{left_out} of {len(runs)} runs were lost or kidnapped and are left out"
+        listener.warning(f"note: {label}: {gone}")
+    return CalibratedBelief(label, found, left_out, runs[0].configuration.parameters.sensor.sharpness)
+
+
+def _add(judge: BeliefJudge, run: SavedRun) -> bool:
+    """Add the updates of a run; return whether it was healthy."""
+    scorer, carried = Scorer(), False
+    for moment, records in restored_together([Restored(run, None)], Pictures()):
+        [record] = records.values()
+        judge.add(record, moment.truth)
+        scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        carried |= any(is_kidnapping(text) for text in moment.events)
+    return not carried and scorer.result().lost is not True

@@ -1,0 +1,159 @@
+"""Whether the filter knows where it is, without truth: a probability, and an alarm where it is probably lost.
+
+A cloud's covariance tells how sure the filter is, not whether it is right: a cloud at the wrong place is as
+narrow as one at the right place. What differs is how well it predicts pictures. So every picture is explained
+twice, by the predicted cloud and by a cloud that is spread evenly over the whole library: a filter that is
+right beats the even cloud by several nats, one that is lost does worse than it. That and how concentrated the
+cloud is, where it comes from, and whether recovery is at work, are combined by logistic regression
+(docs/lost-signal.md has the table, how it was fitted, and its misses and false alarms on unseen drives).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..records import StepRecord
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefNumbers:
+    """What the signal reads of one update: nothing of it depends on the truth."""
+
+    evidence: float  # nats, calibrated, of the predicted cloud; -inf: no particle was in free space
+    library_mean: float  # nats, of a cloud spread over the whole library
+    library_best: float  # nats, of the entry that explains the picture best
+    mass: float  # share of the weight in the heaviest mode
+    spread: float  # standard deviation of the whole cloud over the radius `right_m`
+    survivors: float  # different particles that the next cloud descends from, over its size
+
+    @classmethod
+    def of(cls, record: StepRecord) -> BeliefNumbers | None:
+        """Read a record; None where it is not known how well the library explains the picture."""
+        library = record.library_evidence
+        if library is None:
+            return None
+        size, parents = record.belief.size, record.parents
+        own = size if parents is None else len(np.unique(parents[parents >= 0]))
+        return cls(
+            evidence=record.calibrated_evidence,
+            library_mean=library.mean,
+            library_best=library.best,
+            mass=record.estimate.mass,
+            spread=math.hypot(*record.mean_estimate.sd_m) / record.estimate.radii.right_m,
+            survivors=own / size,
+        )
+
+
+# What a running mean takes over of every update: the last three make up seven eighths of it.
+RATE = 0.5
+MOST_NATS = 10.0  # a picture counts for no more, whatever stands before the camera
+LEAST = 0.02  # of shares, whose log odds would grow beyond all bounds
+
+# Logistic regression: log odds that the estimate is right, per unit of each feature (docs/lost-signal.md).
+WEIGHTS: Mapping[str, float] = {
+    "constant": -2.15,
+    "gain": 2.26,
+    "last gain": -0.55,
+    "gap": -0.38,
+    "mass": 0.42,
+    "spread": -0.78,
+    "survivors": -0.98,
+}
+PROBABLY_LOST_BELOW = 0.06  # the probability below which it is probably lost ...
+KNOWS_ABOVE = 0.5  # ... and above which it knows where it is, so that it can be lost
+
+
+@dataclass(slots=True)
+class LostSignal:
+    """Follows one run, without truth; keeps two running means.
+
+    >>> import maurice_mcl as mcl
+    >>> signal = LostSignal()
+    >>> for _, record in mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()):
+    ...     knows = signal.add(record)
+    >>> 0 <= knows <= 1
+    True
+    """
+
+    knows: float | None = None  # probability that the last estimate is right; None: not known
+    probably_lost: bool = False  # whether it knew where it was, and does so no longer
+    _gain: float | None = None
+    _gap: float = 0.0
+    _knew: bool = False
+
+    def add(self, record: StepRecord) -> float | None:
+        """Process the next update; return the probability that its estimate is right, None if not known."""
+        numbers = BeliefNumbers.of(record)
+        return None if numbers is None else self.see(numbers)
+
+    def see(self, now: BeliefNumbers) -> float:
+        """Process the numbers of the next update."""
+        found = self.features(now)
+        odds = sum(weight * found[name] for name, weight in WEIGHTS.items())
+        self.knows = 1 / (1 + math.exp(-odds))
+        self._knew |= self.knows > KNOWS_ABOVE
+        self.probably_lost = self._knew and self.knows < PROBABLY_LOST_BELOW
+        return self.knows
+
+    def features(self, now: BeliefNumbers) -> dict[str, float]:
+        """Return what the probability of the next update is made of, by the names of WEIGHTS."""
+        last, gap = _clipped(now.evidence - now.library_mean), _clipped(now.library_best - now.evidence)
+        first = self._gain is None
+        self._gain = last if first else (1 - RATE) * (self._gain or 0.0) + RATE * last
+        self._gap = gap if first else (1 - RATE) * self._gap + RATE * gap
+        mass = min(max(now.mass, LEAST), 1 - LEAST)
+        return {
+            "constant": 1.0,
+            "gain": self._gain,
+            "last gain": last,
+            "gap": self._gap,
+            "mass": math.log(mass / (1 - mass)),
+            "spread": math.log(max(now.spread, LEAST)),
+            "survivors": math.log(max(now.survivors, LEAST)),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SignalSummary:
+    """What the lost signal said of one run."""
+
+    share: float  # of the updates at which it knew where it is: a probability of at least one half
+    at_end: float  # the probability at the last update
+    probably_lost: tuple[tuple[int, int], ...]  # first and last step of each time that it was probably lost
+
+
+@dataclass(slots=True)
+class SignalCollector:
+    """Follows the lost signal of one run and sums it up."""
+
+    _signal: LostSignal = field(default_factory=LostSignal)
+    _known: int = 0
+    _knew: int = 0
+    _spans: list[tuple[int, int]] = field(default_factory=list)
+    _was: bool = False
+
+    def add(self, record: StepRecord) -> None:
+        """Process the next update."""
+        knows, step = self._signal.add(record), record.frame.step
+        if knows is None:
+            return
+        self._known, self._knew = self._known + 1, self._knew + (knows >= KNOWS_ABOVE)
+        if self._signal.probably_lost:
+            begun = self._spans.pop()[0] if self._was else step
+            self._spans.append((begun, step))
+        self._was = self._signal.probably_lost
+
+    def result(self) -> SignalSummary | None:
+        """Return the summary up to now; None where nothing is known of how well pictures fit elsewhere."""
+        if self._signal.knows is None:
+            return None
+        return SignalSummary(self._knew / self._known, self._signal.knows, tuple(self._spans))
+
+
+def _clipped(nats: float) -> float:
+    """Return a difference of evidences, limited to ten nats either way; -inf is the least."""
+    return min(max(nats, -MOST_NATS), MOST_NATS)

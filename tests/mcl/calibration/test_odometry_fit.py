@@ -1,0 +1,124 @@
+"""Constants of motion models fitted to drives: simulated ones are found again, what a drive hides is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_mcl.arrays import F32, F64
+from maurice_mcl.calibration.motion import MotionSegment
+from maurice_mcl.calibration.odometry import LinearMaurice, LinearOdometry, MotionFit, fit_motion
+from maurice_mcl.filter.motion import (
+    FloorDrift,
+    MauriceParameters,
+    MotionModel,
+    OdometryMotion,
+    OdometryParameters,
+)
+
+TRUE = OdometryParameters(0.03, 0.005, 0.001, 0.002)
+SEEDS, DRIVEN = 12, 150
+
+
+def driven(
+    model: MotionModel,
+    seed: int,
+    *,
+    turn_rad: float = 1.5,
+    arcs: float = 0.0,
+    each: int = 1,
+    count: int = DRIVEN,
+) -> list[MotionSegment]:
+    """Drive with a model's own noise; turns up to an angle, or in proportion to the way."""
+    rng, segments = np.random.default_rng(seed), []
+    for _ in range(count):
+        pose, motions = np.zeros((1, 3), np.float32), []
+        for _ in range(each):
+            way = rng.uniform(0.1, 0.6)
+            motions.append(np.array([way, 0, arcs * way or turn_rad * rng.uniform(-1, 1)]))
+            noise = rng.normal(size=(1, 3)).astype(np.float32)
+            pose = model.move(pose, np.zeros(2), motions[-1], noise)
+        segments.append(MotionSegment(np.zeros(3), tuple(motions), pose[0].astype(float)))
+    return segments
+
+
+def of(fit: MotionFit) -> dict[str, object]:
+    return {one.name: one for one in fit.constants}
+
+
+def test_alphas_are_found_again_within_their_intervals():
+    within = []
+    for seed in range(SEEDS):
+        fit = fit_motion(driven(OdometryMotion(TRUE), seed), LinearOdometry())
+        assert all(one.told for one in fit.constants)
+        within += [one.fitted.holds(getattr(TRUE, one.name)) for one in fit.constants]
+    assert np.mean(within) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(within))
+
+
+def test_several_movements_between_two_truths_tell_the_same_constants():
+    fit = fit_motion(driven(OdometryMotion(TRUE), 0, each=3, turn_rad=0.4, count=400), LinearOdometry())
+    for one in fit.constants:
+        if one.told:
+            assert one.fitted.value == pytest.approx(getattr(TRUE, one.name), rel=0.6)
+    assert {"turn_from_way", "way_from_way"} <= {one.name for one in fit.constants if one.told}
+
+
+def test_a_straight_drive_does_not_tell_the_noise_of_turns_and_says_so():
+    fit = fit_motion(driven(OdometryMotion(TRUE), 0, turn_rad=0.0), LinearOdometry())
+    hidden = {one.name: one for one in fit.constants if not one.told}
+    assert set(hidden) == {"turn_from_turn", "way_from_turn"}
+    assert all(one.why == "no movement of the log shows it" for one in hidden.values())
+    assert fit.motion_header()["turn_from_turn"] == OdometryParameters().turn_from_turn
+    assert fit.motion_header()["way_from_way"] == pytest.approx(TRUE.way_from_way, rel=0.5)
+
+
+def test_arcs_of_one_curvature_do_not_tell_two_causes_of_one_error_apart():
+    fit = fit_motion(driven(OdometryMotion(TRUE), 0, arcs=2.0), LinearOdometry())
+    whys = {one.name: one.why for one in fit.constants if not one.told}
+    assert "way_from_turn" in whys["way_from_way"]
+    assert "way_from_way" in whys["way_from_turn"]
+
+
+class EvenDrift:
+    """The thesis's robot: a turn, then a straight along which the heading drifts evenly."""
+
+    def __init__(self, true: MauriceParameters) -> None:
+        self._true = true
+
+    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """Move as `MotionModel` says, in a hundred small steps."""
+        p, (way, _, turn), (of_length, of_drift, of_turn) = self._true, motion.tolist(), noise[0].tolist()
+        length = way + p.straight_bias_m + p.straight_sd_m * of_length
+        x, y, heading = poses[0].tolist()
+        heading += p.turn_gain * turn + p.turn_bias_rad + p.turn_sd_rad * of_turn
+        drift = p.drift[""]
+        for _ in range(100):
+            x, y = x + length / 100 * np.cos(heading), y + length / 100 * np.sin(heading)
+            heading += (drift.bias_rad_per_m + drift.sd_rad_per_m * of_drift) * way / 100
+        return np.array([[x, y, heading]], np.float32)
+
+
+def test_constants_of_the_thesis_are_found_again():
+    true = MauriceParameters(0.8, 0.02, 0.06, -0.01, 0.02, {"": FloorDrift(0.05, 0.03)})
+    model = LinearMaurice(("",), lambda start, end: "")
+    within = []
+    for seed in range(4):
+        fit = fit_motion(driven(EvenDrift(true), seed, count=200), model)
+        found = fit.motion_header()
+        assert found["model"] == "maurice"
+        for one in fit.constants:
+            drift = one.name.removeprefix("drift..")
+            within.append(one.fitted.holds(getattr(true.drift[""] if drift != one.name else true, drift)))
+        assert MauriceParameters.from_header(found).turn_gain == pytest.approx(0.8, abs=0.05)
+    assert np.mean(within) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(within))
+
+
+def test_slips_are_counted():
+    segments = driven(OdometryMotion(TRUE), 0)
+    far = [MotionSegment(s.before, s.motions, s.after + np.array([0, 0, 1.4])) for s in segments[:2]]
+    assert fit_motion([*far, *segments[2:]], LinearOdometry()).far >= 2
+
+
+def test_few_movements_are_refused():
+    with pytest.raises(ValueError, match="found 3 movements between true poses, expected 10 or more"):
+        fit_motion(driven(OdometryMotion(TRUE), 0, count=3), LinearOdometry())
