@@ -223,7 +223,7 @@ def calibrate_drive(
     recordings with fewer than ten movements between true poses, or a file that exists (unless `force`).
 
         >>> import maurice_viz as mv
-        >>> found = mv.calibrate_drive("drive.log", model="odometry")
+        >>> found = mv.calibrate_drive("session.log", model="odometry")
         >>> len(found.fit.constants)
         4
     """
