@@ -163,6 +163,11 @@ def _check_target(path: Path, force: bool) -> None:
         raise SinkError(path, f"cannot be written ({error.strerror}); choose another folder") from error
 
 
+# Recordings that could not be closed. Rerun flushes those that nobody refers to, under a lock that every new
+# recording needs: with a dead writer that never ends.
+_GIVEN_UP: list[rr.RecordingStream] = []
+
+
 def _close(rec: rr.RecordingStream) -> bool:
     """Write what is left and close the recording; False if not all could be written."""
     flushed = False
@@ -173,6 +178,8 @@ def _close(rec: rr.RecordingStream) -> bool:
         pass
     finally:
         closed = _disconnect(rec, FLUSH_S if flushed else GIVE_UP_S)
+    if not (flushed and closed):
+        _GIVEN_UP.append(rec)
     return flushed and closed
 
 

@@ -162,6 +162,7 @@ def test_a_writer_that_never_answers_is_not_waited_for(tmp_path, monkeypatch):
         write(tmp_path / "a.rrd")
     forever.set()
     assert unregistered == [True]
+    assert sinks._GIVEN_UP, "a recording that nobody refers to would be flushed, under Rerun's lock, forever"
     assert not (tmp_path / "a.rrd").exists()
 
 
