@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,9 +24,19 @@ os.environ.setdefault("PYTHONUTF8", "1")  # what tests start writes what they re
 # Every command that tests start would compile the project again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+HUNG_S = 600  # far longer than any test takes, however busy the machine
+
 # the same examples on every machine and day, however busy; `pytest --hypothesis-profile=default` draws others
 settings.register_profile("anywhere", derandomize=True, deadline=None)
 settings.load_profile("anywhere")
+
+
+@pytest.fixture(autouse=True)
+def _no_test_hangs() -> Iterator[None]:
+    """End the process, with where it stood, after a test that does not end: others then go on without it."""
+    faulthandler.dump_traceback_later(HUNG_S, exit=True, file=sys.__stderr__)
+    yield
+    faulthandler.cancel_dump_traceback_later()
 
 
 @pytest.fixture(autouse=True)
