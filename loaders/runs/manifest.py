@@ -18,6 +18,7 @@ import polars as pl
 import scipy
 from numpy.typing import NDArray
 
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.library import Library
 from maurice_mcl.radii import NAMES, USUAL, Radii
 
@@ -29,6 +30,7 @@ from ..formats.registry import NATIVE
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
 from ..reading import ReadingOptions, reading_from_json, reading_to_json
+from .failures import failure_to_json, failures_from_json
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 2
@@ -64,6 +66,7 @@ class RunManifest:
     steps: int | None = None  # written when it ended; None while writing
     reading: ReadingOptions = field(default_factory=ReadingOptions)  # all but its `table` and `keep_going`
     table: Source | None = None  # the file of `table` among the options of reading
+    failures: tuple[Failure, ...] | None = None  # written when it ended; None: of an earlier version
 
 
 def library_hash(library: Library, channels: Sequence[str]) -> str:
@@ -93,12 +96,14 @@ def versions_now() -> dict[str, str]:
 def write_manifest(folder: Path, manifest: RunManifest) -> None:
     """Write it at once or not at all."""
     found = asdict(manifest) | {"reading": reading_to_json(manifest.reading)}
+    found["failures"] = None if manifest.failures is None else [*map(failure_to_json, manifest.failures)]
     put(folder / MANIFEST, to_bytes({"format": FORMAT, "version": VERSION, **found}))
 
 
-def ended(manifest: RunManifest, state: str, steps: int) -> RunManifest:
-    """Return the manifest of a run that ended, with how and how far."""
-    return replace(manifest, state=state, steps=steps)
+def ended(manifest: RunManifest, state: str, steps: int, failures: Sequence[Failure] | None) -> RunManifest:
+    """Return the manifest of a run that ended, with how and how far, and why it failed."""
+    known = None if failures is None else tuple(failures)
+    return replace(manifest, state=state, steps=steps, failures=known)
 
 
 def to_bytes(value: Mapping[str, Any]) -> bytes:
@@ -165,6 +170,7 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         steps=None if steps is None else whole(steps, "steps"),
         reading=reading_from_json(found.get("reading", READING_1)),
         table=None if found.get("table") is None else _source(found["table"], "table"),
+        failures=None if found.get("failures") is None else failures_from_json(found["failures"], steps),
     )
 
 

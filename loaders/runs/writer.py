@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.radii import Radii
@@ -55,6 +56,7 @@ class RunWriter:
         self._schema = steps_schema(manifest.channels)
         self._waiting: list[StepRows] = []
         self._written = 0
+        self.failures: Sequence[Failure] | None = None  # why the run failed, as far as it got
         with new_folder(folder, force=force) as begun:  # never without its manifest, by which it is known
             for table in TABLES:
                 (begun / table).mkdir()
@@ -72,7 +74,7 @@ class RunWriter:
     def close(self, state: str) -> None:
         """Write what is left, and in the manifest how it ended: "complete", "stopped" or "failed"."""
         self._flush()
-        write_manifest(self._folder, ended(self._manifest, state, self._written))
+        write_manifest(self._folder, ended(self._manifest, state, self._written, self.failures))
 
     def _flush(self) -> None:
         if not self._waiting:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
+from shlex import quote
 from typing import TypeAlias
 
 from maurice_loaders.errors import InputError
@@ -19,7 +20,8 @@ from maurice_loaders.runs.store import (
     read_bookmarks,
     remove_bookmarks,
 )
-from maurice_mcl.analysis.events import BOOKMARK, KINDS, SESSION, EventDetector, RunEvent
+from maurice_mcl.analysis.events import BOOKMARK, FAILURE, KINDS, SESSION, EventDetector, RunEvent
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.run_comparison import RunComparison
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
@@ -28,8 +30,10 @@ from ..entities import PHASE, STEP, Phase, phase_number
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..style import Scale, units_named
+from ..text.failure import with_failures
 from .saved_steps import Pictures, Restored, restored_together
 
+UNKNOWN = "was saved without its failures, by an earlier version; maurice-replay diagnose {} finds them"
 Update: TypeAlias = tuple[Moment, StepRecord]
 
 
@@ -47,7 +51,7 @@ class FoundEvents:
 
     runs: tuple[RunEvents, ...]
     session: str  # its name, which is also that of its recordings
-    problems: tuple[str, ...]  # files of bookmarks with lines that cannot be read, one line per file
+    problems: tuple[str, ...]  # what cannot be read of bookmarks, or was not saved; a line per file or run
 
     def to_json(self) -> dict[str, object]:
         """Return `{"runs": [{"label": ..., "events": [...]}]}`."""
@@ -96,8 +100,10 @@ def find_events(folder: Path) -> FoundEvents:
         for one, update in zip(watched, updates, strict=True):
             if update is not None:
                 one.see(updates[0], update)
-    done = tuple(RunEvents(one.label, tuple(one.events)) for one in watched)
-    return FoundEvents(done, runs[0].manifest.name, problems)
+    old = [run.folder for run in runs if run.manifest.failures is None and run.manifest.steps]
+    unknown = tuple(f"{one}: {UNKNOWN.format(quote(str(one)))}" for one in old)
+    done = tuple(RunEvents(one.label, one.result()) for one in watched)
+    return FoundEvents(done, runs[0].manifest.name, (*problems, *unknown))
 
 
 @dataclass(slots=True)
@@ -108,20 +114,30 @@ class _Watched:
     detector: EventDetector
     pairing: RunComparison | None
     events: list[RunEvent]
+    failures: Sequence[Failure]  # as they were found when the run ended
+    scale: Scale
+    times_s: dict[int, float] = field(default_factory=dict)  # of each step
 
     @classmethod
     def of(cls, run: SavedRun, first: SavedRun, notes: Mapping[int, Sequence[str]]) -> _Watched:
         own, other = run.manifest, first.manifest
-        say = Scale(units_named(own.display_units)).say
+        scale = Scale(units_named(own.display_units))
+        say = scale.say
         same = own.session.sha256 == other.session.sha256
         pairing = None if run is first else RunComparison(other.label, own.label, say, same)
-        return cls(own.label, EventDetector(say, bookmarks=notes), pairing, [])
+        return cls(own.label, EventDetector(say, bookmarks=notes), pairing, [], own.failures or (), scale)
 
     def see(self, first: Update | None, update: Update) -> None:
         self.events += self.detector.see(*update)
         if self.pairing is not None and first is not None:
             parted = self.pairing.see(first, update).event
             self.events += [parted] if parted else []
+        moment, _ = update
+        self.times_s[moment.frame.step] = moment.frame.time_s
+
+    def result(self) -> tuple[RunEvent, ...]:
+        """Return the events of all its updates, and its failures among them."""
+        return tuple(with_failures(self.events, self.failures, self.times_s, self.scale))
 
 
 def _updates(run: SavedRun) -> Iterator[Update]:
@@ -211,9 +227,10 @@ def jump(
 ) -> Destination:
     """Move the open viewer to an event or a step of a saved run, and return where it is now.
 
-    `to` is the kind of an event, the text of a bookmark, or the first word of an event in the session log;
-    the `nth` of them, counted from 1, in any run or the one of `run_label`. `phase` is one of PHASES. The
-    viewer is the one opened last that shows this session, or the one that listens on `port`.
+    `to` is the kind of an event, the cause of a failure, the text of a bookmark, or the first word of an
+    event in the session log; the `nth` of them, counted from 1, in any run or the one of `run_label`. `phase`
+    is one of PHASES. The viewer is the one opened last that shows this session, or the one that listens on
+    `port`.
 
     Raises OptionError for contradicting arguments and InputError if event, step or viewer is missing.
 
@@ -263,8 +280,10 @@ def find_event(
 
 
 def is_named(event: RunEvent, name: str) -> bool:
-    """Return whether its kind, its bookmark's text or the first word of the log's text is this name."""
+    """Return whether its kind, cause, bookmark's text or the first word of the log's text is this name."""
     if event.kind == BOOKMARK and event.text == name:
+        return True
+    if event.kind == FAILURE and event.text.split(":")[0] == name:
         return True
     return event.kind == name or (event.kind == SESSION and event.text.split()[:1] == [name])
 

@@ -15,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.runs.writer import RunWriter
-from maurice_mcl.analysis.failures.verdict import decisive_step
+from maurice_mcl.analysis.failures.verdict import RunVerdict, decisive_step
 from maurice_mcl.analysis.run_comparison import Step
 
 from ..errors import SinkError, Terminated
@@ -171,8 +171,23 @@ def step_through(
     finally:
         if comparison is not None and collector.updates:
             comparison.end(collector.results())
-        if verdict is not None and collector.updates:
-            verdict.end(collector.verdicts())
+        if collector.updates:
+            _conclude(collector.verdicts(), observers, writers, verdict)
+
+
+def _conclude(
+    verdicts: Mapping[str, RunVerdict],
+    observers: Mapping[str, Observer],
+    writers: Mapping[str, RunWriter],
+    drawing: VerdictDrawing | None,
+) -> None:
+    """Draw and save what is known only at the end: the verdicts, and why runs failed."""
+    for label, verdict in verdicts.items():
+        for one in (observers.get(label), writers.get(label)):
+            if one is not None:
+                one.failures = verdict.failures
+    if drawing is not None:
+        drawing.end(verdicts)
 
 
 def _verdict(playback: Playback, observers: Mapping[str, Observer]) -> VerdictDrawing | None:

@@ -22,6 +22,7 @@ from maurice_mcl.session import Moment, Session
 from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..style import MISSING, Scale
+from ..text.failure import with_failures
 from ..text.narration import errors
 
 NO_PICTURE: U8 = np.full((90, 120, 3), MISSING, np.uint8)  # shown where the session's picture is not there
@@ -212,4 +213,9 @@ def collect(
         for label, step in paired.items():
             tracks[label].events.extend([] if step.event is None else [step.event])
         listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
-    return Collected(list(tracks.values()), scores.results(), size)
+    results = scores.results()
+    for one in results:
+        track = tracks[one.label]
+        times_s = {int(row[0]): row[1] for row in track.rows}  # the first two of NUMBERS
+        track.events = with_failures(track.events, one.verdict.failures, times_s, scale)
+    return Collected(list(tracks.values()), results, size)

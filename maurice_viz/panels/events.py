@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 from maurice_mcl.analysis import events as kinds
 from maurice_mcl.analysis import events as states
 from maurice_mcl.analysis.events import RunEvent
+from maurice_mcl.analysis.failures.kinds import CAUSES, Failure
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 from maurice_mcl.session import Moment
 
@@ -20,6 +21,7 @@ from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..style import FRESH, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
+from ..text.failure import title
 from ..text.what_if import BRANCH
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only, set_place
 
@@ -67,6 +69,8 @@ NEUTRAL = PALE
 LEGEND = "marks begin at their event; green good, orange wrong or doubtful, blue search or acts, red lost"
 LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump, branch"
 
+CAUSE = "cause: "  # before the kind of a failure: a state, or a mark of its own
+
 STATUS_COLORS: Mapping[str, RGB] = {
     states.LOCALIZED: GOOD,
     states.SEARCHING: ACTS,
@@ -75,8 +79,10 @@ STATUS_COLORS: Mapping[str, RGB] = {
     states.CONVERGED: GOOD,
     states.SPREAD: ACTS,
     states.PROBABLY_LOST: LOST,
+    **{f"{CAUSE}{kind}": LOST for kind in CAUSES},  # in place of lost, where the cause is known
 }
 NOTICED_COLORS: Mapping[str, RGB] = {
+    **{f"{CAUSE}{kind}": LOST for kind in CAUSES},
     kinds.LOST: LOST,
     kinds.PROBABLY_LOST: LOST,
     kinds.LEFT_THE_MAP: LOST,
@@ -110,6 +116,7 @@ SHORT = {
     kinds.SESSION: "log",
     states.WRONG: "wrong",
     states.SEARCHING: "search",
+    **{f"{CAUSE}{kind}": f"why: {title(kind)}" for kind in CAUSES},
 }  # labels of marks and states, if not their names: a state can be as short as one update
 
 
@@ -176,11 +183,35 @@ class _Lane:
 
     def change(self, rec: rr.RecordingStream, moment: Moment, name: str) -> None:
         """Begin a name, or nothing."""
-        if name:
-            rec.log(self.path, rr.StateChange(state=name))
-        else:
-            rec.log(self.path, rr.StateChange.from_fields(state=[]))
         self._changes.append((moment.frame.step, moment.frame.time_s, name))
+        self._put(rec, -1, self._changes[-1])
+
+    def rename(self, rec: rr.RecordingStream, first: int, last: int, old: str, new: str) -> None:
+        """Give what was called `old` from one step to another a new name."""
+        for k, (step, time_s, name) in enumerate(self._changes):
+            if first <= step <= last and name == old:
+                self._put(rec, k, (step, time_s, new))
+
+    def insert(
+        self, rec: rr.RecordingStream, step: int, times_s: Mapping[int, float], hold: int, name: str
+    ) -> None:
+        """Mark a step that is over, until the next mark, or for so many steps."""
+        before = [k for k, one in enumerate(self._changes) if one[0] < step]
+        after = next((one[0] for one in self._changes if one[0] > step), None)
+        at = len(before)
+        same = at < len(self._changes) and self._changes[at][0] == step
+        if not same:
+            self._changes.insert(at, (step, times_s[step], name))
+        self._put(rec, at, (step, times_s[step], name))
+        end = step + hold
+        if (after is None or after > end) and end in times_s:
+            self._changes.insert(at + 1, (end, times_s[end], ""))
+            self._put(rec, at + 1, self._changes[at + 1])
+
+    def _put(self, rec: rr.RecordingStream, k: int, change: tuple[int, float, str]) -> None:
+        self._changes[k] = step, time_s, name = change
+        set_place(rec, step, time_s, Phase.ESTIMATE)
+        rec.log(self.path, rr.StateChange(state=name) if name else rr.StateChange.from_fields(state=[]))
 
     def finish(self, rec: rr.RecordingStream, steps: int) -> None:
         """Take the word from what lasted less than its share of a run of so many steps."""
@@ -216,6 +247,7 @@ class EventsPanel(Panel):
         super().__init__(run)
         hold_steps = hold_for(run.updates or USUAL_UPDATES)
         self._status, self._now, self._step = _Lane(status_path(run.paths), STATUS_COLORS), "", 0
+        self._times_s: dict[int, float] = {}  # of each step drawn
         self._noticed = _Marks(_Lane(noticed_path(run.paths), NOTICED_COLORS), hold_steps)
         self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps) if run.draws_scene else None
         marks = [self._noticed, *([self._log] if self._log else [])]
@@ -227,6 +259,7 @@ class EventsPanel(Panel):
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         self._step = update.moment.frame.step
+        self._times_s[self._step] = update.moment.frame.time_s
         set_phase(rec, update.moment, Phase.ESTIMATE)
         if update.status != self._now:
             self._status.change(rec, update.moment, update.status)
@@ -235,6 +268,14 @@ class EventsPanel(Panel):
         self._noticed.draw(rec, update.moment, [event.kind for event in shown])
         if self._log is not None:
             self._log.draw(rec, update.moment, [name_of(event) for event in shown])
+
+    def diagnosed(self, rec: rr.RecordingStream, failures: Sequence[Failure]) -> None:
+        for one in failures:
+            name = f"{CAUSE}{one.kind}"
+            self._status.rename(rec, one.lost, one.last, states.LOST, name)
+            self._status.rename(rec, one.lost, one.last, states.PROBABLY_LOST, name)
+            if one.first in self._times_s:
+                self._noticed.lane.insert(rec, one.first, self._times_s, self._noticed.hold_steps, name)
 
     def finish(self, rec: rr.RecordingStream) -> None:
         for lane in self._lanes:

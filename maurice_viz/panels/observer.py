@@ -10,6 +10,7 @@ from typing import Protocol
 import rerun as rr
 
 from maurice_mcl.analysis.events import EventDetector
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.library import Library
 from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
@@ -73,6 +74,8 @@ def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) ->
 class Observer(Protocol):
     """What a run is reported to, update by update."""
 
+    failures: Sequence[Failure]  # why the run failed; set before `end`
+
     def begin(self, info: SessionInfo, library: Library) -> None:
         """Take what is known before the first picture. Called once."""
 
@@ -101,6 +104,7 @@ class RerunObserver:
     bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     radii: Radii = USUAL  # by which the run is judged
     color: RGB = RUN_COLORS[0]  # of its estimate
+    failures: Sequence[Failure] = ()  # why the run failed: known only before `end`
     _panels: list[Panel] = field(init=False, default_factory=list)
     _detector: EventDetector | None = field(init=False, default=None)
     _filter: DetailFilter = field(init=False)
@@ -146,6 +150,7 @@ class RerunObserver:
         for update in self._filter.rest():
             self._draw(update)
         for panel in self._panels:
+            panel.diagnosed(self.rec, self.failures)
             panel.finish(self.rec)
 
     def _draw(self, update: StepUpdate) -> None:

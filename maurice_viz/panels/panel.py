@@ -6,13 +6,14 @@ A panel owns the entities that it draws: no other panel logs them. Beside the cl
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
 
 from maurice_mcl.analysis.events import RunEvent
+from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.localizer import EXPANDED
@@ -103,6 +104,9 @@ class Panel:
 
     def clear(self, rec: rr.RecordingStream) -> None:
         """Empty what is not drawn until the next full update, or it would show an earlier one."""
+
+    def diagnosed(self, rec: rr.RecordingStream, failures: Sequence[Failure]) -> None:
+        """Log why the run failed; called when it is over, before `finish`."""
 
     def finish(self, rec: rr.RecordingStream) -> None:
         """Log what is known only when the run is over."""

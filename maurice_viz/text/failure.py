@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from maurice_mcl.analysis.events import FAILURE, KINDS, RunEvent
 from maurice_mcl.analysis.failures.kinds import (
     AMBIGUITY,
     DATA,
@@ -42,9 +43,24 @@ WITHOUT_TRUTH = " (without ground truth)"
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
 
 
-def title(failure: Failure) -> str:
-    """Return the kind of a cause in a word or two."""
-    return TITLES.get(failure.kind, "not known")
+def title(kind: str) -> str:
+    """Return a kind of cause in a word or two."""
+    return TITLES.get(kind, "not known")
+
+
+def failure_event(failure: Failure, time_s: float, scale: Scale) -> RunEvent:
+    """Return a failure as an event of the step at which its cause shows first."""
+    until = f"; lost from {failure.lost} to {failure.last}"
+    return RunEvent(failure.first, time_s, FAILURE, f"{failure.kind}: {say_cause(failure, scale)}{until}")
+
+
+def with_failures(
+    events: Iterable[RunEvent], failures: Iterable[Failure], times_s: Mapping[int, float], scale: Scale
+) -> list[RunEvent]:
+    """Return the events of a run in order with its failures among them."""
+    found = [failure_event(one, times_s[one.first], scale) for one in failures if one.first in times_s]
+    order = list(KINDS)
+    return sorted([*events, *found], key=lambda one: (one.step, order.index(one.kind)))
 
 
 def say_cause(failure: Failure, scale: Scale) -> str:

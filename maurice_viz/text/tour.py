@@ -82,7 +82,7 @@ def _name(moment: TourMoment, several: bool) -> str:
     if isinstance(moment.fact, Cause):
         return BEFALLS.get(moment.fact.kind, "something happens")
     if isinstance(moment.fact, Failure):
-        name = f"the cause, {title(moment.fact)}"
+        name = f"the cause, {title(moment.fact.kind)}"
     else:
         name = NAMES.get(moment.kind, "farthest off")
     return f"`{moment.label}` {name}" if several and moment.label else name

@@ -211,12 +211,14 @@ class Leader:
 
 # What a person reads: the kinds of event, and the detector that reports them for one run.
 
+FAILURE = "failure"
 KIDNAPPED, LIGHTS_CHANGED, SESSION = "kidnapped", "lights-changed", "session"
 ESS_DIP, ALL_WEIGHTS_ZERO, MODE_SWITCH = "ess-dip", "all-weights-zero", "mode-switch"
 BEYOND_THREE_SIGMA, PARTED, BOOKMARK = "beyond-three-sigma", "parted", "bookmark"
 RECOVERED, LEFT_THE_MAP = "recovered", "left-the-map"  # and LOCALIZED and LOST, which begin the states
 
 KINDS: Mapping[str, str] = {
+    FAILURE: "why the run was lost, at the step at which the cause shows first (docs/diagnose.md)",
     KIDNAPPED: "the log says that the robot was carried away",
     LIGHTS_CHANGED: "the log says that the light changed",
     SESSION: "anything else that the log says: a bump, a slip, another floor",

@@ -37,7 +37,7 @@ class BeliefNumbers:
         if library is None:
             return None
         size, parents = record.belief.size, record.parents
-        own = size if parents is None else len(np.unique(parents[parents >= 0]))
+        own = size if parents is None else int(np.count_nonzero(np.bincount(parents[parents >= 0])))
         return cls(
             evidence=record.calibrated_evidence,
             library_mean=library.mean,

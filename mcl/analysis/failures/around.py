@@ -35,7 +35,7 @@ class PlaceFit:
     estimate_behind: float  # by which the place of the estimate is ahead; 0 where that is the true one
     rank: int  # of the true place's best reference among all, from 1
     references: int
-    rivals: int  # other places that score as well, within a nat
+    rivals: int  # other places that score as well, within a nat; not counted where the estimate is right
     rival: tuple[float, float]  # x and y in m of the best of them
     costliest: str  # the channel that costs the true place most against the best other one
     costs: float  # nats that it costs
@@ -76,28 +76,44 @@ class Surroundings:
 
     def near(self, pose: F64) -> Index:
         """Return the references that show the view from a pose (3,): near it, looking the same way."""
-        poses = self.sensor.library.poses
-        apart_m = np.hypot(*(poses[:, :2] - pose[:2]).T)
-        alike = np.abs(wrap(poses[:, 2] - pose[2])) <= SAME_WAY_RAD
-        return np.flatnonzero(alike & (apart_m <= NEAR * self.spacing_m))
+        return self._looking_alike(np.flatnonzero(self._apart(pose) <= (NEAR * self.spacing_m) ** 2), pose)
 
     def far(self, pose: F64) -> Bool:
         """Return which references (L,) are at another place than a pose (3,)."""
-        apart_m: F64 = np.hypot(*(self.sensor.library.poses[:, :2] - pose[:2]).T)
-        return apart_m > self.lost_m
+        return self._apart(pose) > self.lost_m**2
+
+    def _apart(self, pose: F64) -> F64:
+        """Return the squared distance (L,) of every reference from a pose (3,)."""
+        x, y, _ = self._columns
+        dx: F64 = x - pose[0]
+        dy: F64 = y - pose[1]
+        dx *= dx
+        dy *= dy
+        dx += dy
+        return dx
+
+    def _looking_alike(self, some: Index, pose: F64) -> Index:
+        found: Index = some[np.abs(wrap(self._columns[2][some] - pose[2])) <= SAME_WAY_RAD]
+        return found
+
+    @cached_property
+    def _columns(self) -> F64:
+        """The poses of the references, (3, L): a column after the other."""
+        return np.ascontiguousarray(self.sensor.library.poses.T)
 
     def fit(self, comparison: Comparison, truth: F64, estimate: F64) -> PlaceFit | None:
         """Say how a picture fits the truth (3,); None where no reference is near it, or it is off the map."""
-        near, far = self.near(truth), self.far(truth)
-        likely = comparison.log_likelihood
-        if not len(likely) or not len(near) or not far.any():
+        apart, likely = self._apart(truth), comparison.log_likelihood
+        near = self._looking_alike(np.flatnonzero(apart <= (NEAR * self.spacing_m) ** 2), truth)
+        others = np.flatnonzero(apart > self.lost_m**2)
+        if not len(likely) or not len(near) or not len(others):
             return None
-        here, there = (self.likelihood(comparison, pose) for pose in (truth, estimate))
+        here, there = self._likelihoods(comparison, truth, estimate)
         if not np.isfinite(here):
             return None
         entry = int(near[comparison.cost[near].argmin()])
-        others = np.flatnonzero(far)
-        best = int(others[likely[others].argmax()])
+        likely_there = likely[others]
+        best = int(others[likely_there.argmax()])
         channel, costs = self._costliest(comparison, entry, best)
         same = float(np.hypot(*(truth - estimate)[:2])) <= self.lost_m
         x, y = self.sensor.library.poses[best, :2].tolist()
@@ -108,17 +124,19 @@ class Surroundings:
             estimate_behind=0.0 if same or not np.isfinite(there) else there - here,
             rank=int((likely > likely[near].max()).sum()) + 1,
             references=len(likely),
-            rivals=self._places(others[likely[others] >= here - ALIKE_NATS]),
+            rivals=0 if same else self._places(others[likely_there >= here - ALIKE_NATS]),
             rival=(x, y),
             costliest=channel,
             costs=costs,
         )
 
-    def likelihood(self, comparison: Comparison, pose: F64) -> float:
-        """Return the log-likelihood of a particle at a pose (3,); -inf outside the map."""
-        sensor = self.sensor
-        found = sensor.references.at(comparison.of_references, self._relative(pose), sensor.library.origin)
-        return float(found[0])
+    def _likelihoods(self, comparison: Comparison, *poses: F64) -> list[float]:
+        """Return the log-likelihood of a particle at each pose (3,); -inf outside the map."""
+        sensor, relative = self.sensor, np.concatenate([self._relative(pose) for pose in poses])
+        found: list[float] = sensor.references.at(
+            comparison.of_references, relative, sensor.library.origin
+        ).tolist()
+        return found
 
     @cached_property
     def usual(self) -> UsualFit:

@@ -18,6 +18,7 @@ from ...radii import Radii
 from ...records import StepRecord
 from ...session import Moment
 from ..events import is_kidnapping
+from .light import mean_level
 
 CARRIED = "carried"  # the log says so: expected None, actual meters
 JUMPED = "jumped"  # the truth moved much farther than odometry says: expected and actual meters
@@ -107,7 +108,7 @@ class CauseFinder:
         likelihood = record.sighting.comparison.log_likelihood
         if not len(likelihood):
             return
-        gray = float(record.frame.image.mean())
+        gray = mean_level(record.frame.image)
         scatter = float(np.std(likelihood))
         if self._seen < KNOWN or gray >= DARKER * self._least:
             self._seen, self._least, self._dark = self._seen + 1, min(self._least, gray), []

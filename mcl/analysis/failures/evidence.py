@@ -15,16 +15,19 @@ from ...session import Moment
 from ..events import is_kidnapping
 from ..metrics import StepScore, score_step
 from .around import PlaceFit, Surroundings
-from .light import LightFit, light_fit
+from .light import LightFit, mean_level
 from .near_truth import NearTruth, near_truth
-from .surprise import Surprise, surprise
+from .surprise import Surprise
 
 MOVED = 0.01  # m or rad, from which on the next picture must differ
 
 
 @dataclass(frozen=True, slots=True)
 class UpdateEvidence:
-    """One update; None where it is not known: without truth, library, or motion model."""
+    """One update; None where it is not known: without truth, library, or motion model.
+
+    Four are added only around a loss, by `LaterEvidence`: outside, surprise, reference_m and light.
+    """
 
     step: int
     time_s: float
@@ -102,35 +105,22 @@ class EvidenceFinder:
             spread_nats=float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
             best=-float(cost.min()) if len(cost) else float("nan"),
             cloud=record.calibrated_evidence,
-            gray=float(frame.image.mean()) if frame.image.size else float("nan"),
+            gray=mean_level(frame.image),
             driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
         )
-        return found if truth is None else self._with_truth(found, before, truth, moment, record)
+        return found if truth is None else self._with_truth(found, before, truth, record)
 
     def _with_truth(
-        self, found: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
+        self, found: UpdateEvidence, before: Moment | None, truth: F64, record: StepRecord
     ) -> UpdateEvidence:
         """Add what only the truth (3,) tells."""
         last = None if before is None else before.truth
         moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
         found = replace(found, near=near_truth(record, truth), moved_m=moved_m)
-        localizer, around = self.localizer, self.around
-        if localizer is None or around is None or found.broken:
+        around = self.around
+        if around is None or found.broken:
             return found
-        if last is not None and localizer.motion is not None:
-            origin = localizer.library.origin
-            how = surprise(localizer.motion, origin, last, truth, moment.frame.motions)
-            found = replace(found, surprise=how)
-        estimate, image = record.estimate.pose, moment.frame.image
-        fit = around.fit(record.sighting.comparison, truth, estimate)
-        light = light_fit(around, image, truth, estimate, fit) if fit is not None and image.size else None
-        return replace(
-            found,
-            outside=around.is_outside(truth),
-            reference_m=around.to_reference_m(truth),
-            fit=fit,
-            light=light,
-        )
+        return replace(found, fit=around.fit(record.sighting.comparison, truth, record.estimate.pose))
 
 
 def _moved(motions: F64) -> bool:

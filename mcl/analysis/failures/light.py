@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ...arrays import F64, U8
@@ -27,6 +28,11 @@ class LightFit:
     expected: float  # and that of the references
     cost: float  # nats of the true place, as `PlaceFit.cost`, of the corrected picture
     behind: float  # and as `PlaceFit.behind`
+
+
+def mean_level(image: U8) -> float:
+    """Return the mean gray level of a picture, 0 to 255; NaN for one without pixels."""
+    return sum(cv2.mean(image)[:3]) / 3 if image.size else float("nan")
 
 
 def light_fit(around: Surroundings, image: U8, truth: F64, estimate: F64, fit: PlaceFit) -> LightFit | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import F32, F64, Bool
 from ...records import Belief, StepRecord
@@ -26,20 +27,30 @@ class NearTruth:
 def near_truth(record: StepRecord, truth: F64) -> NearTruth:
     """Measure the cloud of one update around the true pose (3,); a particle in a wall counts for nothing."""
     radius_m, inside = record.estimate.radii.confidence_m, record.sighting.entries >= 0
-    away_m, near = _around(record.weighted, truth, radius_m)
-    moved = float(record.predicted.weights[_around(record.predicted, truth, radius_m)[1] & inside].sum())
-    weighed = float(record.weighted.weights[near & inside].sum())
-    after = float(record.belief.weights[_around(record.belief, truth, radius_m)[1]].sum())
-    nearest_m = float(away_m.min()) if len(away_m) else np.inf
-    return NearTruth(int((near & inside).sum()), (moved, weighed, after), nearest_m)
+    nearest_m, near = _around(record.weighted, truth, radius_m)
+    before = near
+    if record.predicted.poses is not record.weighted.poses:
+        before = _around(record.predicted, truth, radius_m)[1]
+    after = near if record.belief is record.weighted else _around(record.belief, truth, radius_m)[1]
+    near, before = near[inside[near]], before[inside[before]]
+    shares = [
+        float(belief.weights[some].sum())
+        for belief, some in ((record.predicted, before), (record.weighted, near), (record.belief, after))
+    ]
+    return NearTruth(len(near), (shares[0], shares[1], shares[2]), nearest_m)
 
 
-def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[F64, Bool]:
-    """Return the distance (N,) of each particle from the truth, and which (N,) are near it."""
-    x, y = truth[:2] - belief.origin
-    away_m = np.hypot(belief.poses[:, 0] - x, belief.poses[:, 1] - y)
-    alike = np.cos(belief.poses[:, 2] - truth[2]) >= np.cos(LOST_RAD)
-    return away_m, (away_m <= radius_m) & alike
+def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, NDArray[np.intp]]:
+    """Return the distance of the nearest particle from the truth, and the numbers of those near it."""
+    x, y = (truth[:2] - belief.origin).tolist()
+    poses = belief.poses
+    away, along = poses[:, 0] - x, poses[:, 1] - y
+    away *= away
+    along *= along
+    away += along
+    near = np.flatnonzero(away <= radius_m**2)
+    alike = np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)
+    return float(np.sqrt(away.min())) if len(away) else np.inf, near[alike]
 
 
 def has_near(belief: Belief, truth: F64, radius_m: float) -> bool:

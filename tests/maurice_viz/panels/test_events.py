@@ -9,7 +9,8 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.events import KINDS, PARTED, STATES, RunEvent
+from maurice_mcl.analysis.events import FAILURE, KINDS, PARTED, STATES, RunEvent
+from maurice_mcl.analysis.failures.kinds import CAUSES, LIGHTING, Failure
 from maurice_mcl.filter.localizer import RESAMPLED
 from maurice_viz.entities import RunPaths
 from maurice_viz.panels import events as draw_events
@@ -23,7 +24,13 @@ Step = tuple[str, list[tuple[str, str]]]  # state, kinds and texts
 
 
 def drawn(
-    path: Path, steps: Sequence[Step], *, scene: bool = True, hold: int = 3, finished: bool = False
+    path: Path,
+    steps: Sequence[Step],
+    *,
+    scene: bool = True,
+    hold: int = 3,
+    finished: bool = False,
+    failures: Sequence[Failure] = (),
 ) -> Path:
     """Draw steps 1, 2, ... into a recording."""
     library = fakes.make_library()
@@ -36,6 +43,7 @@ def drawn(
             step = moment.frame.step
             events = tuple(RunEvent(step, 0.0, kind, text) for kind, text in found)
             panel.draw(rec, StepUpdate(moment, record, events, status))
+        panel.diagnosed(rec, failures)
         if finished:
             panel.finish(rec)
     return path
@@ -95,6 +103,21 @@ def test_of_several_marks_the_gravest_is_shown(tmp_path):
     assert lane_of(path, draw_events.LOG_LANE) == []
 
 
+def test_causes_of_failures_are_marked_at_their_first_step_and_where_it_was_lost(tmp_path):
+    steps: list[Step] = [("localized", []), ("localized", [("ess-dip", "a")]), ("searching", [])]
+    steps += [("lost", [])] * 3 + [("localized", [("recovered", "a")])]
+    failures = [Failure(LIGHTING, 2, 6, 3)]
+    path = drawn(tmp_path / "a.rrd", steps, hold=2, failures=failures)
+    belief = dict(
+        lane_of(path, draw_events.status_path(PATHS))
+    )  # of two rows at one step the later one counts
+    assert belief == {1: "localized", 3: "searching", 4: "cause: lighting", 7: "localized"}
+    noticed = dict(lane_of(path, draw_events.noticed_path(PATHS)))
+    assert noticed == {2: "cause: lighting", 4: None, 7: "recovered"}
+    quiet = drawn(tmp_path / "b.rrd", [("localized", [])] * 7, failures=[Failure(LIGHTING, 2, 6, 3)])
+    assert dict(lane_of(quiet, draw_events.noticed_path(PATHS))) == {2: "cause: lighting", 5: None}
+
+
 def test_the_log_has_a_lane_that_one_run_draws(tmp_path):
     said = [("kidnapped", "the robot was carried away"), ("session", "slip +18.3 deg")]
     steps: list[Step] = [
@@ -109,9 +132,11 @@ def test_the_log_has_a_lane_that_one_run_draws(tmp_path):
 
 
 def test_every_state_and_kind_has_a_color_and_a_name(tmp_path):
-    assert set(draw_events.STATUS_COLORS) == set(STATES)
+    causes = {f"{draw_events.CAUSE}{kind}" for kind in CAUSES}
+    assert set(draw_events.STATUS_COLORS) == set(STATES) | causes
     shown = set(draw_events.NOTICED_COLORS) | set(draw_events.LOG_COLORS)
-    assert set(KINDS) - shown == {RESAMPLED}
+    assert causes < shown
+    assert set(KINDS) - shown == {RESAMPLED, FAILURE}  # a failure is shown by its cause
     assert PARTED in draw_events.NOTICED_COLORS
     path = drawn(tmp_path / "a.rrd", [("localized", [])])
     for lane in (draw_events.status_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):

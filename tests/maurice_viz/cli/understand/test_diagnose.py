@@ -10,6 +10,13 @@ import pytest
 import maurice_viz as mv
 from helpers.commands import run
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_loaders.runs.store import open_run
+from maurice_mcl.analysis.failures import diagnosis
+from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
+from maurice_viz.app.events import find_event
+from maurice_viz.app.saved import open_saved
+from maurice_viz.style import Scale, units_named
+from maurice_viz.text.failure import failure_event, say_cause
 
 
 def carried(log: Path, since: int) -> Path:
@@ -76,3 +83,83 @@ def test_pictures_need_a_saved_run(made: Path) -> None:
     log = made / "carried.log"
     done = run("diagnose", log, "--particles", 50, "-o", made / "pictures", expect=2)
     assert "replay the session with --save-run first" in done.stderr
+
+
+def test_every_place_tells_the_same_failures(made: Path) -> None:
+    kept = made / "kept"
+    (found,) = mv.diagnose(kept).runs[0].failures
+    (event,) = mv.events(kept, kinds=["failure"]).runs[0].events
+    scale = Scale(units_named(mv.diagnose(kept).runs[0].display_units))
+    assert (event.step, event.text) == (found.first, failure_event(found, event.time_s, scale).text)
+    assert event.text.startswith("kidnapped: the robot was carried")
+    assert find_event(kept, "failure").step == find_event(kept, "kidnapped").step == found.first
+    (saved,) = open_run(kept).manifest.failures or ()
+    assert saved == found == mv.replay(kept).runs[0].verdict.failures[0]
+    (row,) = json.loads(run("events", kept, "--kind", "failure", "--json").stdout)["runs"][0]["events"]
+    assert row["text"] == event.text
+    assert say_cause(found, scale).split(" at ")[0] in mv.diagnose(kept).text
+
+
+def test_a_run_without_failure_has_none_anywhere(small_session: Path, tmp_path: Path) -> None:
+    scores = mv.replay(small_session, particles=200, run=tmp_path / "kept")
+    assert open_run(tmp_path / "kept").manifest.failures == scores.runs[0].verdict.failures == ()
+    assert not mv.events(tmp_path / "kept", kinds=["failure"]).runs[0].events
+    assert mv.diagnose(tmp_path / "kept").runs[0].failures == ()
+
+
+@pytest.mark.parametrize(
+    ("failures", "said"),
+    [
+        ([{"kind": "bad luck"}], "found a failure from"),
+        ([{"kind": "bad luck", "first": 1, "last": 4, "lost": 2}], "found cause 'bad luck', expected one of"),
+        ([{"kind": "data", "first": 99, "last": 4, "lost": 2}], "expected steps from 1 to 14"),
+        ("none", "found failures 'none', expected a list"),
+    ],
+)
+def test_damaged_failures_are_told_in_one_line(made: Path, failures: object, said: str) -> None:
+    file = made / "kept" / "manifest.json"
+    whole = file.read_text()
+    broken = {"first": 0, "last": 1, "lost": 1} if said.startswith("found a failure from") else {}
+    given = [one | broken for one in failures] if isinstance(failures, list) else failures
+    try:
+        file.write_text(json.dumps(json.loads(whole) | {"failures": given}))
+        done = run("events", made / "kept", expect=1)
+    finally:
+        file.write_text(whole)
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_run_of_an_earlier_version_says_that_its_failures_are_not_known(made: Path) -> None:
+    file = made / "kept" / "manifest.json"
+    whole = file.read_text()
+    try:
+        file.write_text(json.dumps({k: v for k, v in json.loads(whole).items() if k != "failures"}))
+        done = run("events", made / "kept")
+    finally:
+        file.write_text(whole)
+    assert f"maurice-replay diagnose {made / 'kept'} finds them" in done.stderr.replace("\n", " ")
+
+
+def test_what_costs_much_is_looked_for_only_where_a_run_was_lost(
+    made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    for name in ("light_fit", "surprise"):
+        real = getattr(diagnosis, name)
+        monkeypatch.setattr(diagnosis, name, lambda *a, real=real, name=name: asked.append(name) or real(*a))
+    mv.replay(made / "session.log", particles=200)
+    assert asked == []
+    mv.diagnose(made / "kept")
+    assert {"light_fit", "surprise"} == set(asked)
+
+
+def test_a_diagnosis_asked_for_at_every_update_ends_as_one_asked_for_once(made: Path) -> None:
+    opened = open_saved(made / "kept")
+    often, once = (DiagnosisBuilder(opened.restored[0].localizer) for _ in range(2))
+    for moment, records in opened.updates():
+        (record,) = records.values()
+        often.add(moment, record)
+        often.result()
+        once.add(moment, record)
+    assert often.result() == once.result() != ()
