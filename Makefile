@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check gate bench causes difficulty results lost-signal fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench causes difficulty results lost-signal belief fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -47,6 +47,9 @@ results: .venv/installed-dev
 # The lost signal's false alarms and misses on unseen arenas: half an hour, and it goes on where it stopped.
 lost-signal: .venv/installed-dev
 	$(BIN)/python benchmarks/lost_signal.py
+
+belief: .venv/installed-dev
+	$(BIN)/python benchmarks/belief.py
 
 # 200,000 inputs for what reads session logs, CMUcam dumps and live sources: minutes, and it goes on where it stopped.
 # INPUTS=N for another number.

@@ -106,9 +106,7 @@ def numbers_of(course: Course, folder: Path) -> dict[str, Numbers]:
             for label, settings in FILTERS.items()
             for name, values in _numbers(drive, settings).items()
         }
-        with file.with_suffix(".part").open("wb") as part:
-            np.savez(part, **kept)  # type: ignore[arg-type]  # its stubs know no names
-        file.with_suffix(".part").replace(file)
+        put_arrays(file, kept)
     found: dict[str, Numbers] = {label: {} for label in FILTERS}
     with np.load(file) as held:
         for key in held:
@@ -154,6 +152,13 @@ def put(file: Path, data: bytes) -> None:
     part = file.with_suffix(".part")
     part.write_bytes(data)
     part.replace(file)
+
+
+def put_arrays(file: Path, arrays: Numbers) -> None:
+    """Write arrays by name, at once or not at all."""
+    with file.with_suffix(".part").open("wb") as part:
+        np.savez(part, **arrays)  # type: ignore[arg-type]  # its stubs know no names
+    file.with_suffix(".part").replace(file)
 
 
 def all_numbers(courses: Sequence[Course], folder: Path) -> Iterator[tuple[Course, dict[str, Numbers]]]:

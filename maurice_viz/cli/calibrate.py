@@ -158,9 +158,13 @@ def _belief_table(one: CalibratedBelief) -> Table:
         table.add_row(what, f"{value} %", f"{low} to {high} %", expected)
     within = "{:.2f} to {:.2f}".format(*found.nees_expected)
     table.add_row("NEES, mean (3 dimensions)", *_cells(found.nees, 1, 2), f"3 ({within})")
-    table.add_row("exponent of the likelihood", *_cells(found.exponent, 1, 2), f"1: it is {found.likelihood}")
+    table.add_row(
+        "exponent of single pictures", *_cells(found.exponent, 1, 2), f"1: it is {found.likelihood}"
+    )
+    table.add_row("exponent for right regions", *_cells(found.coverage_exponent, 1, 2), "1")
     table.caption = (
-        f"sensor.sharpness was {one.sharpness:g}; {one.better_sharpness:.2g} would fit these pictures best"
+        f"sensor.sharpness was {one.sharpness:g}; {one.better_sharpness:.2g} would make the regions right: "
+        "run again and check"
     )
     return table
 

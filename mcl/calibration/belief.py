@@ -5,12 +5,16 @@
   truth in 90 % of the updates.
 - NEES, the normalized estimation error squared, e' P^-1 e of position and heading about the cloud's mean: 3
   on average where the covariance P is right, more where the cloud is too narrow (Bar-Shalom et al. 2001).
-- The exponent is the power of the likelihood under which pictures say most about where the robot really was:
-  below 1 the likelihood is over-sharp, above 1 over-flat. It multiplies `sensor.sharpness`.
+- The exponent is the power of the likelihood under which single pictures say most about where the robot was:
+  below 1 the likelihood is over-sharp, above 1 over-flat.
+- The coverage exponent is the power under which clouds would be as wide as their errors. Pictures err alike
+  from step to step, so a filter needs a smaller power than its single pictures. It multiplies
+  `sensor.sharpness`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +34,9 @@ LEAST_M, LEAST_RAD = INCH_M, float(np.deg2rad(1))  # accuracy of the truth, and 
 EXPONENTS: F64 = np.geomspace(0.05, 4, 45)
 BLOCK = 10  # updates that are drawn together: the next picture's error resembles this one's
 ELLIPSE_SIGMAS = 2.0  # of the ellipse on the map
+COVERED = 0.9  # region whose size the coverage exponent sets right
+NARROWING = 0.8  # a cloud's variance goes as the likelihood's power to the minus 0.8 (docs/lost-signal.md)
+MOST_FACTOR = 2.0  # by which a coverage exponent changes the sharpness: beyond, clouds hardly follow it
 OVER_SHARP, OVER_FLAT, FITS = "over-sharp", "over-flat", "fits"
 
 
@@ -146,7 +153,8 @@ class BeliefCalibration:
     ellipse: Fitted  # share of updates with the truth within two sigma of the mean; 0.865 if normal
     nees: Fitted  # mean over all updates, with its bootstrap interval
     nees_expected: tuple[float, float]  # chi-square interval of that mean for a consistent cloud
-    exponent: Fitted  # of the likelihood, that would describe these pictures best
+    exponent: Fitted  # of the likelihood, that would describe these pictures best, each by itself
+    coverage_exponent: Fitted  # of the likelihood, that would make the 90 % regions as wide as the errors
 
     @property
     def likelihood(self) -> str:
@@ -199,6 +207,7 @@ class BeliefJudge:
             nees=means[-1],
             nees_expected=(float(chdtri(free, high)) / len(every), float(chdtri(free, low)) / len(every)),
             exponent=_exponent(scores),
+            coverage_exponent=_coverage_exponent(blocks),
         )
 
 
@@ -235,3 +244,24 @@ def _exponent(scores: F64) -> Fitted:
     low, high = np.percentile(best, [50 * (1 - LEVEL), 50 * (1 + LEVEL)])
     value = float(EXPONENTS[scores.sum(axis=0).argmax()])
     return Fitted(value, min(float(low), value), max(float(high), value))
+
+
+def _coverage_exponent(blocks: Sequence[Sequence[JudgedUpdate]]) -> Fitted:
+    """Return the exponent that makes the 90 % regions hold the truth in 90 %, and its bootstrap interval."""
+    denser = [np.array([one.denser for one in block]) for block in blocks]
+    found = _power(denser)
+    drawn = [_power([denser[number] for number in row]) for row in _choices(len(blocks)).tolist()]
+    low, high = np.percentile(drawn, [50 * (1 - LEVEL), 50 * (1 + LEVEL)])
+    return Fitted(found, min(float(low), found), max(float(high), found))
+
+
+def _power(denser: Sequence[F64]) -> float:
+    """Return the exponent for what regions held, a block each, within a factor of two.
+
+    The region that did hold the truth in 90 % says by how much the variances are too small: about its middle
+    a cloud is nearly normal, and the p region of a normal one has a squared radius of -2 log(1 - p).
+    """
+    needed = float(np.quantile(np.concatenate(denser), COVERED))
+    too_small = np.log(max(1 - needed, 1e-9)) / np.log(1 - COVERED)
+    power = max(too_small, 1e-9) ** (-1 / NARROWING)
+    return float(np.clip(power, 1 / MOST_FACTOR, MOST_FACTOR))

@@ -29,8 +29,8 @@ class CalibratedBelief:
 
     @property
     def better_sharpness(self) -> float:
-        """The value of `sensor.sharpness` that describes these pictures best."""
-        return self.sharpness * self.found.exponent.value
+        """The value of `sensor.sharpness` under which the 90 % region would hold the truth in 90 %."""
+        return self.sharpness * self.found.coverage_exponent.value
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""

@@ -51,15 +51,18 @@ def test_a_right_likelihood_is_calibrated_and_a_wrong_one_is_told_with_its_expon
     assert found.nees.value == pytest.approx(3, abs=0.9)
     assert found.ellipse.value == pytest.approx(0.865, abs=0.09)
     assert found.likelihood == FITS
+    assert found.coverage_exponent.low < 1 < found.coverage_exponent.high
     assert found.nees_expected[0] < 3 < found.nees_expected[1]
     sharp = judged(6.0).result()
     assert sharp.likelihood == OVER_SHARP
     assert sharp.regions[1].held.value < 0.8
     assert sharp.nees.value > 4
+    assert sharp.coverage_exponent.high < 0.8
     assert sharp.exponent.value * 6 == pytest.approx(1, rel=0.5)
     flat = judged(0.25, 100).result()
     assert flat.likelihood == OVER_FLAT
     assert flat.regions[0].held.value > 0.6
+    assert flat.coverage_exponent.low > 1
 
 
 def test_the_region_of_two_clusters_leaves_out_what_is_between_them():
