@@ -24,10 +24,10 @@ from maurice_mcl.map import Arena
 
 from ..drawing.canvas import ticks as round_ticks
 from ..errors import OptionError
-from ..panels.world import clipped
 from ..plots.material import Material
 from ..text.trials import name_of
 from .charts import Axes, px
+from .map import drawn_walls, floor_axes
 
 LONG_SIDE = 420.0  # of a floor plan, in px
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 12.0, 14.0, 36.0
@@ -65,9 +65,7 @@ class ArenaPlan:
     @property
     def walls(self) -> list[list[list[float]]]:
         """Both ends of each wall."""
-        return [
-            self.axes.at(wall.reshape(2, 2)).tolist() for wall in clipped(self.arena.walls, self.arena.bounds)
-        ]
+        return drawn_walls(self.axes, self.arena)
 
     @property
     def obstacles(self) -> list[tuple[str, str]]:
@@ -151,9 +149,7 @@ def _plans(
     for (arena,), spots in found.spots.group_by("arena", maintain_order=True):
         some = rows.filter(pl.col("arena").fill_null(0) == arena, pl.col("error").is_null())
         floor = material.arena_of(some.row(0, named=True))
-        x_min, y_min, x_max, y_max = floor.bounds
-        width, height = (side * LONG_SIDE / max(max(floor.size_m), 1e-9) for side in floor.size_m)
-        axes = Axes((x_min, x_max), (y_min, y_max), LEFT, TOP, width, height)
+        axes = floor_axes(floor, LONG_SIDE, LEFT, TOP)
         worst = found.runs.filter(pl.col("arena") == arena)
         shown = [_spot(spot, worst, axes, found.spot_m, per_m) for spot in spots.to_dicts()]
         name = f"Arena {arena}" if unit == "in" else some["session"][0]

@@ -25,6 +25,18 @@ LETTER_PX = 7.2  # average width
 KNOWN_FLOORS = ("wood", "carpet")
 
 
+def drawn_walls(axes: Axes, arena: Arena) -> list[list[list[float]]]:
+    """Return both ends of each wall in px, cut at the map's edge."""
+    return [axes.at(wall.reshape(2, 2)).tolist() for wall in clipped(arena.walls, arena.bounds)]
+
+
+def floor_axes(arena: Arena, long_side: float, left: float, top: float) -> Axes:
+    """Return the box of a map whose longer side has some px, in meters."""
+    x_min, y_min, x_max, y_max = arena.bounds
+    width, height = (side * long_side / max(max(arena.size_m), 1e-9) for side in arena.size_m)
+    return Axes((x_min, x_max), (y_min, y_max), left, top, width, height)
+
+
 @dataclass(frozen=True, slots=True)
 class MapPath:
     """One path on the map: its CSS class, its name in the key, its dashes, and if its ends are marked."""
@@ -49,9 +61,7 @@ class DrawnMap:
     @property
     def axes(self) -> Axes:
         """The map's box, in meters."""
-        x_min, y_min, x_max, y_max = self.arena.bounds
-        width, height = (side * LONG_SIDE / max(max(self.arena.size_m), 1e-9) for side in self.arena.size_m)
-        return Axes((x_min, x_max), (y_min, y_max), LEFT, TOP, width, height)
+        return floor_axes(self.arena, LONG_SIDE, LEFT, TOP)
 
     @property
     def width(self) -> float:
@@ -78,9 +88,7 @@ class DrawnMap:
     @property
     def walls(self) -> list[list[list[float]]]:
         """Both ends of each wall in px, cut at the map's edge."""
-        return [
-            self.axes.at(wall.reshape(2, 2)).tolist() for wall in clipped(self.arena.walls, self.arena.bounds)
-        ]
+        return drawn_walls(self.axes, self.arena)
 
     @property
     def names(self) -> Iterator[tuple[float, float, str]]:
