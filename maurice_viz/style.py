@@ -114,10 +114,14 @@ class Scale:
             return f"{area_m2 / (12 * INCH_M) ** 2:.1f} ft2"
         return f"{area_m2 * self.units.per_m**2:.1f} {self.units.name}2"
 
+    def say_point(self, x_m: float, y_m: float) -> str:
+        """Write a point: "(79.0, 16.0) in"."""
+        x, y = (f"{self.length(one):.{self.units.digits}f}" for one in (x_m, y_m))
+        return f"({x}, {y}) {self.units.name}"
+
     def say_pose(self, pose: F64) -> str:
         """Write a pose (3,): "(79.0, 16.0) in, -89 deg"."""
-        x, y = (f"{self.length(float(v)):.{self.units.digits}f}" for v in pose[:2])
-        return f"({x}, {y}) {self.units.name}, {np.degrees(pose[2]):.0f} deg"
+        return f"{self.say_point(float(pose[0]), float(pose[1]))}, {np.degrees(pose[2]):.0f} deg"
 
 
 def scale_for(display_units: str, arena: Arena) -> Scale:

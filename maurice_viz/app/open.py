@@ -17,6 +17,7 @@ from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, first_truth
+from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import MadeOdometry
 from maurice_mcl.arrays import F64
@@ -102,6 +103,9 @@ def open_session(source: str | Path | AnySession, reading: ReadingOptions, liste
     path = Path(source)
     if not path.exists():
         raise InputError(path, "there is no such file or folder; check the path")
+    if is_saved(path):
+        its = open_runs(path)[0].manifest.session.path
+        raise InputError(path, f"found a saved run, expected a recording; its session is {its}")
     one = chosen(path, reading)
     session = open_any(path, replace(reading, format=one.name))
     if one.name != NATIVE:

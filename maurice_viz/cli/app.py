@@ -46,14 +46,14 @@ COMMANDS = {
         Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY),
         Listed("demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY),
         Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY),
+        Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND),
+        Listed("what-if", "what_if", "Branch a saved run with a change; rank remedies.", _UNDERSTAND),
         Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND),
         Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND),
         Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND),
-        Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND),
         Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND),
         Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND),
         Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND),
-        Listed("what-if", "what_if", "Branch a saved run with something changed.", _UNDERSTAND),
         Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND),
         Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND),
         Listed("jump", "runs", "Move the open viewer to a step or an event.", _UNDERSTAND),
@@ -64,7 +64,7 @@ COMMANDS = {
         Listed("formats", "convert", "List the formats that can be read.", _CONVERT),
         Listed("library build", "library", "Build a library of reference pictures.", _LIBRARY),
         Listed("library show", "library", "Show what a library holds.", _LIBRARY),
-        Listed("library check", "library", "Check coverage and ambiguity.", _LIBRARY),
+        Listed("library check", "library", "Find gaps, look-alikes, and what to add.", _LIBRARY),
         Listed("library tune", "library", "Tune channels to a library.", _LIBRARY),
         Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE),
         Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE),
@@ -86,7 +86,7 @@ COMMANDS = {
 FAMILIES = {
     "library": "Build, show or check a library of reference pictures, or tune channels to it.",
     "import": "Convert other data to session and survey logs.",
-    "calibrate": "Calibrate the motion model and the camera.",
+    "calibrate": "Calibrate the motion model, the camera's noise and the belief.",
     "config": "Show and check configurations.",
 }
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
@@ -199,7 +199,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="Replay a robot session through vision-based Monte Carlo localization and look at every step in "
-    "Rerun. `maurice-replay SESSION` is short for `maurice-replay replay SESSION`.",
+    "Rerun. `maurice-replay SESSION` is short for `maurice-replay replay SESSION`. Is the filter lost? "
+    "`maurice-replay diagnose SESSION` says why.",
 )
 
 

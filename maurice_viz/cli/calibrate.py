@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from maurice_loaders.calibration import METERS
@@ -144,7 +145,7 @@ def belief(
 
 def _belief_table(one: CalibratedBelief) -> Table:
     found = one.found
-    title = f"belief of {one.label}: {found.updates} updates of {found.runs} runs"
+    title = f"belief of {one.label}: {found.updates} updates of {found.runs} run{'s' * (found.runs != 1)}"
     table = Table(title=title, title_justify="left")
     for heading in ("quantity", "found", "95 % interval", "if calibrated"):
         table.add_column(heading, justify="left" if heading == "quantity" else "right")
@@ -152,12 +153,12 @@ def _belief_table(one: CalibratedBelief) -> Table:
         (f"truth in the {100 * r.level:.0f} % region", r.held, f"{100 * r.level:.0f} %")
         for r in found.regions
     ]
-    shares.append(("truth in the two-sigma ellipse", found.ellipse, "86.5 % (normal)"))
+    shares.append(("truth in two-sigma ellipse", found.ellipse, "86.5 % (normal)"))
     for what, share, expected in shares:
         value, low, high = (f"{100 * v:.1f}" for v in (share.value, share.low, share.high))
         table.add_row(what, f"{value} %", f"{low} to {high} %", expected)
     within = "{:.2f} to {:.2f}".format(*found.nees_expected)
-    table.add_row("NEES, mean (3 dimensions)", *_cells(found.nees, 1, 2), f"3 ({within})")
+    table.add_row("NEES, mean", *_cells(found.nees, 1, 2), f"3 ({within})")
     table.add_row(
         "exponent of single pictures", *_cells(found.exponent, 1, 2), f"1: it is {found.likelihood}"
     )
@@ -185,15 +186,17 @@ def trials(
 
 def _drive_table(fit: MotionFit, name: str) -> Table:
     title = f"{fit.model} model of {name}, {fit.segments} movements between true poses"
-    table = Table(title=title, title_justify="left")
-    for heading in ("constant", "fitted", "95 % interval", "default", "told by the log"):
-        left = heading in ("constant", "told by the log")
-        table.add_column(heading, justify="left" if left else "right")
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("constant", "fitted", "95 % interval", "default"):
+        table.add_column(heading, justify="left" if heading == "constant" else "right")
     for one in fit.constants:
         low, high = (f"{v:.4g}" for v in (one.fitted.low, one.fitted.high))
         value, within = (f"{one.fitted.value:.4g}", f"{low} to {high}") if one.told else ("-", "-")
-        table.add_row(one.name, value, within, f"{one.default:.4g}", "yes" if one.told else f"no: {one.why}")
-    table.caption = "meters and radians; a constant that the log does not tell keeps its default"
+        name = one.name if one.told else f"{one.name}\n  not told: {one.why}"
+        table.add_row(name, value, within, f"{one.default:.4g}")
+    table.caption = "in meters and radians"
+    if not all(one.told for one in fit.constants):
+        table.caption += "; what the log does not tell keeps its default"
     return table
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
 from ..app.understand.check import CheckResult
 from ..app.understand.check import check as run_check
@@ -119,7 +120,7 @@ def _print(found: CheckResult) -> None:
 
 
 def _table(title: str, *names: str) -> Table:
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
     for name in names:
         table.add_column(name)
     return table
@@ -128,22 +129,23 @@ def _table(title: str, *names: str) -> Table:
 def _demands(drive: DriveCheck) -> Table:
     count = len(drive.runs)
     title = f"{drive.session}: {count} run{'s' * (count > 1)} of {len(drive.steps)} updates"
-    table = _table(title, "demand", "needed", "met", "95 % interval", "found", "")
+    if count > 1 and drive.demands:
+        title += f"; {drive.demands[0].needed:.0%} of the runs have to meet each demand"
+    table = _table(title, "demand", "met by", "95 % interval", "")
     for one in drive.demands:
         met = f"{one.met} of {one.runs}"
         interval = f"{one.low:.0%} to {one.high:.0%}" if one.runs > 1 else "-"
         result = HELD if one.passed else FAILED
-        table.add_row(one.title, f"{one.needed:.0%}", met, interval, one.found, result)
+        table.add_row(f"{one.title}\n  {one.found}", met, interval, result)
     return table
 
 
 def _changes(drive: DriveCheck) -> Table:
-    table = _table(
-        f"{drive.session}: against the baseline, {drive.changes[0].pairs} seeds",
-        *("figure", "before", "now", "difference", "95 % interval", ""),
-    )
+    title = f"{drive.session}: against the baseline, {drive.changes[0].pairs} seeds"
+    table = _table(title, "figure", "difference", "95 % interval", "")
     for one in drive.changes:
-        cells = [drive.figure(one.kind, value) for value in (one.before, one.now, one.difference)]
-        interval = f"{drive.figure(one.kind, one.low)} to {drive.figure(one.kind, one.high)}"
-        table.add_row(one.title, *cells, interval, HELD if one.passed else FAILED)
+        values = (one.before, one.now, one.difference, one.low, one.high)
+        before, now, by, low, high = (drive.figure(one.kind, value) for value in values)
+        name = f"{one.title}\n  {before} before, {now} now"
+        table.add_row(name, by, f"{low} to {high}", HELD if one.passed else FAILED)
     return table

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from rich.text import Text
 
 from .shared import options as opt
-from .shared.console import listening, print_json
+from .shared.console import listening, print_json, results
 from .shared.options import argument, option, reading_of, settings_of
 
 
@@ -35,7 +35,7 @@ def diagnose(
 ) -> None:
     """Say why a filter was lost: one cause for each time, with the step and the numbers that decided."""
     from ..app.open import RunSpec
-    from ..app.understand.diagnose import diagnosed, draw
+    from ..app.understand.diagnose import diagnosed, draw, expect_drawable
 
     given = settings_of(settings)
     motion = given.pop("motion", None)
@@ -43,11 +43,13 @@ def diagnose(
         preset, feature, particles, seed, start, config, given, None if motion is None else Path(motion)
     )
     with listening(usage=False) as listener:
+        if output is not None:
+            expect_drawable(source, output, force=force)
         found = diagnosed(source, library, spec, reading_of(reading, keep_going=keep_going), listener)
         if json_output:
             print_json(found.to_json())
         else:
-            typer.echo(found.text)
+            results.print(Text(found.text), soft_wrap=not results.is_terminal)
         if output is not None:
             for picture in draw(found, output, force=force, listener=listener):
                 listener.remark(f"{picture} written")

@@ -29,6 +29,7 @@ from .shared.options import argument, option, reading_of
 MOST_HEADINGS = 16  # more than this are counted, not listed
 MOST_PAIRS = 10  # listed; JSON has them all
 MOST_PLACES = 5
+ALL_AROUND = 8  # headings of a new place
 
 LibraryArgument = Annotated[
     Path, argument("LIBRARY", "A library folder, a survey log, or a table of surveyed pictures.")
@@ -200,8 +201,7 @@ def _coverage(covered: Coverage, scale: Scale) -> str:
 
 def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
     for gap in covered.gaps:
-        x, y = scale.say(gap.x_m), scale.say(gap.y_m)
-        where = f"{scale.say_area(gap.area_m2)} around ({x}, {y})"
+        where = f"{scale.say_area(gap.area_m2)} around {scale.say_point(gap.x_m, gap.y_m)}"
         yield f"gap: {where}, up to {scale.say(gap.to_entry_m)} from an entry"
 
 
@@ -226,7 +226,7 @@ def _to_add(advice: LibraryAdvice, scale: Scale) -> str:
 def _missing_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
     for one in advice.missing[:MOST_PLACES]:
         degrees = ", ".join(f"{round(np.degrees(heading))}" for heading in one.headings_rad)
-        yield f"headings: none near ({scale.say(one.x_m)}, {scale.say(one.y_m)}) looks {degrees} deg"
+        yield f"headings: none near {scale.say_point(one.x_m, one.y_m)} looks {degrees} deg"
     if len(advice.missing) > MOST_PLACES:
         yield f"... and {len(advice.missing) - MOST_PLACES} more places that lack headings; --json lists all"
 
@@ -238,7 +238,8 @@ def _add_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
     ]
     for (x_m, y_m, why), added in places[:MOST_PAIRS]:
         degrees = ", ".join(f"{round(np.degrees(one.pose[2])) % 360}" for one in added)
-        yield f"add: ({scale.say(x_m)}, {scale.say(y_m)}), looking {degrees} deg ({why})"
+        looking = "in all 8 directions" if len(added) == ALL_AROUND else f"at {degrees} deg"
+        yield f"add: {scale.say_point(x_m, y_m)}, looking {looking} ({why})"
     if len(places) > MOST_PAIRS:
         yield f"... and {len(places) - MOST_PAIRS} more places; --poses OUT.csv writes every pose"
 
@@ -260,8 +261,8 @@ def _check_table(library: Library, found: SelfSimilarity, covered: Coverage, sca
     middle, most = float(np.median(places)), float(places.max())
     table.add_row("ambiguity", f"{middle:.1f} places fit as well (median), {most:.1f} at worst")
     for place in np.argsort(-places, kind="stable")[:MOST_PLACES].tolist():
-        x, y = (scale.say(float(v)) for v in found.places[place])
-        table.add_row("", f"({x}, {y}): {places[place]:.1f} places fit")
+        x_m, y_m = found.places[place].tolist()
+        table.add_row("", f"{scale.say_point(x_m, y_m)}: {places[place]:.1f} places fit")
     ranges = [f"to {scale.say(k * found.spacing_m)}" for k in CURVE] + ["beyond"]
     lowest = zip(ranges, found.similarity, strict=True)
     curve = ", ".join(f"{name}: {cost:.2f}" for name, cost in lowest if np.isfinite(cost))

@@ -112,12 +112,13 @@ def _remedies(run: Path, from_step: int | None, seeds: int, run_label: str | Non
 def _remedy_table(found: Remedies) -> Table:
     """Return a table of remedies, best first below the run as it was, in 80 columns."""
     units = units_named(found.display_units)
-    title = Text(f"{found.name}, from step {found.from_step}, {len(found.seeds)} seeds each")
+    seeds = f"{len(found.seeds)} seeds each; localized: at the end"
+    title = Text(f"{found.name}, from step {found.from_step}, {seeds}")
     table = Table(
         title=title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0)
     )
     table.add_column("from there on", overflow="fold")
-    for name in ("localized at end", f"error ({units.name})"):
+    for name in ("localized", f"error ({units.name})"):
         table.add_column(f"{name}, 95 %", justify="right", no_wrap=True)
     table.add_column("against the run", no_wrap=True)
     for one in (found.as_it_was, *found.tried):

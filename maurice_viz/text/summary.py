@@ -187,6 +187,7 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
         ("lost", _lost),
         ("wrong and confident", lambda r: _written(r.score.wrong_confident_share, ".0%")),
         ("knows where it is, without truth", _known),
+        ("probably lost, without truth", _probably_lost),
         ("localized (thesis, sd < 10 %)", lambda r: _success(r, "tenth", units)),
         ("localized (thesis, one foot)", lambda r: _success(r, "circle", units)),
         (f"right, converged, lost ({unit})", lambda r: _radii(r.radii, units)),
@@ -195,13 +196,16 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
 
 
 def _known(result: RunResult) -> str:
-    signal = result.signal
-    if signal is None:
+    return "-" if result.signal is None else f"{result.signal.share:.0%}"
+
+
+def _probably_lost(result: RunResult) -> str:
+    if result.signal is None:
         return "-"
-    steps = [f"{first} to {last}" if last > first else str(first) for first, last in signal.probably_lost]
-    more = f" and {len(steps) - 1} more" if len(steps) > 1 else ""
-    lost = f", probably lost at step {steps[0]}{more}" if steps else ""
-    return f"{signal.share:.0%}{lost}"
+    lost = result.signal.probably_lost
+    steps = [f"step {first} to {last}" if last > first else f"step {first}" for first, last in lost]
+    more = f", {len(steps) - 1} more" if len(steps) > 1 else ""
+    return f"{steps[0]}{more}" if steps else "no"
 
 
 def _written(value: float | None, how: str, per_unit: float = 1.0) -> str:

@@ -67,7 +67,7 @@ def remedies_line(found: Mapping[str, Any]) -> str:
     if was["localized"]["value"] >= LUCK:
         other = f"with other noise from step {found['from_step']} on, the run as it was is {right}"
         return f"No remedy is better beyond doubt: {other}."
-    advice = "`maurice-replay diagnose` says what would"
+    advice = "`maurice-replay diagnose` says why it was lost"
     return f"Nothing tried helps beyond doubt: the run as it was is {right}; {advice}."
 
 

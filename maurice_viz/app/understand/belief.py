@@ -69,11 +69,13 @@ def _judged(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Liste
         if not _add(judge, run) and not lost:
             judge.drop()
             left_out += 1
+    if left_out == len(runs):
+        what = "each of these runs was" if left_out > 1 else "the run was"
+        raise InputError(runs[0].folder, f"{what} lost or kidnapped, which is left out; --lost counts it too")
     try:
         found = judge.result()
     except ValueError as problem:
-        why = f" ({left_out} lost or kidnapped, left out; --lost counts them)" if left_out else ""
-        raise InputError(runs[0].folder, f"{problem}{why}") from None
+        raise InputError(runs[0].folder, str(problem)) from None
     if left_out:
         gone = f"{left_out} of {len(runs)} runs were lost or kidnapped and are left out"
         listener.warning(f"note: {label}: {gone}")

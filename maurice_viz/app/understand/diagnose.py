@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.files import new_folder
+from maurice_loaders.files import check_target, new_folder
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import is_saved
 from maurice_mcl.analysis.failures.kinds import Failure
@@ -26,6 +26,7 @@ from ..replay import replay_any
 
 NONE = "No failure: it was never lost, or found itself in time."
 NO_TRUTH = "There is no truth to judge by; what follows is said from the evidence alone."
+NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
 SEEN_BEFORE, SEEN_AFTER = 2, 2  # updates around a cause that a picture or a movie shows
 
 
@@ -157,6 +158,13 @@ def diagnosed(
     )
 
 
+def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:
+    """Refuse, before anything is run, what `draw` would refuse. OptionError, InputError."""
+    if source.exists() and not is_saved(source):
+        raise OptionError(NOT_SAVED)
+    check_target(folder, force, NOTE)
+
+
 def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Listener = SILENT) -> list[Path]:
     """Draw what shows each failure of saved runs into a new folder: the update at which its cause shows.
 
@@ -168,7 +176,7 @@ def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Liste
 
     shown = [(run, failure) for run in found.runs for failure in run.failures]
     if any(run.source is None for run in found.runs):
-        raise OptionError("pictures are drawn of a saved run: replay the session with --save-run first")
+        raise OptionError(NOT_SAVED)
     pictures: list[Path] = []
     with new_folder(folder, force=force, ours=NOTE) as filling:
         (filling / NOTE).write_text("Pictures of failures, by maurice-replay diagnose.\n")

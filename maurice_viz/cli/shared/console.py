@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
@@ -20,10 +21,9 @@ from rich.progress import (
 from .errors import one_line_errors
 
 TABLE_WIDTH = 100  # of a table that goes to a file or a pipe, where there is no terminal to ask
+IS_ASKED = Console().is_terminal or "COLUMNS" in os.environ  # Rich asks the one or the other
 
-results = Console(
-    width=None if Console().is_terminal else TABLE_WIDTH, soft_wrap=False, highlight=False, markup=False
-)
+results = Console(width=None if IS_ASKED else TABLE_WIDTH, soft_wrap=False, highlight=False, markup=False)
 notes = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 

@@ -142,8 +142,8 @@ def _converged(runs: Sequence[RunJudgement], scale: Scale) -> str:
 def _error(runs: Sequence[RunJudgement], scale: Scale) -> str:
     errors_m = [one.error_m for one in runs if one.error_m is not None]
     if len(errors_m) == 1:
-        return f"{said(errors_m[0], scale)} mean"
-    return f"{said(float(np.mean(errors_m)), scale)} mean of the runs, {said(max(errors_m), scale)} at worst"
+        return said(errors_m[0], scale)
+    return f"{said(float(np.mean(errors_m)), scale)} on average, {said(max(errors_m), scale)} at worst"
 
 
 def _lost(runs: Sequence[RunJudgement], scale: Scale) -> str:
@@ -165,7 +165,8 @@ def doubts(results: Sequence[DemandResult]) -> list[str]:
         advice = f"{enough(one.needed)} runs without a failure would show {one.needed:.0%}"
         if not one.passed:
             advice = f"{one.needed:.0%} is not excluded, and more --seeds would tell"
-        text = f"of {one.runs} runs {one.met}, so the rate is {one.low:.0%} to {one.high:.0%}; {advice}"
+        met = f"met by {one.met} of {one.runs} runs"
+        text = f"{met}, so the rate is {one.low:.0%} to {one.high:.0%}; {advice}"
         found.setdefault(text, []).append(one.title)
     return [f"{', '.join(titles)}: {text}" for text, titles in found.items()]
 

@@ -163,3 +163,26 @@ def test_a_diagnosis_asked_for_at_every_update_ends_as_one_asked_for_once(made: 
         often.result()
         once.add(moment, record)
     assert often.result() == once.result() != ()
+
+
+def test_an_existing_folder_is_refused_before_anything_is_diagnosed(made: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine.txt").write_text("mine")
+    done = run("diagnose", made / "kept", "-o", tmp_path, expect=1)
+    assert done.stdout == ""
+    assert "exists already" in done.stderr
+    done = run("diagnose", made / "carried.log", "-o", tmp_path / "new", expect=2)
+    assert done.stdout == ""
+    assert "--save-run" in done.stderr
+
+
+@pytest.mark.parametrize("words", [["check", "--max-error", "1m"], ["budget"], ["calibrate", "drive"]])
+def test_a_saved_run_in_place_of_a_recording_is_answered_with_its_session(words, made: Path) -> None:
+    done = run(*words, made / "kept", expect=1)
+    assert f"its session is {made / 'carried.log'}" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_belief_of_a_lost_run_says_that_it_was_left_out(made: Path) -> None:
+    done = run("calibrate", "belief", made / "kept", expect=1)
+    assert "the run was lost or kidnapped" in done.stderr
+    assert "--lost" in done.stderr
