@@ -90,7 +90,8 @@ def test_every_section_is_there_and_filled(small_session):
     assert found.headings[0] == "kleine Fahrt"
     labels = [value for value in found.values("svg", "aria-label") if value]
     assert [label.split(" in ")[0] for label in labels[1:]] == [
-        "Position error", "Heading error", "Spread", "Confidence", "Effective sample size", "Evidence",
+        "Position error", "Heading error", "Spread", "Confidence", "Knows where it is",
+        "Effective sample size", "Evidence",
     ]  # fmt: skip
     text = " ".join(found.text)
     for expected in ("position error, mean (m)", "wood", "160 at 20 places", "40 x 30 px", "sharpness = "):
@@ -113,7 +114,7 @@ def test_a_comparison_is_one_page(small_session):
     text = " ".join(found.text)
     assert "Where the runs differ" in text
     assert "sensor.weights" in text
-    assert found.values("g", "class").count("run0") == found.values("g", "class").count("run1") == 7
+    assert found.values("g", "class").count("run0") == found.values("g", "class").count("run1") == 8
     assert "color: estimate" in text
     assert "estimate of color" in text  # each in its run's color, as in the traces
     assert "background:rgb(200, 132, 0)" in page
@@ -126,7 +127,7 @@ def test_without_truth_the_errors_are_left_out_and_said(tmp_path):
     found = check(page)
     assert "position error, heading error" in " ".join(found.text)
     assert "widest cloud" in " ".join(found.text)
-    assert len([label for label in found.values("svg", "aria-label") if label]) == 1 + 4
+    assert len([label for label in found.values("svg", "aria-label") if label]) == 1 + 5
 
 
 def test_without_session_and_library_it_says_so(small_session, tmp_path):
