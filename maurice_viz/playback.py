@@ -15,7 +15,7 @@ from maurice_mcl.analysis.lost_signal import SignalCollector, SignalSummary
 from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
 from maurice_mcl.arrays import F64
-from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
+from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
 from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
@@ -115,6 +115,7 @@ class ResultCollector:
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
         self.all_zero = dict.fromkeys(labels, 0)  # updates at which all weights were zero, per run
+        self.no_number = dict.fromkeys(labels, 0)  # of them those with likelihoods that are no numbers
 
     def add(self, moment: Moment, records: Mapping[str, StepRecord]) -> Mapping[str, StepComparison]:
         """Add one update of every run of one drive; return how each run compares with the first."""
@@ -125,6 +126,7 @@ class ResultCollector:
         self.updates += 1
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
+            self.no_number[label] += NO_NUMBER in record.events
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
             self._judges[label].add(record, moment.truth)
             self._verdicts[label].add(moment, record)

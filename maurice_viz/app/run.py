@@ -233,6 +233,8 @@ def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
     for label, times in collector.all_zero.items():
         if times:
             why = "no particle was in free space"
+            if collector.no_number[label]:
+                why = f"likelihoods were no numbers (NaN) at {collector.no_number[label]} of them"
             listener.warning(
                 f"{label}: at {times} of {collector.updates} updates all weights were zero: {why}"
             )

@@ -6,7 +6,7 @@ import numpy as np
 
 from maurice_mcl.analysis.events import say_recovery_test
 from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED
+from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLED
 from maurice_mcl.geometry import angle_between, circular_mean
 from maurice_mcl.records import Belief, Estimate, StepRecord
 from maurice_mcl.session import Moment
@@ -128,6 +128,8 @@ def measured(record: StepRecord) -> str:
 
 def weighted(record: StepRecord, scale: Scale) -> str:
     """Describe the new weights: who gained, who lost, and what they were compared with."""
+    if NO_NUMBER in record.events:
+        return "**Likelihoods are no numbers: all weights zero.** A channel or the library holds NaN."
     if ALL_ZERO in record.events:
         return "**No particle is in free space: all weights zero.** They cannot be updated."
     if LEFT_MAP in record.events:

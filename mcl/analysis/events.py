@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..arrays import F64, dot
-from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, RESAMPLED, RESEEDED
+from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLED, RESEEDED
 from ..records import AVERAGES, RecoveryTest, StepRecord
 from ..session import Moment
 from .lost_signal import LostSignal
@@ -232,7 +232,7 @@ KINDS: Mapping[str, str] = {
     RESEEDED: "a burst of reseeding begins: fresh particles are drawn",
     EXPANDED: "the whole cloud was spread",
     ESS_DIP: "very few particles hold nearly all weight",
-    ALL_WEIGHTS_ZERO: "no particle is in free space: the weights cannot be updated",
+    ALL_WEIGHTS_ZERO: "no particle is in free space, or none has a likelihood: weights cannot be updated",
     PARTED: "two runs of a comparison diverge from here",
     BOOKMARK: "a note of the user",
     RESAMPLED: "the cloud was resampled",
@@ -293,7 +293,10 @@ class EventDetector:
     def _of_filter(self, step: int, record: StepRecord) -> Iterator[tuple[str, str]]:
         limits, size = self.thresholds, record.weighted.size
         if self._begins(ALL_ZERO, step, record):
-            yield ALL_WEIGHTS_ZERO, "no particle is in free space: the weights cannot be updated"
+            why = "no particle is in free space"
+            if NO_NUMBER in record.events:
+                why = "likelihoods are no numbers, since a channel or the library holds NaN"
+            yield ALL_WEIGHTS_ZERO, f"{why}: the weights cannot be updated"
         if self._begins(LEFT_MAP, step, record):
             yield LEFT_THE_MAP, "every particle drove out of free space: the cloud stays where it was"
         if (share := self._dip.see(record.effective_sample_size / size, limits)) is not None:

@@ -45,6 +45,7 @@ RESEEDED = "reseeded"
 EXPANDED = "expanded"
 ALL_ZERO = "all weights zero"
 LEFT_MAP = "left the map"
+NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 NO_OUTLIERS = MotionOutliers()
 
 
@@ -105,7 +106,8 @@ class Localizer:
         with _timed(took, "weight"):
             sighting = self.sensor.at(comparison, proposal.belief.poses)
             weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
-            left = log_evidence == -np.inf and self._is_inside(state.belief)
+            broken = log_evidence == -np.inf and bool(np.isnan(sighting.log_likelihood).any())
+            left = log_evidence == -np.inf and not broken and self._is_inside(state.belief)
             if left:
                 proposal = ProposedParticles(keep_in(state.belief, proposal.belief))
                 sighting = self.sensor.at(comparison, proposal.belief.poses)
@@ -132,7 +134,7 @@ class Localizer:
             parents=recovered.parents,
             injected=recovered.injected,
             belief=recovered.belief,
-            events=_events(left, log_evidence, recovery, recovered),
+            events=_events(left, broken, log_evidence, recovery, recovered),
             took_s=took,
             recovery_test=recovery.test,
             library_evidence=comparison.library_evidence,
@@ -209,9 +211,12 @@ def calibrated_evidence(
     return float(total[0]), log_mean_likelihood(comparison.channels_explained, held)
 
 
-def _events(left: bool, log_evidence: float, recovery: Recovery, recovered: Resampled) -> tuple[str, ...]:
+def _events(
+    left: bool, broken: bool, log_evidence: float, recovery: Recovery, recovered: Resampled
+) -> tuple[str, ...]:
     happened = {
         LEFT_MAP: left,
+        NO_NUMBER: broken,
         ALL_ZERO: not np.isfinite(log_evidence),
         RESAMPLED: recovered.parents is not None,
         RESEEDED: recovered.injected is not None,

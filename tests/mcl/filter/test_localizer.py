@@ -5,6 +5,7 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
+from maurice_mcl.analysis.events import EventDetector
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.config.build import build_localizer, make_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
@@ -12,6 +13,7 @@ from maurice_mcl.filter.localizer import (
     ALL_ZERO,
     EXPANDED,
     LEFT_MAP,
+    NO_NUMBER,
     RESAMPLED,
     RESEEDED,
     Localizer,
@@ -23,8 +25,9 @@ from maurice_mcl.filter.resampling import always, never
 from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import Belief, uniform_log_weights
+from maurice_mcl.sensor.ahead import compared as compare_picture
 from maurice_mcl.sensor.model import SensorParameters
-from maurice_mcl.session import Frame
+from maurice_mcl.session import Frame, Moment
 
 BY = {"color": "thesis", "edges": "thesis"}
 FEATURES = {"color": {"color": 1.0}, "edges": {"edges": 1.0}, "blended": {"color": 0.5, "edges": 0.5}}
@@ -191,6 +194,20 @@ def test_a_cloud_that_would_leave_the_map_stays_and_only_turns(world):
     assert np.abs(record.weighted.poses[:, 2] - start.belief.poses[:, 2]).min() > 0.01
     assert np.isfinite(record.log_evidence)
     assert (record.sighting.entries >= 0).all()
+
+
+def test_a_channel_that_holds_nan_is_told_as_such_and_moves_no_particle(world):
+    localizer = _localizer(world, particles=50)
+    start, frame = localizer.initialize(world.start), world.drive.all_moments[0].frame
+    (compared,) = compare_picture([localizer.sensor], frame.image)
+    broken = np.full_like(compared.comparison.log_likelihood, np.nan)
+    spoiled = replace(compared, comparison=replace(compared.comparison, log_likelihood=broken))
+    _, record = localizer.step(start, frame, spoiled)
+    assert set(record.events) - {RESAMPLED} == {NO_NUMBER, ALL_ZERO}
+    assert np.array_equal(record.weighted.poses, localizer.step(start, frame)[1].weighted.poses)
+    moment = Moment(frame, None, ())
+    (event,) = [one for one in EventDetector().see(moment, record) if one.kind == "all-weights-zero"]
+    assert "a channel or the library holds NaN" in event.text
 
 
 @pytest.mark.parametrize("strategy", ["threshold", "sensor", "augmented", "expansion"])
