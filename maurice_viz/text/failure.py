@@ -23,6 +23,7 @@ from maurice_mcl.analysis.failures.kinds import (
 )
 
 from ..style import Scale
+from .explanation import planes_of
 
 TITLES: Mapping[str, str] = {
     DATA: "the recording",
@@ -73,7 +74,8 @@ def say_cause(failure: Failure, scale: Scale) -> str:
 def say_failure(failure: Failure, scale: Scale) -> str:
     """Return one sentence: when it was lost, and why."""
     until = f" to {failure.last}" if failure.last > failure.lost else ""
-    return f"Lost from {failure.lost}{until}: {say_cause(failure, scale)}."
+    lost = "Lost" if failure.truth_known else "Probably lost"
+    return f"{lost} from {failure.lost}{until}: {say_cause(failure, scale)}."
 
 
 def say_evidence(failure: Failure, scale: Scale) -> list[str]:
@@ -105,6 +107,8 @@ def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if not failure.truth_known and e.get("told") == "the log says so":
+        return f"the robot was carried away at {failure.first}, as the log says"
     if not failure.truth_known:
         return f"the pictures from {failure.first} on fit other places, as after a kidnapping"
     by = f" {scale.say(e['moved_m'])}" if "moved_m" in e else " away"
@@ -149,14 +153,30 @@ def _lighting(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if not failure.truth_known:
         return f"the pictures from {failure.first} on fit no reference as well as before, and are as bright"
-    how = f"{e['times_usual']:.1f} times the usual cost, most by {e['channel']}"
+    how = f"{e['times_usual']:.1f} times the usual cost, most by {e['channel']}{_bins(e)}"
     return f"the pictures from {failure.first} on do not show what the references there do ({how})"
 
 
 def _sensor(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     rank = f"rank {e['rank']:.0f} of {e['references']:.0f}"
-    how = f"by {e['behind_nats']:.1f} nats, most by {e['channel']}; the truth has {rank}"
+    how = f"by {e['behind_nats']:.1f} nats, most by {e['channel']}{_bins(e)}; the truth has {rank}"
     return f"{e['pictures']} of {e['of_pictures']} pictures fit wrong places better than the true one ({how})"
+
+
+def _bins(e: Mapping[str, Any]) -> str:
+    """Return the elements of the channel that cost most: ": 41% of it red 96 to 111 and blue 16 to 23"."""
+    if "elements" not in e:
+        return ""
+    size, numbers = int(e["of_elements"]), [int(one) for one in e["elements"].split(", ")]
+    planes = planes_of(e["channel"], size)
+    long = max(size // planes.count, 1)
+    names = list[str]()
+    while numbers:
+        run = [numbers.pop(0)]
+        while numbers and numbers[0] == run[-1] + 1 and numbers[0] // long == run[0] // long:
+            run.append(numbers.pop(0))
+        names.append(planes.name(run[0] // long, run[0] % long, run[-1] % long))
+    return f", {e['elements_share']:.0%} of it in {' and '.join(names)}"
 
 
 def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:

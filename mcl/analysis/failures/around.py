@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, Bool
+from ...arrays import F32, F64, U8, Bool
 from ...geometry import wrap
 from ...map import spacing
 from ...records import Comparison
+from ...sensor.distances import contributions
 from ...sensor.model import SensorModel
 from ...sensor.references import distinct_places
 
@@ -39,6 +40,8 @@ class PlaceFit:
     rival: tuple[float, float]  # x and y in m of the best of them
     costliest: str  # the channel that costs the true place most against the best other one
     costs: float  # nats that it costs
+    entry: int = -1  # the true place's best reference
+    other: int = -1  # the best one of another place
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,20 @@ class Surroundings:
             rival=(x, y),
             costliest=channel,
             costs=costs,
+            entry=entry,
+            other=best,
         )
+
+    def elements(self, image: U8, fit: PlaceFit) -> F32:
+        """Return what each element (D,) of the costliest channel costs the true place, above the other one.
+
+        In units of the channel's distance, see `maurice_mcl.sensor.distances.contributions`.
+        """
+        sensor, name = self.sensor, fit.costliest
+        index, distance = sensor.library.index[name], sensor.parameters.distance_of(name)
+        references = index.references[[fit.entry, fit.other]]
+        adds = contributions(distance, sensor.measure(image)[name], references, index)
+        return np.asarray(adds[0] - adds[1])
 
     def _likelihoods(self, comparison: Comparison, *poses: F64) -> list[float]:
         """Return the log-likelihood of a particle at each pose (3,); -inf outside the map."""

@@ -86,7 +86,8 @@ class LaterEvidence:
             picture, now = self._pictures.pop(index), self.updates[index]
             assert now.fit is not None
             found = light_fit(around, picture.image, picture.truth, picture.estimate, now.fit)
-            self.updates[index] = replace(now, light=found)
+            elements = around.elements(picture.image, now.fit)
+            self.updates[index] = replace(now, light=found, elements=elements)
 
     def _let_go(self, index: int, around: Surroundings) -> None:
         """Let go of the pictures that no loss can be due to any more.

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 
 import numpy as np
 
-from ...arrays import F64, U8
+from ...arrays import F32, F64, U8
 from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
 from ...geometry import compose_motions
 from ...records import StepRecord
 from ...session import Moment
 from ..events import is_kidnapping
+from ..lost_signal import LostSignal
 from ..metrics import StepScore, score_step
 from .around import PlaceFit, Surroundings
 from .light import LightFit, mean_level
@@ -26,7 +27,7 @@ MOVED = 0.01  # m or rad, from which on the next picture must differ
 class UpdateEvidence:
     """One update; None where it is not known: without truth, library, or motion model.
 
-    Four are added only around a loss, by `LaterEvidence`: outside, surprise, reference_m and light.
+    Five are added only around a loss, by `LaterEvidence`: outside, surprise, reference_m, light, elements.
     """
 
     step: int
@@ -48,6 +49,8 @@ class UpdateEvidence:
     best: float  # nats: how well the best reference of the library explains the picture, at most 0
     cloud: float  # nats: how well the cloud as a whole does
     gray: float  # mean level of the picture
+    knows: float | None = None  # probability that the estimate is right, without truth
+    probably_lost: bool = False  # whether the lost signal says so
     outside: bool | None = None  # whether the truth lies off the map
     moved_m: float | None = None  # the truth since the picture before
     driven_m: float = 0.0  # odometry says
@@ -56,6 +59,7 @@ class UpdateEvidence:
     reference_m: float | None = None  # from the truth to the nearest reference
     fit: PlaceFit | None = None  # of the picture at the truth
     light: LightFit | None = None  # of the picture, brightened or darkened
+    elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
 
     @property
     def kidnapped(self) -> bool:
@@ -76,6 +80,7 @@ class EvidenceFinder:
     around: Surroundings | None = None
     _before: Moment | None = None
     _floor: str = ""  # that the log told last
+    _signal: LostSignal = field(default_factory=LostSignal)
 
     def see(self, moment: Moment, record: StepRecord) -> UpdateEvidence:
         """Return the evidence of the next update."""
@@ -86,6 +91,7 @@ class EvidenceFinder:
         floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
         cost, likely = record.sighting.comparison.cost, record.sighting.comparison.log_likelihood
         motions = frame.motions
+        knows = self._signal.add(record)
         found = UpdateEvidence(
             step=frame.step,
             time_s=frame.time_s,
@@ -106,6 +112,8 @@ class EvidenceFinder:
             best=-float(cost.min()) if len(cost) else float("nan"),
             cloud=record.calibrated_evidence,
             gray=mean_level(frame.image),
+            knows=knows,
+            probably_lost=self._signal.probably_lost,
             driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
         )
         return found if truth is None else self._with_truth(found, before, truth, record)

@@ -19,6 +19,7 @@ REPAIRED = 0.8  # of the cost above the usual one, that may be left once the bri
 CONFUSED = 0.25  # share of other places more similar than a neighbor: the library tells little
 ALIKE_NATS = 1.0  # places whose mean log-likelihoods differ by less look alike
 MOSTLY = 0.5  # of the updates looked at
+COSTLIEST = 3  # elements of a channel that are named
 
 
 def library_gap(story: Story) -> Failure | None:
@@ -141,6 +142,7 @@ def _unlike(story: Story, kind: str) -> Failure | None:
         _since(bad, story),
         channel=channel,
         channel_nats=float(np.median([fit.costs for fit in fits])),
+        **_elements([one for one in bad if one.fit and one.fit.costliest == channel]),
         behind_nats=float(np.median([fit.behind for fit in fits])),
         rank=float(np.median([fit.rank for fit in fits])),
         references=fits[0].references,
@@ -149,6 +151,18 @@ def _unlike(story: Story, kind: str) -> Failure | None:
         pictures=len(bad),
         of_pictures=len(story.some(story.pictures, lambda one: one.fit is not None)),
     )
+
+
+def _elements(bad: list[UpdateEvidence]) -> dict[str, Value]:
+    """Return which elements of a channel, such as bins, cost the true place most in these pictures."""
+    costs = [one.elements for one in bad if one.elements is not None]
+    if not costs:
+        return {}
+    total = np.asarray(np.stack(costs).sum(axis=0, dtype=np.float64), np.float64)
+    most = [int(k) for k in np.argsort(-total)[:COSTLIEST] if total[k] > 0]
+    share = float(total[most].sum() / max(np.maximum(total, 0).sum(), 1e-12))
+    named = ", ".join(map(str, sorted(most)))
+    return {"elements": named, "of_elements": len(total), "elements_share": share} if most else {}
 
 
 def _channel(fits: list[PlaceFit], story: Story) -> str:

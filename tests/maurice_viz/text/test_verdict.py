@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.kinds import KIDNAPPED, PROPOSAL, Failure
+from maurice_mcl.analysis.failures.kinds import KIDNAPPED, PROPOSAL, SENSOR, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
+from maurice_viz.text.failure import say_cause
 from maurice_viz.text.verdict import said, verdict_line
 
 INCHES = Scale(UNITS["in"])
@@ -127,3 +128,10 @@ def test_runs_without_truth_are_told_by_name():
     blind = RunVerdict(updates=9, converged_share=0.5)
     line = "the cloud was converged in 50% of the updates, and there is no truth to judge it by"
     assert verdict_line({"a": blind, "b": blind}, INCHES) == f"`a`: {line}; `b`: {line}."
+
+
+def test_bins_that_cost_most_have_names():
+    evidence = {"behind_nats": 5.0, "channel": "color", "rank": 40, "references": 600, "pictures": 9}
+    evidence |= {"of_pictures": 10, "elements": "1, 2, 28", "of_elements": 84, "elements_share": 0.413}
+    text = say_cause(Failure(SENSOR, 1, 9, 1, evidence), INCHES)
+    assert "most by color, 41% of it in red 24 to 39 and green 16 to 23; the truth has rank 40 of 600" in text

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from maurice_mcl.analysis.failures.around import PlaceFit, UsualFit
@@ -123,12 +124,27 @@ def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_
     assert troubled(run(searching)[:12]) == [(0, 11, 0)]
 
 
+def test_the_elements_that_cost_most_are_named_of_the_pictures_that_blame_their_channel():
+    costs = np.zeros(12, np.float32)
+    costs[[2, 3, 9, 5]] = 3, 4, 2, 1
+    found = failure_of({"fit": POOR, "elements": costs}, ALL)
+    assert (found.kind, found.evidence["channel"]) == ("sensor", "tiny")
+    assert (found.evidence["elements"], found.evidence["of_elements"]) == ("2, 3, 9", 12)
+    assert found.evidence["elements_share"] == pytest.approx(0.9)
+    assert "elements" not in failure_of({"fit": POOR}, ALL).evidence
+
+
 def test_without_truth_it_is_said_so():
     blind = StepScore(None, None, True, None, None)
     updates = [replace(healthy(step), score=blind, near=None, fit=None) for step in range(1, 30)]
     assert suspected(updates) == ()
-    dark = [replace(one, cloud=-9.0, best=-7.0, gray=40.0) if one.step > 15 else one for one in updates]
-    moved = [replace(one, cloud=-9.0) if one.step > 15 else one for one in updates]
+    since = {"knows": 0.01, "probably_lost": True}
+    updates = [replace(one, knows=0.9) for one in updates]
+    dark = {"cloud": -9.0, "best": -7.0, "gray": 40.0}
+    dark, moved = (
+        [replace(one, **changes, **since) if one.step > 15 else one for one in updates]
+        for changes in (dark, {"cloud": -9.0})
+    )
     for some, kind in ((dark, "lighting"), (moved, "kidnapped")):
         (found,) = suspected(some)
         assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
