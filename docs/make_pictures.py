@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from maurice_datasets.demos import demo_paths
+from maurice_datasets.demos import demo_paths, kidnapping_paths
 from maurice_viz.viewer.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"
@@ -75,6 +75,15 @@ def as_recorded(run: str, folder: Path) -> Path:
     return recording
 
 
+def diagnosis(folder: Path) -> Path:
+    """Draw the first screen of the demo's kidnapped drive, at the step that its diagnosis names."""
+    kept, pictures = folder / "kidnapped", folder / "diagnosis"
+    log = str(kidnapping_paths().session)
+    maurice("replay", log, "--feature", "best", "--save-run", str(kept), "--rrd", "none")
+    maurice("diagnose", str(kept), "-o", str(pictures))
+    return pictures / "best-step-41-kidnapped.png"
+
+
 def ambiguity(folder: Path) -> Path:
     """Draw where a library from one drive is ambiguous."""
     drive, library, drawn = folder / "survey-drive", folder / "library", folder / "ambiguity.png"
@@ -98,6 +107,7 @@ def main() -> None:
         maurice("replay", session, "--feature", "blended", "--run", kept, "--save", one)
         maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
         keep("explain.png", Path(explained).read_bytes())
+        keep("diagnose.jpg", diagnosis(Path(name)).read_bytes())
         keep("ambiguity.png", ambiguity(Path(name)).read_bytes())
         with headless_viewer(as_recorded(kept, Path(name))) as viewer:
             keep("as-recorded.png", viewer.picture("step", ASTRAY))

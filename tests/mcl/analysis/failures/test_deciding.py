@@ -148,3 +148,20 @@ def test_without_truth_it_is_said_so():
     for some, kind in ((dark, "lighting"), (moved, "kidnapped")):
         (found,) = suspected(some)
         assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
+
+
+def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_believed():
+    def run(**changes):
+        blind = StepScore(None, None, True, None, None)
+        updates = [replace(healthy(k), score=blind, near=None, fit=None, knows=0.9) for k in range(1, 30)]
+        for k in range(15, 25):
+            updates[k] = replace(updates[k], knows=0.3 if k < 18 else 0.01, probably_lost=k >= 18, cloud=-9.0)
+        updates[15] = replace(updates[15], **changes)
+        (found,) = suspected(updates)
+        return found
+
+    found = run()
+    assert (found.kind, found.first, found.lost, found.last) == ("kidnapped", 16, 19, 25)
+    assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("kidnapped", "data")  # carried in less time
+    assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
+    assert run(left=True).kind == "left_map"
