@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 
 class InputError(Exception):
@@ -23,3 +24,13 @@ class InputError(Exception):
         self.file = file
         self.line = line  # None when the error concerns the entire file
         self.message = message
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let the error come back from a worker process: subclasses take other arguments than `args`."""
+        return _again, (type(self), self.args), self.__dict__
+
+
+def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
+    made = kind.__new__(kind, *args)
+    made.args = args
+    return made

@@ -165,8 +165,7 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
 
     A run that failed and was made again is the later one. InputError for a folder without trials.
     """
-    if not is_trials(folder):
-        raise InputError(folder, "found no trials, expected a folder that `maurice-replay trials` has made")
+    expect_trials(folder)
     files = _files(folder)
     wanted = list(dict.fromkeys([*KEY, *(columns or SCHEMA)]))
     frames = [_frame(file, wanted) for file in files]
@@ -177,6 +176,12 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
 def is_trials(folder: Path) -> bool:
     """Return whether a folder is one that `maurice-replay trials` has made."""
     return (folder / MANIFEST).is_file()
+
+
+def expect_trials(folder: Path) -> None:
+    """Refuse what is no such folder. InputError."""
+    if not is_trials(folder):
+        raise InputError(folder, "found no trials, expected a folder that `maurice-replay trials` has made")
 
 
 def rows_changed(folder: Path) -> float:

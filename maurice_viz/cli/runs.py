@@ -279,10 +279,10 @@ def budget(
         return
     drives = f"{found.drives} drives" if found.drives > 1 else f"{found.parts[0].error.count} seeds"
     title = Text(f"{found.name}: {found.filter}, {drives}, 95 % intervals")
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD)
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     units = found.display_units
     for name in ("with", f"error ({units})", "lost", "so this part", f"costs ({units})"):
-        table.add_column(name)
+        table.add_column(name, no_wrap="(" in name)  # figures
     for row in budget_rows(found):
         table.add_row(*row)
     results.print(table)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from maurice_datasets.trials.engine import in_processes
-from maurice_datasets.trials.rows import rows_changed
+from maurice_datasets.trials.rows import expect_trials, rows_changed
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import check_target, write_whole
 
@@ -71,6 +71,7 @@ def draw_figures(
         if name not in FORMATS:
             raise InputError(None, f"found format {name!r}, expected one of {', '.join(FORMATS)}")
     expect_matplotlib(folder)
+    expect_trials(Path(trials))
     if not folder.exists():
         check_target(folder, force)
         folder.mkdir(parents=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from typing import Any
 import platformdirs
 import pytest
 
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import FieldError, InputError, SourceError
 from maurice_loaders.files import cache_root, discard, new_folder, temporary_folder, write_whole
 
 
@@ -180,3 +181,14 @@ def test_a_temporary_folder_goes_and_takes_with_it_what_a_killed_process_left(
         assert list(tmp_path.iterdir()) == [folder]
         assert folder.stat().st_mode & 0o077 == 0
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "error",
+    [InputError(Path("a.log"), "found b", 3), SourceError("tcp://a", "found b"), FieldError("found b")],
+)
+def test_an_error_comes_back_from_a_worker_process(error):
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert (again.file, again.line, again.message) == (error.file, error.line, error.message)

@@ -11,6 +11,7 @@ import pytest
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
+from maurice_loaders.errors import InputError
 from maurice_mcl.geometry import INCH_M
 from maurice_viz.plots import clouds, costs, drives, traces
 from maurice_viz.plots.drawn import draw_figures
@@ -140,3 +141,9 @@ def test_points_of_costs_are_the_medians(tmp_path: Path) -> None:
     assert relative.get_lines()[0].get_xdata().tolist() == [2.0]
     with pytest.raises(NothingToDraw, match="trials timing"):
         costs.update(Material(tmp_path))
+
+
+def test_figures_of_no_trials_are_refused_before_a_folder_is_made(tmp_path):
+    with pytest.raises(InputError, match="found no trials"):
+        draw_figures(tmp_path, tmp_path / "figures")
+    assert not (tmp_path / "figures").exists()
