@@ -25,7 +25,10 @@ from maurice_datasets.trials.drives import Bench, Drive, Held
 from maurice_datasets.worlds.build import load_world
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import score_step
+from maurice_mcl.analysis.second_opinion import SecondFilter
+from maurice_mcl.arrays import F32, F64
 from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch
+from maurice_mcl.filter.localizer import Localizer
 
 Numbers = dict[str, NDArray[Any]]
 SEEDS = (1, 2, 3)  # of the filter, for each drive
@@ -98,7 +101,7 @@ def drive_of(course: Course, folder: Path) -> Drive:
 
 def numbers_of(course: Course, folder: Path) -> dict[str, Numbers]:
     """Return what every filter found on a drive: arrays (R, U), of R seeds and U updates."""
-    file = folder / f"{course.name}.npz"
+    file = folder / f"{course.name}.numbers.npz"
     if not file.exists():
         drive = drive_of(course, folder)
         kept = {
@@ -136,7 +139,20 @@ def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
         "confidence": np.array([t.confidence for t in traces]),
         "converged": np.array([t.converged for t in traces]),
     }
-    return found
+    costs, estimates = [one.cost for one in comparisons], np.array([t.poses for t in traces])
+    return found | second_opinions(localizer, [m.frame.motions for m in moments], costs, estimates)
+
+
+def second_opinions(
+    localizer: Localizer, motions: Sequence[F64], costs: Sequence[F32], estimates: F64
+) -> Numbers:
+    """Return what a second filter says of estimates (R, U, 3) of one drive, (R, U) each."""
+    second, rows = SecondFilter.of(localizer), []
+    for moved, cost, poses in zip(motions, costs, estimates.swapaxes(0, 1), strict=True):
+        second.see(moved, cost)
+        rows.append([[one.near, one.elsewhere] for one in map(second.shares, poses)])
+    near, elsewhere = np.array(rows).T
+    return {"near": near, "elsewhere": elsewhere}
 
 
 def _score(trace: RunTrace, update: int, truth: Any) -> Any:

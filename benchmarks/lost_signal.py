@@ -7,13 +7,14 @@ which 5 percent of the runs on the fitted arenas have a false alarm; the table i
 fitted on.
 
 Run: make lost-signal (drives are made once and kept; it goes on where it stopped). With --fit it prints the
-weights for mcl/analysis/lost_signal.py, fitted anew; with --figure OUT.png it draws the curves.
+weights for mcl/analysis/lost_signal.py and second_opinion.py, fitted anew; with --figure OUT.png it draws
+the curves.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,11 +25,14 @@ from maurice_datasets.trials.statistics import Interval, mean, rate
 from maurice_loaders.files import cache_root
 from maurice_mcl.analysis.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
 from maurice_mcl.analysis.metrics import LOST_FOR
+from maurice_mcl.analysis.second_opinion import OPINION, OpinionReader, Shares
 from maurice_mcl.arrays import F64, Bool
 
 WITHIN = 5  # pictures in which a loss should be noticed, and by which an alarm may be early or late
 FALSE_ALARMS = 0.05  # share of the runs that may have one
 NAMES = ("evidence", "library_mean", "library_best", "mass", "spread", "survivors")
+SHARES = ("near", "elsewhere")
+CALIBRATED = ("best", "robust")  # filters whose likelihoods are alike, and need one threshold
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +86,22 @@ def ours(run: JudgedRun) -> F64:
     return np.asarray(1 / (1 + np.exp(odds)))
 
 
+def opinion_features_of(run: JudgedRun) -> F64:
+    """Return what the second opinion is made of, (U, F), as it computes it update by update."""
+    reader, rows = (
+        OpinionReader(),
+        np.column_stack([run.numbers[name] for name in (*NAMES, *SHARES)]).tolist(),
+    )
+    found = [reader.features(BeliefNumbers(*row[: len(NAMES)]), Shares(*row[len(NAMES) :])) for row in rows]
+    return np.array([[row[name] for name in OPINION] for row in found])
+
+
+def second_opinion(run: JudgedRun) -> F64:
+    """One less the probability that the estimate is not lost, with a second filter."""
+    odds = opinion_features_of(run) @ np.array(list(OPINION.values()))
+    return np.asarray(1 / (1 + np.exp(odds)))
+
+
 def covariance(run: JudgedRun) -> F64:
     """The standard deviation of the whole cloud, in radii *right*."""
     return np.asarray(run.numbers["spread"])
@@ -103,6 +123,7 @@ def averages(slow: float, fast: float) -> Alarm:
 
 
 ALARMS: dict[str, Alarm] = {
+    "the second opinion": second_opinion,
     "the lost signal": ours,
     "covariance": covariance,
     "w_slow, w_fast (0.1, 0.5: ours)": averages(0.1, 0.5),
@@ -143,9 +164,18 @@ RIDGE = 1.0  # on standardized features: a few coefficients, and drives that are
 
 def fitted(runs: Sequence[JudgedRun]) -> dict[str, float]:
     """Return the weights that describe best at which updates the estimate was right."""
-    rows = [features_of(run) for run in runs]
-    x = np.concatenate(rows)
-    y = np.concatenate([run.numbers["correct"].astype(float) for run in runs])
+    x = np.concatenate([features_of(run) for run in runs])
+    return logistic(WEIGHTS, x, np.concatenate([run.numbers["correct"].astype(float) for run in runs]))
+
+
+def fitted_opinion(runs: Sequence[JudgedRun]) -> dict[str, float]:
+    """Return the weights that describe best at which updates the estimate was not lost."""
+    x = np.concatenate([opinion_features_of(run) for run in runs])
+    return logistic(OPINION, x, 1 - np.concatenate([run.numbers["lost"].astype(float) for run in runs]))
+
+
+def logistic(names: Iterable[str], x: F64, y: F64) -> dict[str, float]:
+    """Return the weights by name of features (K, F) that describe best which of K are true."""
     scale = np.where(x.std(axis=0) > 0, x.std(axis=0), 1.0)
     shift = np.where(x.std(axis=0) > 0, x.mean(axis=0), 0.0)
     found, z = np.zeros(x.shape[1]), (x - shift) / scale
@@ -156,7 +186,7 @@ def fitted(runs: Sequence[JudgedRun]) -> dict[str, float]:
         found = found + np.linalg.solve(square, z.T @ (y - p) - penalty * found)
     weights = found / scale
     weights[0] -= float((found * shift / scale)[1:].sum())
-    return dict(zip(WEIGHTS, weights.round(3).tolist(), strict=True))
+    return dict(zip(names, weights.round(3).tolist(), strict=True))
 
 
 # The table.
@@ -181,19 +211,31 @@ def table(fits: Sequence[JudgedRun], tests: Sequence[JudgedRun]) -> str:
     titles = "alarm", "false alarms, % of runs", "noticed, % of losses", "noticed at 5 % false alarms there"
     lines = [f"| {' | '.join(titles)} |", f"|{'---|' * len(titles)}"]
     lines += [row(name, alarm, fits, tests) for name, alarm in ALARMS.items()]
-    lines += ["", f"| the lost signal on | runs | losses | {' | '.join(titles[1:3])} |", f"|{'---|' * 5}"]
-    limit = threshold(fits, ours)
-    parts: dict[str, list[JudgedRun]] = {}
-    for run in tests:
-        for name in (run.filter, run.course.tier, run.course.task):
-            parts.setdefault(name, []).append(run)
-    for name, some in parts.items():
-        at_losses, _ = noticed_at(some, ours)
-        false = rate(int((highest_false(some, ours) > limit).sum()), len(some))
-        noticed = rate(int((at_losses > limit).sum()), len(at_losses))
-        lines.append(f"| {name} | {len(some)} | {len(at_losses)} | {said(false)} | {said(noticed)} |")
-    lines += ["", f"probably lost below {1 - limit:.3g}", "", *reliability(tests)]
+    for name in ("the second opinion", "the lost signal"):
+        lines += ["", *parts(name, fits, tests)]
+    lines += ["", "With a threshold of the filters with a calibrated likelihood alone:", *lines[:2]]
+    some = [[run for run in runs if run.filter in CALIBRATED] for runs in (fits, tests)]
+    lines += [row(name, ALARMS[name], *some) for name in ("the second opinion", "the lost signal")]
+    lines += [f"alarm above {threshold(some[0], second_opinion):.3g}"]
+    lines += ["", f"probably lost below {1 - threshold(fits, ours):.3g}", "", *reliability(tests)]
     return "\n".join(lines)
+
+
+def parts(name: str, fits: Sequence[JudgedRun], tests: Sequence[JudgedRun]) -> list[str]:
+    """Return a table of one alarm on some of the runs at a time."""
+    alarm, titles = ALARMS[name], ("runs", "losses", "false alarms, % of runs", "noticed, % of losses")
+    lines = [f"| {name} on | {' | '.join(titles)} |", f"|{'---|' * (len(titles) + 1)}"]
+    limit = threshold(fits, alarm)
+    found: dict[str, list[JudgedRun]] = {}
+    for run in tests:
+        for part in (run.filter, run.course.tier, run.course.task):
+            found.setdefault(part, []).append(run)
+    for part, some in found.items():
+        at_losses, _ = noticed_at(some, alarm)
+        false = rate(int((highest_false(some, alarm) > limit).sum()), len(some))
+        noticed = rate(int((at_losses > limit).sum()), len(at_losses))
+        lines.append(f"| {part} | {len(some)} | {len(at_losses)} | {said(false)} | {said(noticed)} |")
+    return [*lines, "", f"{name}: alarm above {limit:.3g}"]
 
 
 def reliability(runs: Sequence[JudgedRun]) -> list[str]:
@@ -220,7 +262,7 @@ def main() -> None:
     drives = len({run.course.name for run in tests})
     print(f"{drives} unseen drives, {len(FILTERS)} filters, {len(SEEDS)} seeds: {len(tests)} runs\n")
     if asked.fit:
-        print(fitted(fits), "\n")
+        print(fitted(fits), "\n", fitted_opinion(fits), "\n")
     print(table(fits, tests))
     if asked.figure:
         draw(tests, asked.figure)
@@ -232,7 +274,9 @@ def draw(runs: Sequence[JudgedRun], file: Path) -> None:
 
     figure = Figure((6.4, 4.6), layout="constrained")
     axes = figure.subplots()
-    for (name, alarm), style in zip(ALARMS.items(), ("-", "--", "-.", ":", (0, (1, 3))), strict=True):
+    for (name, alarm), style in zip(
+        ALARMS.items(), ("-", (0, (5, 1)), "--", "-.", ":", (0, (1, 3))), strict=True
+    ):
         highest, (at_losses, _) = highest_false(runs, alarm), noticed_at(runs, alarm)
         shares = np.linspace(0, 1, 101)[:-1]
         noticed = [100 * float((at_losses > at_share(highest, share)).mean()) for share in shares]

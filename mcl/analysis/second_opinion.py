@@ -1,0 +1,184 @@
+"""A second opinion on whether the filter is lost: a small filter that never believes the first one.
+
+It has as many particles as the library has entries, begins anywhere, and draws a few of them anew from every
+picture. So it follows every place that the last pictures and movements speak for, also where the first
+filter has no particle left. Its share of the weight near the first one's estimate, beside that of the best
+place elsewhere, joins what the lost signal reads (docs/lost-signal.md has both, on unseen drives).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..arrays import F32, F64, I32
+from ..errors import InputError
+from ..filter.localizer import Localizer
+from ..filter.proposal import likely_poses, uniform_poses
+from ..filter.resampling import systematic
+from ..randomness import Domain, stream
+from ..records import StepRecord
+from .lost_signal import RATE, BeliefNumbers, LostSignal
+
+LEAST_PARTICLES, MOST_PARTICLES = 200, 2000
+FRESH = 0.05  # share of the particles, and of the weight, that every picture draws anew
+NEAR, FAR = 4 / 3, 2.0  # radii *right* from the estimate: what agrees with it, what contradicts it
+NEAR_RAD, FAR_RAD = math.radians(45), math.radians(60)
+LEAST_SHARE = 0.01  # of the weight, whose log would fall beyond all bounds
+
+# Logistic regression: log odds that the estimate is not lost, per unit of each feature (docs/lost-signal.md).
+OPINION: Mapping[str, float] = {
+    "constant": -0.57,
+    "gain": 0.56,
+    "last gain": 0.53,
+    "gap": 0.13,
+    "mass": 0.39,
+    "spread": -0.21,
+    "survivors": -0.37,
+    "near": 0.23,
+    "apart": 0.39,
+    "apart lately": 0.28,
+}
+# probability of not being lost below which it is an alarm: with a calibrated likelihood, and with any
+LOST_BELOW, LOST_BELOW_ANY = 0.5, 0.12
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Where a second filter is, beside an estimate: shares of its weight."""
+
+    near: float  # at poses that agree with the estimate
+    elsewhere: float  # about the one entry, among those that contradict it, with the most
+
+
+@dataclass(slots=True)
+class SecondFilter:
+    """A small filter that begins anywhere; it reads movements and pictures, and nothing of another filter.
+
+    >>> import maurice_mcl as mcl
+    >>> from maurice_mcl.analysis.second_opinion import SecondFilter
+    >>> session, localizer = mcl.tiny_session(), mcl.make_localizer(mcl.tiny_library())
+    >>> second = SecondFilter.of(localizer.of_session(session))
+    >>> for _, record in mcl.run(localizer, session):
+    ...     second.see(record.frame.motions, record.sighting.comparison.cost)
+    >>> 0 <= second.shares(record.estimate.pose).near <= 1
+    True
+    """
+
+    localizer: Localizer  # of which it takes the map, the library and the motion model
+    poses: F32  # (N, 3) at the last picture, relative to the library's origin
+    weights: F64  # (N,)
+    entries: I32  # (N,) nearest to each pose; -1 outside free space
+    begin: F32  # (N, 3) where the next movement begins
+    carried: F64  # (N,) weights there
+    step: int = 0
+
+    @classmethod
+    def of(cls, localizer: Localizer) -> SecondFilter:
+        """Begin anywhere. InputError for a localizer without a motion model: see `Localizer.of_session`."""
+        if localizer.motion is None:
+            raise InputError(None, "found no motion model; use `of_session` before a second opinion")
+        count = min(max(localizer.library.size, LEAST_PARTICLES), MOST_PARTICLES)
+        origin = localizer.library.origin
+        poses = uniform_poses(localizer.reference.grid, count, origin, stream(Domain.COMPARE, 0, 0, count))
+        even = np.full(count, 1 / count)
+        return cls(localizer, poses, even, localizer.reference.entries(poses, origin), poses, even)
+
+    def see(self, motions: Iterable[F64], cost: F32) -> None:
+        """Process an update: its movements, and the cost (L,) of every entry, nats."""
+        one, count, origin = self.localizer, len(self.poses), self.localizer.library.origin
+        assert one.motion is not None, "see `of`"
+        self.step += 1
+        rng, self.poses = stream(Domain.COMPARE, 0, self.step, count), self.begin
+        for motion in motions:
+            noise = rng.standard_normal((count, 3), np.float32)
+            self.poses = one.motion.move(self.poses, origin, motion, noise)
+        self.entries = one.reference.entries(self.poses, origin)
+        likelihood = np.exp(cost.min() - cost.astype(np.float64))
+        found = self.carried * np.append(likelihood, 0.0)[self.entries]
+        total = float(found.sum())
+        self.weights = found / total if total > 0 else np.full(count, 1 / count)
+        self._renew(-cost, rng)
+
+    def _renew(self, log_likelihood: F32, rng: np.random.Generator) -> None:
+        """Resample, and draw a few anew where this picture is likely."""
+        one, count = self.localizer, len(self.poses)
+        fresh = round(FRESH * count)
+        kept = systematic(self.weights, count - fresh, rng)
+        grid, origin = one.reference.grid, one.library.origin
+        drawn = likely_poses(log_likelihood, grid, one.regions, fresh, origin, rng)
+        self.begin = np.concatenate([self.poses[kept], drawn])
+        self.carried = np.full(count, 1 / count)
+
+    def shares(self, pose: F64) -> Shares:
+        """Return where it is, beside an estimated pose (3,) in the map's frame."""
+        right_m = self.localizer.radii.right_m
+        x, y = (np.float32(v) for v in pose[:2] - self.localizer.library.origin)
+        away = np.square(self.poses[:, 0] - x) + np.square(self.poses[:, 1] - y)
+        ahead = np.cos(self.poses[:, 2] - np.float32(pose[2]))
+        near = (away < (NEAR * right_m) ** 2) & (ahead > math.cos(NEAR_RAD))
+        far = (away > (FAR * right_m) ** 2) | (ahead < math.cos(FAR_RAD))
+        by_entry = np.bincount(self.entries + 1, self.weights * far)
+        return Shares(float(self.weights[near].sum()), float(by_entry[1:].max(initial=0.0)))
+
+
+@dataclass(slots=True)
+class OpinionReader:
+    """Turns numbers of updates into features; keeps running means."""
+
+    _signal: LostSignal = field(default_factory=LostSignal)
+    _apart: float | None = None
+
+    def features(self, now: BeliefNumbers, shares: Shares) -> dict[str, float]:
+        """Return what the probability of the next update is made of, by the names of OPINION."""
+        near, elsewhere = (math.log(max(v, LEAST_SHARE)) for v in (shares.near, shares.elsewhere))
+        apart = near - elsewhere
+        self._apart = apart if self._apart is None else self._apart + RATE * (apart - self._apart)
+        own = {"near": near, "apart": apart, "apart lately": self._apart}
+        return self._signal.features(now) | own
+
+
+@dataclass(slots=True)
+class SecondOpinion:
+    """Follows one run with a second filter, without truth.
+
+    >>> import maurice_mcl as mcl
+    >>> from maurice_mcl.analysis.second_opinion import SecondOpinion
+    >>> session, localizer = mcl.tiny_session(), mcl.make_localizer(mcl.tiny_library())
+    >>> opinion = SecondOpinion.of(localizer.of_session(session))
+    >>> for _, record in mcl.run(localizer, session):
+    ...     not_lost = opinion.add(record)
+    >>> 0 <= not_lost <= 1, opinion.lost
+    (True, False)
+    """
+
+    second: SecondFilter
+    not_lost: float | None = None  # probability that the last estimate is not lost; None: not known
+    _reader: OpinionReader = field(default_factory=OpinionReader)
+
+    @classmethod
+    def of(cls, localizer: Localizer) -> SecondOpinion:
+        """Begin beside a filter. InputError without a motion model: see `Localizer.of_session`."""
+        return cls(SecondFilter.of(localizer))
+
+    @property
+    def lost(self) -> bool:
+        """Whether the last estimate is probably lost."""
+        sensor = self.second.localizer.sensor.parameters
+        calibrated = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
+        limit = LOST_BELOW if calibrated else LOST_BELOW_ANY
+        return self.not_lost is not None and self.not_lost < limit
+
+    def add(self, record: StepRecord) -> float | None:
+        """Process the next update; return the probability that its estimate is not lost."""
+        numbers = BeliefNumbers.of(record)
+        self.second.see(record.frame.motions, record.sighting.comparison.cost)
+        if numbers is None:
+            return None
+        found = self._reader.features(numbers, self.second.shares(record.estimate.pose))
+        odds = sum(weight * found[name] for name, weight in OPINION.items())
+        self.not_lost = 1 / (1 + math.exp(-odds))
+        return self.not_lost

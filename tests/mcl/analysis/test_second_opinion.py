@@ -1,0 +1,90 @@
+"""The second opinion: a filter that finds the robot by itself, and contradicts an estimate elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import maurice_mcl as mcl
+from maurice_mcl.analysis.second_opinion import LOST_BELOW, SecondFilter, SecondOpinion, Shares
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.records import StepRecord
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return mcl.make_localizer(mcl.tiny_library(), particles=300).of_session(mcl.tiny_session())
+
+
+@pytest.fixture(scope="module")
+def records(localizer) -> list[StepRecord]:
+    return [record for _, record in mcl.run(localizer, mcl.tiny_session())]
+
+
+def seen(localizer: Localizer, records: list[StepRecord]) -> SecondFilter:
+    second = SecondFilter.of(localizer)
+    for record in records:
+        second.see(record.frame.motions, record.sighting.comparison.cost)
+    return second
+
+
+def away(record: StepRecord) -> np.ndarray:
+    """Return a pose across the map that looks the other way."""
+    middle = np.append(record.weighted.origin, 0.0)
+    x, y, heading = record.estimate.pose
+    return np.array([2 * middle[0] - x, 2 * middle[1] - y, heading + np.pi])
+
+
+def test_it_finds_the_robot_without_being_told_where_it_begins(localizer, records):
+    second = seen(localizer, records)
+    right, wrong = second.shares(records[-1].estimate.pose), second.shares(away(records[-1]))
+    assert right.near > wrong.near
+    assert wrong.elsewhere > right.elsewhere
+    assert second.weights.sum() == pytest.approx(1)
+
+
+def test_the_same_records_give_the_same_shares(localizer, records):
+    pose = records[-1].estimate.pose
+    assert seen(localizer, records).shares(pose) == seen(localizer, records).shares(pose)
+
+
+def test_a_picture_that_fits_nowhere_and_a_robot_that_leaves_the_map_are_survived(localizer, records):
+    second = seen(localizer, records)
+    far = np.array([[1e4, 0.0, 0.0]])
+    second.see(far, records[-1].sighting.comparison.cost)
+    found = second.shares(records[-1].estimate.pose)
+    assert np.isfinite([found.near, found.elsewhere]).all()
+    second.see(np.empty((0, 3)), records[-1].sighting.comparison.cost)
+    assert second.shares(records[-1].estimate.pose).near > 0
+
+
+def test_an_estimate_that_it_contradicts_is_less_probable(localizer, records):
+    def last(wrong: bool) -> float:
+        opinion = SecondOpinion.of(localizer)
+        for record in records:
+            estimate = replace(record.estimate, pose=away(record)) if wrong else record.estimate
+            found = opinion.add(replace(record, estimate=estimate))
+        assert found is not None
+        assert opinion.lost == (found < LOST_BELOW)
+        return found
+
+    assert last(wrong=True) < last(wrong=False)
+
+
+def test_what_contradicts_lowers_it():
+    from maurice_mcl.analysis.lost_signal import BeliefNumbers
+    from maurice_mcl.analysis.second_opinion import OPINION, OpinionReader
+
+    numbers = BeliefNumbers(-2.0, -7.0, -1.0, 1.0, 0.3, 0.3)
+    agrees, contradicts = (
+        sum(OPINION[name] * value for name, value in OpinionReader().features(numbers, shares).items())
+        for shares in (Shares(0.9, 0.01), Shares(0.0, 0.9))
+    )
+    assert agrees > contradicts + 3
+
+
+def test_a_localizer_without_motion_model_is_refused():
+    with pytest.raises(mcl.InputError, match="found no motion model"):
+        SecondOpinion.of(mcl.make_localizer(mcl.tiny_library()))
