@@ -32,7 +32,7 @@ from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.ahead import Compared
 
 SHARPNESS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)  # of `best`, tried on the fitted drives
-CHOSEN = 0.7  # by --fit, before any unseen drive was looked at
+CHOSEN = 0.7  # by --fit, before any unseen drive was run with it
 SEED = 1  # of the filter
 MORE = [Course("two-rooms", "nominal", arena, number) for arena in (1000, 1004, 1008) for number in (0, 2)]
 TO_FIT = [one for one in FITTED if one.task == "tracking"]
