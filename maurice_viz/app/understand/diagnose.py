@@ -26,6 +26,7 @@ from ..replay import replay_any
 
 NONE = "No failure: it was never lost, or found itself in time."
 NO_TRUTH = "There is no truth to judge by; what follows is said from the evidence alone."
+NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
 SEEN_BEFORE, SEEN_AFTER = 2, 2  # updates around a cause that a picture or a movie shows
 
@@ -50,7 +51,7 @@ class RunDiagnosis:
         scale = Scale(units_named(self.display_units))
         lines = [f"{self.label}: {said(self.verdict, scale)}"]
         if not self.verdict.has_truth:
-            lines.append(NO_TRUTH)
+            lines.append(NO_TRUTH if self.failures else NONE_WITHOUT_TRUTH)
         if not self.failures and self.verdict.has_truth:
             lines.append(NONE)
         for failure in self.failures:

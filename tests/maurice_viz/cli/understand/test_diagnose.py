@@ -186,3 +186,13 @@ def test_belief_of_a_lost_run_says_that_it_was_left_out(made: Path) -> None:
     done = run("calibrate", "belief", made / "kept", expect=1)
     assert "the run was lost or kidnapped" in done.stderr
     assert "--lost" in done.stderr
+
+
+def test_without_truth_and_without_failure_it_says_so(small_session: Path) -> None:
+    log = small_session.with_name("blind.log")
+    records = [json.loads(line) for line in small_session.read_text().splitlines()]
+    kept = [{k: v for k, v in one.items() if k != "truth"} for one in records]
+    log.write_text("".join(f"{json.dumps(one)}\n" for one in kept if set(one) != {"t"}))
+    text = run("diagnose", log, "--particles", 100).stdout
+    assert "There is no truth to judge by" in text
+    assert ("no sign" in text) == ("Probably lost" not in text)
