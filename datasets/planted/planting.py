@@ -16,12 +16,11 @@ from maurice_mcl.records import Comparison, StepRecord
 from maurice_mcl.session import Moment
 
 from ..trials.drives import Held
-from .drives import anywhere, plain_drive
+from .drives import VERSION, anywhere, plain_drive
 from .harm import Outcome, compared_with, is_harm, localizer_of, outcome_of, steps_of
 from .places import SETS, Ground, ground_of
 from .ways import HEALTHY, SEARCHING, WAYS, Planting
 
-VERSION = 2  # raise it whenever the same kind and number give another run
 DRIVES = 5  # tried for one planted run, each with a few seeds of the filter
 FILTERS = 3
 MANY = 40  # seeds of the filter, where harm is a matter of chance
@@ -64,7 +63,9 @@ def planted(kind: str, number: int, which: str = "develop") -> Planted | None:
     file = cache_root() / "planted" / f"{VERSION}-{which}-{kind}-{number}.json"
     if file.is_file():
         choice = _Choice(**json.loads(file.read_text(encoding="utf-8")))
-        return _again(kind, number, ground, choice)
+        again = _again(kind, number, ground, choice)
+        if again is None or is_harm(kind, again.planting, again.outcome):
+            return again  # else the filter is another one since
     choice, made = _searched(kind, number, ground, SETS[which].first + number)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(asdict(choice)), encoding="utf-8")

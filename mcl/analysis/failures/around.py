@@ -13,6 +13,7 @@ from ...arrays import F32, F64, U8, Bool
 from ...geometry import wrap
 from ...map import spacing
 from ...records import Comparison
+from ...sensor.descriptors.tiny import COLUMNS, ROWS, Tiny
 from ...sensor.distances import contributions
 from ...sensor.model import SensorModel
 from ...sensor.references import distinct_places
@@ -51,6 +52,11 @@ class UsualFit:
     cost: float  # median, in nats, of a picture at the most similar one of the same view
     confused: float  # share of other places that are more similar than a neighbor; 0.5: it tells nothing
     by_channel: Mapping[str, float]  # the same of each channel alone
+
+
+def layouts_of(tiny: F32) -> F64:
+    """Return how light each part (L, 108) of pictures is, from their tiny images (L, 324)."""
+    return np.asarray(tiny.reshape(len(tiny), ROWS * COLUMNS, 3).mean(axis=2, dtype=np.float64))
 
 
 @dataclass(eq=False)
@@ -188,13 +194,27 @@ class Surroundings:
 
     def expected_levels(self, pose: F64) -> F64 | None:
         """Return the mean levels (3,) that a picture from a pose (3,) should have; None where not known."""
-        near, levels = self.near(pose), self.levels
-        if levels is None or not len(near):
+        return self._expected(self.levels, pose)
+
+    @cached_property
+    def layouts(self) -> F64 | None:
+        """How light each of 12 x 9 parts (L, 108) of each reference is; None where it is not measured."""
+        tiny = self.sensor.library.index.get(Tiny.name)
+        return None if tiny is None else layouts_of(tiny.references)
+
+    def expected_layout(self, pose: F64) -> F64 | None:
+        """Return how light each part (108,) of a picture from a pose (3,) should be; None where not known."""
+        return self._expected(self.layouts, pose)
+
+    def _expected(self, measured: F64 | None, pose: F64) -> F64 | None:
+        """Average what was measured (L, N) over the references that show the view from a pose (3,)."""
+        near = self.near(pose)
+        if measured is None or not len(near):
             return None
         poses = self.sensor.library.poses[near]
         apart = np.hypot(*(poses[:, :2] - pose[:2]).T) / (0.5 * self.spacing_m)
         turned = 1.01 - np.abs(wrap(poses[:, 2] - pose[2])) / SAME_WAY_RAD
-        return np.asarray(np.average(levels[near], axis=0, weights=np.exp(-0.5 * apart**2) * turned))
+        return np.asarray(np.average(measured[near], axis=0, weights=np.exp(-0.5 * apart**2) * turned))
 
     def _costliest(self, comparison: Comparison, entry: int, other: int) -> tuple[str, float]:
         weights = np.array([self.sensor.parameters.weights[name] for name in comparison.channels])

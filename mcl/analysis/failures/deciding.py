@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from .drive_rules import beyond_motion, carried, gap_in_log, off_map, stuck_pictures
+from .drive_rules import beyond_motion, carried, gap_in_log, off_map, slipped_as_told, stuck_pictures
 from .kinds import UNKNOWN, Failure
 from .particle_rules import no_particle, unlucky, weights_vanish
 from .picture_rules import ambiguity, another_view, library_gap, lighting, sensor_model
@@ -27,6 +27,7 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
     lighting,
     another_view,
     sensor_model,
+    slipped_as_told,
     unlucky,
     ambiguity,
     no_particle,

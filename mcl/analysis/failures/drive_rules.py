@@ -12,6 +12,7 @@ LONG_GAP, VERY_LONG_GAP = 3.0, 5.5  # times the usual time between pictures; a r
 SPEEDING, VERY_SPEEDING = 1.0, 4.0  # times the usual speed: the robot did not drive that far by itself
 STUCK_FOR = 3  # equal pictures in a row
 BEYOND_SD = 4.5  # standard deviations of the motion model, of one movement
+TOLD_SD = 2.5  # where the log tells that the wheels slipped
 BEYOND_SUM_SD = 5.0  # and of the sum of several
 SUMMED = 3  # movements at least
 OUT_FOR = 2  # updates off the map
@@ -92,6 +93,14 @@ def beyond_motion(story: Story) -> Failure | None:
     if best < BEYOND_SUM_SD:
         return None
     return _motion(story, known[where[0]], known[where[1] - 1], best, where[1] - where[0])
+
+
+def slipped_as_told(story: Story) -> Failure | None:
+    """The log tells that the wheels slipped, and the motion model hardly allows it."""
+    for one in story.some(story.window, lambda one: any(text.startswith("slip") for text in one.events)):
+        if one.surprise is not None and one.surprise.largest > TOLD_SD:
+            return _motion(story, one, one, one.surprise.largest, 1)
+    return None
 
 
 def _motion(story: Story, first: UpdateEvidence, worst: UpdateEvidence, sd: float, movements: int) -> Failure:

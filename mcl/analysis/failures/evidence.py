@@ -16,7 +16,7 @@ from ..events import is_kidnapping
 from ..lost_signal import LostSignal
 from ..metrics import StepScore, score_step
 from .around import PlaceFit, Surroundings
-from .light import LightFit, mean_level
+from .light import LightFit, layout_fit, mean_level
 from .near_truth import NearTruth, near_truth
 from .surprise import Surprise
 
@@ -58,6 +58,7 @@ class UpdateEvidence:
     near: NearTruth | None = None  # the cloud around the truth
     reference_m: float | None = None  # from the truth to the nearest reference
     fit: PlaceFit | None = None  # of the picture at the truth
+    alike: float | None = None  # correlation of how light its 12 x 9 parts are with those of the references
     light: LightFit | None = None  # of the picture, brightened or darkened
     elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
 
@@ -116,10 +117,10 @@ class EvidenceFinder:
             probably_lost=self._signal.probably_lost,
             driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
         )
-        return found if truth is None else self._with_truth(found, before, truth, record)
+        return found if truth is None else self._with_truth(found, before, truth, moment, record)
 
     def _with_truth(
-        self, found: UpdateEvidence, before: Moment | None, truth: F64, record: StepRecord
+        self, found: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
     ) -> UpdateEvidence:
         """Add what only the truth (3,) tells."""
         last = None if before is None else before.truth
@@ -128,7 +129,8 @@ class EvidenceFinder:
         around = self.around
         if around is None or found.broken:
             return found
-        return replace(found, fit=around.fit(record.sighting.comparison, truth, record.estimate.pose))
+        fit = around.fit(record.sighting.comparison, truth, record.estimate.pose)
+        return replace(found, fit=fit, alike=layout_fit(around, moment.frame.image, truth))
 
 
 def _moved(motions: F64) -> bool:

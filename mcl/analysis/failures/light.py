@@ -1,7 +1,8 @@
 """Whether another light explains a picture.
 
-That is: how much brighter it is than the references at the true place, and how well it would have fitted them
-with that taken out.
+That is: how much brighter it is than the references at the true place, how well it would have fitted them
+with that taken out, and whether the same parts of the view are the light ones: another light leaves that as
+it is, something in view does not.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 
 from ...arrays import F64, U8
 from ...sensor.descriptors.chromaticity import BLACK
-from .around import PlaceFit, Surroundings
+from ...sensor.descriptors.tiny import Tiny
+from .around import PlaceFit, Surroundings, layouts_of
 
 LEAST_LEVEL = 2.0  # above black; a darker picture has no usable brightness
 NOTABLE = 0.1  # log of the brightness, from which on the picture is corrected and compared again
@@ -28,6 +30,7 @@ class LightFit:
     expected: float  # and that of the references
     cost: float  # nats of the true place, as `PlaceFit.cost`, of the corrected picture
     behind: float  # and as `PlaceFit.behind`
+    colors: float = 1.0  # share of `ratio` by which the least changed of red, green and blue changed
 
 
 def mean_level(image: U8) -> float:
@@ -48,5 +51,15 @@ def light_fit(around: Surroundings, image: U8, truth: F64, estimate: F64, fit: P
     brighter = np.clip((image - BLACK) * (wanted / over) + BLACK, 0, 255).astype(np.uint8)
     sensor = around.sensor
     again = around.fit(sensor.compare(sensor.measure(brighter)), truth, estimate)
+    colors = float((np.log(over / wanted) / ratio).min())
     cost, behind = (fit.cost, fit.behind) if again is None else (again.cost, again.behind)
-    return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind)
+    return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind, colors)
+
+
+def layout_fit(around: Surroundings, image: U8, truth: F64) -> float | None:
+    """Correlate a picture's layout with the expected one; 0 for an even picture, None where not known."""
+    expected = around.expected_layout(truth) if image.size else None
+    if expected is None:
+        return None
+    seen = layouts_of(Tiny().describe(image)[None])[0]
+    return float(np.corrcoef(seen, expected)[0, 1]) if seen.std() > 0 < expected.std() else 0.0

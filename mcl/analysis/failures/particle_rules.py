@@ -35,12 +35,11 @@ def unlucky(story: Story) -> Failure | None:
     """Particles at the true place had weight for a copy or more, and resampling made none, for good."""
     known = [k for k in range(story.since, story.end + 1) if story.updates[k].near is not None]
     kept = [k for k in known if (near := story.updates[k].near) and near.shares[2] > 0]
-    last = next((k for k in known if not kept or k > kept[-1]), None)
-    if last is None or (one := story.updates[last]).near is None:
+    after = [story.updates[k] for k in known if not kept or k > kept[-1]]
+    counted = [one for one in after if one.near and one.near.shares[1] * one.size >= A_COPY]
+    if not counted or (one := counted[0]).near is None:
         return None
     share = one.near.shares[1]
-    if share * one.size < A_COPY:
-        return None
     had = {"share": share, "copies": share * one.size, "near": one.near.particles}
     return story.failure(RESAMPLING, one.step, **had, particles=one.size)
 

@@ -15,7 +15,14 @@ UNLIKE = 1.6  # times the usual cost: the picture is unlike the references at th
 BEHIND_SHARE, BEHIND_LEAST = 0.025, 10  # of all references, that score above those: it is not recognized
 WORSE_NATS = 1.5  # by which the place of the estimate is ahead: the picture speaks against the truth
 LIGHT = 0.3  # log of the brightness over the expected one
+ALIKE, UNLIKE_LAYOUT = (
+    0.65,
+    0.4,
+)  # of the usual correlation of layouts, which light leaves mostly as it is
+USUAL_LAYOUT = 0.6  # correlation that is usual where no pictures before tell
+SAME_WAY = 0.5  # of the log of the brightness, that each of red, green and blue must have changed by
 REPAIRED = 0.8  # of the cost above the usual one, that may be left once the brightness is corrected
+CHANGED, SETTLED = 1.6, 5  # times the cost of the pictures before, from which on they changed; of how many
 CONFUSED = 0.25  # share of other places more similar than a neighbor: the library tells little
 ALIKE_NATS = 1.0  # places whose mean log-likelihoods differ by less look alike
 MOSTLY = 0.5  # of the updates looked at
@@ -42,7 +49,11 @@ def lighting(story: Story) -> Failure | None:
     ratio = float(np.median([one.light.ratio for one in lit if one.light]))
     before = float(np.median([one.fit.cost for one in lit if one.fit])) - story.usual.cost
     after = float(np.median([one.light.cost for one in lit if one.light])) - story.usual.cost
-    if abs(ratio) < LIGHT or before <= 0 or after > REPAIRED * before:
+    if abs(ratio) < LIGHT or before <= 0:
+        return None
+    alike, repaired = _alike(lit, story), after <= REPAIRED * before
+    whole = float(np.median([one.light.colors for one in lit if one.light])) >= SAME_WAY
+    if alike < UNLIKE_LAYOUT or not (repaired or (alike >= ALIKE and whole)):
         return None
     told = [text for k in story.pictures for text in story.updates[k].events if text.startswith("lights")]
     words: dict[str, Value] = {"told": told[0]} if told else {}
@@ -57,6 +68,17 @@ def lighting(story: Story) -> Failure | None:
         pictures=len(lit),
         **words,
     )
+
+
+def _alike(lit: list[UpdateEvidence], story: Story) -> float:
+    """Return how much the layout of pictures is the expected one, as a share of before."""
+    first = _since(lit, story)
+    known = [one.alike for one in story.updates if one.step < first and one.alike is not None]
+    layouts = [one.alike for one in lit if one.alike is not None]
+    if not layouts:
+        return UNLIKE_LAYOUT
+    usual = float(np.median(known)) if len(known) >= SETTLED else USUAL_LAYOUT
+    return float(np.median(layouts)) / max(usual, UNLIKE_LAYOUT)
 
 
 def another_view(story: Story) -> Failure | None:
@@ -119,11 +141,27 @@ def _since(bad: list[UpdateEvidence], story: Story) -> int:
 
 
 def _was_always_bad(story: Story) -> bool:
-    """Return whether pictures were bad from the first update on: most of those before these began."""
+    """Return whether pictures were as bad from the first update on: most of those before these began."""
+    if _costlier_since(story) is not None:
+        return False
     bad = _bad(story)
     first = _since(bad, story) if bad else 0
     before = [one for one in story.updates if one.step < first and one.fit is not None]
     return sum(_is_bad(one, story) for one in before) >= MOSTLY * len(before)
+
+
+def _costlier_since(story: Story) -> int | None:
+    """Return the step since which pictures cost clearly more than all before it; None where they do not."""
+    known = [k for k in range(story.pictures.stop) if story.updates[k].fit is not None]
+    costs = np.array([fit.cost for k in known if (fit := story.updates[k].fit)])
+    best, since = CHANGED, None
+    for k in range(SETTLED, len(known) - SETTLED + 1):
+        if known[k] > story.lost:
+            break
+        times = float(np.median(costs[k:]) / max(np.median(costs[:k]), 1e-9))
+        if times > best:
+            best, since = times, story.updates[known[k]].step
+    return since
 
 
 def _tells_nothing(story: Story) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -48,12 +49,12 @@ paint = { texture = "planks", color = "oak", size = 12 }
 
 
 @pytest.fixture(scope="module")
-def ground(tmp_path_factory: pytest.TempPathFactory) -> Ground:
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ground]:
     folder = tmp_path_factory.mktemp("planted")
     (folder / "closet.toml").write_text(ROOM)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAURICE_CACHE", str(folder / "cache"))
-        return ground_of(str(folder / "closet.toml"), 1)
+        yield ground_of(str(folder / "closet.toml"), 1)
 
 
 def run(kind: str, planting: Planting) -> Planted:

@@ -58,6 +58,7 @@ def healthy(step):
         reference_m=0.2,
         fit=FITS,
         light=LIT,
+        alike=0.7,
     )
 
 
@@ -84,10 +85,31 @@ CASES = {
     "too sharp": ("numeric", {"spread_nats": 900.0, "ess": 1.0}, ALL),
     "no reference": ("library_gap", {"reference_m": 1.1, "fit": None}, range(9, 14)),
     "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6)}, range(9, UPDATES)),
+    "a thing that is darker": (
+        "changed_view",
+        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6), "alike": 0.1},
+        range(9, UPDATES),
+    ),
+    "dark, and edges are gone": (
+        "lighting",
+        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9)},
+        range(9, UPDATES),
+    ),
+    "a dead color": (
+        "sensor",
+        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9, colors=-0.1)},
+        ALL,
+    ),
+    "a slip that the log tells": (
+        "motion",
+        {"surprise": Surprise(1, 0, 4.0), "events": ("slip 25 deg",)},
+        [10],
+    ),
     "people": ("changed_view", {"fit": POOR}, range(9, UPDATES)),
     "a channel": ("sensor", {"fit": POOR}, ALL),
     "twins": ("ambiguity", {"fit": replace(FITS, estimate_behind=0.1, rivals=1)}, ALL),
     "chance": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [11]),
+    "chance, later": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [14]),
     "died out": ("impoverished", {}, []),
 }
 
