@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from helpers.commands import COMMAND, maurice, one_line
 from maurice_loaders.runs.manifest import read_manifest, write_manifest
 from maurice_loaders.runs.writer import RunWriter
-from maurice_viz.cli import console
+from maurice_viz.cli.shared import console
 
 
 @pytest.fixture
