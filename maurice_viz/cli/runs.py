@@ -248,7 +248,7 @@ def budget(
     start: opt.Start = None,
     config: opt.Config = None,
     settings: opt.Set = None,
-    seeds: Annotated[int, option("--seeds", "Runs of every part.", min=2, max=1000)] = 10,
+    seeds: Annotated[int, option("--seeds", "Runs of every part.", min=2, max=1000)] = 5,
     reading: opt.Reading = None,
     json_output: opt.Json = False,
 ) -> None:

@@ -23,7 +23,10 @@ def budget_rows(found: ErrorBudget) -> list[tuple[str, ...]]:
 
 def say_budget(found: ErrorBudget) -> str:
     """Say in one sentence which part costs most."""
-    units, most = units_named(found.display_units), found.costliest
+    units, most, as_is = units_named(found.display_units), found.costliest, found.parts[0]
+    if as_is.lost.value >= OFTEN:
+        share = f"{100 * as_is.lost.value:.0f} %"
+        return f"It is lost in {share} of its runs, and errors are those of lost runs; first `diagnose` it."
     if most is None or most.cost is None:
         return "No part costs anything beyond doubt; more seeds or drives narrow the intervals."
     whole, cost = found.parts[0].error.value, most.cost.value
@@ -32,6 +35,7 @@ def say_budget(found: ErrorBudget) -> str:
     return f"The {most.costs} costs most: {value} of {error} {units.name} ({share}). {ADVICE[most.costs]}"
 
 
+OFTEN = 0.5  # share of lost runs from which on an error says little
 ADVICE = {
     "odometry": "Calibrate the motion model (`calibrate motion`), or measure movements better.",
     "sensor model": "Try other features (`compare --feature`), tune them to the library (`library tune`).",

@@ -39,6 +39,52 @@ TITLES: Mapping[str, str] = {
     RESAMPLING: "chance in resampling",
     PROPOSAL: "no particle there",
 }
+NAMES: Mapping[str, str] = {  # of evidence; others are their own names without a unit
+    "told": "known from",
+    "moved_m": "the truth moved",
+    "driven_m": "odometry says",
+    "gap_s": "time without a record",
+    "usual_s": "usual time between pictures",
+    "sd": "standard deviations of the motion model",
+    "movements": "movements taken together",
+    "worst_step": "farthest off at step",
+    "spread_nats": "best place over a middling one",
+    "to_reference_m": "nearest reference",
+    "spacing_m": "usual distance between references",
+    "brightness": "brightness, references = 1",
+    "level": "mean gray level",
+    "expected_level": "mean gray level of the references",
+    "over_usual_nats": "cost above the usual",
+    "corrected_nats": "cost once made as bright",
+    "times_usual": "cost, usual = 1",
+    "channel": "channel that costs most",
+    "channel_nats": "cost of that channel",
+    "elements": "its elements that cost most",
+    "of_elements": "of how many elements",
+    "elements_share": "their share of its cost",
+    "behind_nats": "true place behind the best by",
+    "rank": "rank of the true place",
+    "references": "of how many references",
+    "of_pictures": "of how many pictures",
+    "places": "places that fit as well",
+    "rival_x_m": "one of them, x",
+    "rival_y_m": "one of them, y",
+    "share": "weight at the true place",
+    "copies": "copies that it was worth",
+    "near": "particles at the true place",
+    "particles": "of how many particles",
+    "ever": "any weight at the true place, ever",
+    "held_until": "weight at the true place until step",
+    "died": "last particle there died at step",
+    "nearest_m": "nearest particle",
+    "knows": "probability that the estimate was right",
+    "last": "until step",
+    "cloud_nats": "evidence of the cloud",
+    "usual_cloud_nats": "usual evidence of the cloud",
+    "best_nats": "evidence of the best reference",
+    "usual_best_nats": "usual evidence of the best reference",
+    "confused": "share of the library's own pictures that are confused",
+}
 UNEXPLAINED = "not explained by anything that is looked for"
 WITHOUT_TRUTH = " (without ground truth)"
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
@@ -84,6 +130,8 @@ def say_evidence(failure: Failure, scale: Scale) -> list[str]:
 
 
 def _name(name: str) -> str:
+    if name in NAMES:
+        return NAMES[name]
     for ending in ("_m", "_s", "_nats"):
         name = name.removesuffix(ending)
     return name.replace("_", " ")

@@ -33,7 +33,7 @@ def error_budget(
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
     reading: ReadingOptions | None = None,
-    seeds: int = 10,
+    seeds: int = 5,
     listener: Listener = SILENT,
 ) -> ErrorBudget:
     """Run a filter with true movements, with a perfect sensor, with dense references, with 100,000 particles.

@@ -17,7 +17,7 @@ from maurice_mcl.analysis.failures.verdict import RunVerdict
 from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ...style import Scale, units_named
-from ...text.failure import say_evidence, say_failure
+from ...text.failure import say_evidence, say_failure, title
 from ...text.summary import failure_json
 from ...text.verdict import said
 from ..open import RunSpec
@@ -58,7 +58,7 @@ class RunDiagnosis:
             lines += ["", say_failure(failure, scale)]
             lines += [f"  {line}" for line in say_evidence(failure, scale)]
             if failure.also:
-                lines.append(f"  also: {', '.join(failure.also)}")
+                lines.append(f"  also true: {', '.join(map(title, failure.also))}")
             lines += [f"  see: {command}" for command in self.commands(failure)]
         return "\n".join(lines)
 
