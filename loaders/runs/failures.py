@@ -22,7 +22,9 @@ def failure_to_json(failure: Failure) -> dict[str, Any]:
 
 
 def failures_from_json(value: Any, steps: Any) -> tuple[Failure, ...]:
-    """Return the failures of a run of so many steps. Raises FieldError for what is none."""
+    """Return the failures of a run of so many steps; none of one that did not end. FieldError for others."""
+    if steps is None:
+        return ()
     last = whole(steps, "steps")
     return tuple(_failure(mapping(one, "failures"), last) for one in items(value, "failures"))
 

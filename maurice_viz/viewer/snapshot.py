@@ -160,7 +160,8 @@ def expect_whole_frames(recording: Path) -> None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that a killed recording lacks its end
-            next(iter(RrdReader(recording).stream()), None)
+            for _ in RrdReader(recording).stream():  # to its end: frames are read as they are asked for
+                pass
     except RuntimeError as problem:
         if CUT_OFF in str(problem):
             repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"

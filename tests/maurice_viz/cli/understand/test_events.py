@@ -94,7 +94,10 @@ def test_kinds_choose_in_runs_and_comparisons(runs):
     assert resampled
     everything = listed("kept", "--all")
     assert [one for one in everything if one["kind"] == "resampled"] == resampled
-    assert "there are kidnapped, lights-changed" in maurice("events", "kept", "--kind", "b", expect=2)[1]
+    assert (
+        "there are failure, kidnapped, lights-changed"
+        in maurice("events", "kept", "--kind", "b", expect=2)[1]
+    )
     out, _ = maurice("events", "both")
     (line,) = [line for line in out.splitlines() if "kidnapped" in line]
     assert "all" in line, "what happened to both stands once"
