@@ -174,8 +174,10 @@ def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     floor = f" on {e['floor']}" if "floor" in e else ""
     several = f"in {e['movements']} movements" if e["movements"] > 1 else ""
     how = " ".join(part for part in (f"{e['sd']:.1f} sigma of its {e['axis']}", several) if part)
-    moved = f"odometry says {scale.say(e['driven_m'])}, the robot moved {scale.say(e['moved_m'])}"
-    return f"the robot moved beyond the motion model from {failure.first} on{floor} ({how}; {moved})"
+    moved = f"; odometry says {scale.say(e['driven_m'])}, the robot moved {scale.say(e['moved_m'])}"
+    when = f"at {failure.first}" if e["movements"] == 1 else f"from {failure.first} on"
+    told = "" if e["axis"] == "turn" else moved
+    return f"the robot moved beyond the motion model {when}{floor} ({how}{told})"
 
 
 def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
