@@ -45,7 +45,7 @@ from .files import MOST
 from .formats.native import RawLog
 from .formats.registry import NATIVE, chosen, open_recording
 from .reading import ReadingOptions
-from .recording import Motion, OdometryPose, Picture, Recording, TruthPose
+from .recording import Motion, OdometryPose, Picture, Readings, Recording, TruthPose
 from .time_alignment import offset_between
 from .transforms import corrected
 
@@ -99,6 +99,8 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
             went.add(record.t_s, record.pose)
         elif isinstance(record, TruthPose):
             truth.add(record.t_s, record.pose, part)
+        elif isinstance(record, Readings):
+            continue
         elif isinstance(record, Picture):
             pictures.add(record.t_s, np.zeros(3))
         else:

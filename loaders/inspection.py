@@ -16,12 +16,13 @@ from maurice_mcl.session import SessionInfo
 from .errors import InputError, PictureError, ReadingNotes
 from .pictures import decode_picture, picture_format
 from .recorded_session import RecordedSession
-from .recording import Motion, Note, Picture, TruthPose, checked
+from .recording import Motion, Note, Picture, Readings, TruthPose, checked
 from .session_log.header import Kind
 from .session_log.reader import picture_bytes
 from .session_log.records import (
     EventRecord,
     OdometryRecord,
+    ReadingRecord,
     TruthRecord,
     read_header,
     read_records,
@@ -30,6 +31,7 @@ from .session_log.records import (
 from .time_alignment import TimeSpan
 
 MOST_EVENTS = 100
+KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +41,7 @@ class Inspection:
     path: str
     kind: str  # "session" or "survey"
     name: str
-    records: dict[str, int]  # lines of each kind: odometry, image, covered, truth, event
+    records: dict[str, int]  # lines of each kind: odometry, image, covered, truth, event, reading
     duration_s: float  # from the first to the last record
     picture_rate_hz: float | None
     odometry_rate_hz: float | None
@@ -73,6 +75,8 @@ def inspect_session(path: Path) -> Inspection:
             tally.move_to("truth", record.pose)
         elif isinstance(record, EventRecord):
             tally.add_event(record.t_s, record.text)
+        elif isinstance(record, ReadingRecord):
+            tally.count("reading", record.t_s)
         else:
             tally.count("covered" if record.covered else "image", record.t_s)
             pictures_with_truth += truth is not None and not record.covered
@@ -94,6 +98,8 @@ def inspect_recording(session: RecordedSession) -> Inspection:
     for record in checked(session.recording, notes):
         if isinstance(record, Note):
             tally.add_event(record.t_s, record.text)
+        elif isinstance(record, Readings):
+            tally.count("reading", record.t_s)
         elif isinstance(record, Picture):
             tally.count("image", record.t_s)
             tally.add_picture(record.read, f"{record.name}: ")
@@ -168,7 +174,7 @@ class _Tally:
             path=str(self._path),
             kind=kind,
             name=info.name,
-            records={key: counts[key] for key in ("odometry", "image", "covered", "truth", "event")},
+            records={key: counts[key] for key in KINDS} | {key: counts[key] for key in OTHERS if counts[key]},
             duration_s=self._all.last_s - self._all.first_s,
             picture_rate_hz=_rate_hz(self._spans["image"]),
             odometry_rate_hz=_rate_hz(self._spans["odometry"]),

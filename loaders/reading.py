@@ -65,6 +65,9 @@ class ReadingOptions:
     localizer_topic: Annotated[
         Text, Meaning("Topics of recorded localizers, with commas. [default: detected, printed]", "source")
     ] = None
+    readings: Annotated[
+        Text, Meaning("Topics of a bag's numbers, as left=/ir/left. [default: all]", "source")
+    ] = None
     plane: Annotated[
         Text,
         Meaning("Axes of the plane that poses in space move in. [default: auto, printed]", "source", PLANES),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -84,7 +84,8 @@ class RecordedSession(HasReadingNotes):
                 continue
             updates.used(update)
             step += 1
-            frame = Frame(step, update.time_s, as_rows(update.motions), image, picture.name)
+            motions, readings = as_rows(update.motions), updates.readings_taken()
+            frame = Frame(step, update.time_s, motions, image, picture.name, readings)
             yield Moment(frame, update.truth, tuple(updates.events_taken()))
 
     def overview(self) -> tuple[int, bool]:
@@ -130,6 +131,7 @@ class _Updates:
         self._gate = Gate(session.options.min_distance_m, session.options.min_angle_rad)
         self._steps = Steps()
         self._events: list[str] = []
+        self._readings: dict[str, float] = {}
         self._begin_s: float | None = None
         self._spans = {"pictures": TimeSpan(), "odometry": TimeSpan()}
         self._used = False
@@ -140,6 +142,7 @@ class _Updates:
         aligner = Aligner(self._session.options.max_dt_s)
         for aligned in aligner(self._seen()):
             self._events += aligned.events
+            self._readings |= aligned.readings
             pose = aligned.odometry_at(self._session.options.max_dt_s)
             motions = self._steps.add(aligned.motions, pose, aligner.first_odometry)
             if pose is None and self._session.odometry is OdometryPose:
@@ -158,6 +161,10 @@ class _Updates:
     def events_taken(self) -> list[str]:
         events, self._events = self._events, []
         return events
+
+    def readings_taken(self) -> Mapping[str, float]:
+        readings, self._readings = self._readings, {}
+        return readings
 
     def _seen(self) -> Iterator[Record]:
         for record in checked(self._session.recording, self._notes):

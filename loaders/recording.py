@@ -6,7 +6,7 @@ Meters, radians, seconds; x forward, y left, headings counter-clockwise (docs/se
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -62,7 +62,15 @@ class Note:
     text: str
 
 
-Record = Picture | OdometryPose | Motion | TruthPose | Note
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """What sensors other than cameras measured: numbers by name, in whatever unit they have."""
+
+    t_s: float
+    values: Mapping[str, float]
+
+
+Record = Picture | OdometryPose | Motion | TruthPose | Note | Readings
 
 
 class Recording(Protocol):
@@ -108,6 +116,9 @@ def _fault(record: Record, last_t_s: float) -> str:
         return f"expected a finite time, {up_to(MOST_T_S)}"
     if record.t_s < last_t_s:
         return f"after t {show_time(last_t_s)}, expected time not to fall"
+    if isinstance(record, Readings):
+        wrong = [name for name, value in record.values.items() if not abs(value) <= MOST]
+        return f"found {wrong[0]} {record.values[wrong[0]]}, expected {up_to()}" if wrong else ""
     values = getattr(record, "pose", None) if not isinstance(record, Motion) else record.motion
     if values is not None and not (np.shape(values) == (3,) and (np.abs(values) <= MOST).all()):
         return f"found {values}, expected three finite numbers, each {up_to()}"

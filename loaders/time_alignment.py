@@ -14,7 +14,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose_motions, motion_between
 
 from .files import MOST_T_S
-from .recording import Motion, Note, OdometryPose, Picture, Record, TruthPose, interpolated
+from .recording import Motion, Note, OdometryPose, Picture, Readings, Record, TruthPose, interpolated
 from .session_log.records import MAX_GAP_S
 
 # Units of time stamps, and clocks that disagree.
@@ -190,6 +190,7 @@ class Aligned:
     picture: Picture
     motions: list[F64]  # measured as such since the picture before, in order
     events: list[str]  # since the picture before
+    readings: dict[str, float]  # the newest of each name since the picture before
     odometry: _Known
     truth: _Known
 
@@ -226,6 +227,7 @@ class Aligner:
         self._truth: TruthPose | None = None
         self._motions: list[F64] = []
         self._events: list[str] = []
+        self._readings: dict[str, float] = {}
 
     def __call__(self, records: Iterable[Record]) -> Iterator[Aligned]:
         """Yield every picture in order, as soon as all is known about it."""
@@ -249,12 +251,12 @@ class Aligner:
 
     def _take_picture(self, picture: Picture) -> Iterator[Aligned]:
         odometry, truth = _known(self._odometry, picture.t_s), _known(self._truth, picture.t_s)
-        self._waiting.append(Aligned(picture, self._motions, self._events, odometry, truth))
-        self._motions, self._events = [], []
+        self._waiting.append(Aligned(picture, self._motions, self._events, self._readings, odometry, truth))
+        self._motions, self._events, self._readings = [], [], {}
         if len(self._waiting) > MOST_WAITING:
             yield self._waiting.popleft()
 
-    def _take(self, record: OdometryPose | Motion | TruthPose | Note) -> None:
+    def _take(self, record: OdometryPose | Motion | TruthPose | Note | Readings) -> None:
         if isinstance(record, Motion):
             self._motions.append(record.motion)
         elif isinstance(record, OdometryPose):
@@ -266,6 +268,8 @@ class Aligner:
             self._truth = record
             for one in self._waiting:
                 _settle(one.truth, record)
+        elif isinstance(record, Readings):
+            self._readings |= record.values
         else:
             self._take_note(record)
 

@@ -22,6 +22,7 @@ from .recording import (
     Note,
     OdometryPose,
     Picture,
+    Readings,
     Record,
     Recording,
     RecordingWrapper,
@@ -75,7 +76,12 @@ class Placeholders(RecordingWrapper):
         for record in self.measured.records(notes):
             yield record
             if moved.enough(record):
-                yield Picture(record.t_s, lambda: np.full((90, 120, 3), 48, np.uint8), PLACEHOLDER)
+                yield gray_picture(record.t_s)
+
+
+def gray_picture(t_s: float) -> Picture:
+    """Return a gray picture that stands where there is none."""
+    return Picture(t_s, lambda: np.full((90, 120, 3), 48, np.uint8), PLACEHOLDER)
 
 
 class _Moved:
@@ -85,7 +91,7 @@ class _Moved:
         self._way: F64 = np.zeros(3)  # since the last moment
 
     def enough(self, record: Record) -> bool:
-        if isinstance(record, Note | Picture) or (self._kind or type(record)) is not type(record):
+        if isinstance(record, Note | Picture | Readings) or (self._kind or type(record)) is not type(record):
             return False
         first, self._kind = self._kind is None, type(record)
         if isinstance(record, Motion):
@@ -179,6 +185,7 @@ def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record],
         OdometryPose: c.odometry_offset_s,
         TruthPose: c.truth_offset_s,
         Note: 0.0,
+        Readings: c.picture_offset_s,
         Picture: c.picture_offset_s,
     }
     groups: dict[float, list[type[Record]]] = {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -26,6 +26,8 @@ class Frame:
     motions: F64  # (M, 3) forward_m, left_m, turn_rad, each in the robot's frame at its start
     image: U8  # (H, W, 3) RGB, top row first
     picture: str  # where the image is stored, for people; "" when nowhere
+    # numbers by name, of other sensors than the camera: the newest of each name since the last frame
+    readings: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,6 +40,12 @@ TRANSFORMS = frozenset(
     ("tf2_msgs/TFMessage", "tf/tfMessage", "foxglove.FrameTransform", "foxglove.FrameTransforms")
 )
 TEXT = "std_msgs/String"
+NUMBERS = frozenset(
+    (
+        *("std_msgs/Float32", "std_msgs/Float64", "std_msgs/Bool", "sensor_msgs/Range"),
+        *(f"std_msgs/{kind}{bits}" for kind in ("Int", "UInt") for bits in (8, 16, 32, 64)),
+    )
+)
 CLOUDS = frozenset(("geometry_msgs/PoseArray", "nav2_msgs/ParticleCloud", "foxglove.PosesInFrame"))
 
 IN_XY = Plane()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,10 +19,11 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files import read_json
 from ..plane import Plane
-from ..recording import Motion, Note, Picture
+from ..recording import Motion, Note, Picture, Readings
 from ..session_log.header import header_from_json
 from .messages import (
     IN_XY,
+    NUMBERS,
     PICTURES,
     POSES,
     TEXT,
@@ -206,6 +208,20 @@ class MotionReader(OneTopic):
         """Yield the motion of one message."""
         vector = found.vector
         yield Motion(t_s + self.offset_s, np.array([vector.x, vector.y, vector.z], np.float64))
+
+
+@dataclass(frozen=True, slots=True)
+class NumberReader(OneTopic):
+    """Converts a topic's numbers to readings; those that are not finite, as of a range, are left out."""
+
+    types: ClassVar[Collection[str]] = NUMBERS
+    name: str  # of the reading
+
+    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+        """Yield the reading of one message."""
+        value = float(found.data if hasattr(found, "data") else found.range)
+        if math.isfinite(value):
+            yield Readings(t_s, {self.name: value})
 
 
 Reader = OneTopic | PoseReader

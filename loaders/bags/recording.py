@@ -36,6 +36,7 @@ from .readers import (
     WINDOW_S,
     MotionReader,
     NoteReader,
+    NumberReader,
     PictureReader,
     PoseReader,
     Reader,
@@ -46,7 +47,7 @@ from .readers import (
     read_bag,
 )
 from .source import BagSource, OpenBag, starts_with
-from .topics import PoseTopic, TopicRequest, choose, is_estimate, nothing_to_read, readable
+from .topics import PoseTopic, TopicRequest, choose, is_estimate, nothing_to_read, number_topics, readable
 
 PoseKind = type[OdometryPose] | type[TruthPose]
 ROLES = ("image", "odometry", "truth")
@@ -80,6 +81,7 @@ class BagRecording:
             camera, looking = camera_of(bag, self.chosen.image)
             self._events = _events_topic(bag) if recorded_as_measured(first) else None
             self._motions = has_motions(bag) and options.odometry_topic is None
+            self._numbers = number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
             truth = self.chosen.truth
             self._doubt = ""
@@ -135,6 +137,8 @@ class BagRecording:
             readers.append(self._poses(chosen.odometry, OdometryPose, options.odometry_offset_s))
         if "truth" in roles and chosen.truth:
             readers.append(self._poses(chosen.truth, TruthPose, options.truth_offset_s))
+        if "image" in roles:
+            readers += [NumberReader(topic, name) for name, topic in self._numbers.items()]
         if "odometry" in roles and self._events:
             readers.append(NoteReader(self._events))
         return readers
@@ -301,7 +305,7 @@ ROS1 = "ROS 1 bag: .bag, chunks plain, bz2 or lz4"
 ROS2 = "ROS 2 bag: a folder with metadata.yaml, or one .db3"
 MCAP = "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it"
 FORMATS = (
-    Format("rosbag1", ROS1, looks_like_rosbag1, _opening(open_ros1), "ros", shifts=True, in_space=True),
-    Format("rosbag2", ROS2, looks_like_rosbag2, _opening(open_ros2), "ros", shifts=True, in_space=True),
-    Format("mcap", MCAP, looks_like_mcap, _opening(open_mcap), "ros", shifts=True, in_space=True),
+    Format("rosbag1", ROS1, looks_like_rosbag1, _opening(open_ros1), "ros", True, True, readings=True),
+    Format("rosbag2", ROS2, looks_like_rosbag2, _opening(open_ros2), "ros", True, True, readings=True),
+    Format("mcap", MCAP, looks_like_mcap, _opening(open_mcap), "ros", True, True, readings=True),
 )

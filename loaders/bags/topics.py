@@ -10,6 +10,7 @@ from pathlib import Path
 from ..errors import InputError
 from .messages import (
     CLOUDS,
+    NUMBERS,
     ODOMETRIES,
     PICTURES,
     POSE_WITH_COVARIANCE,
@@ -180,6 +181,20 @@ def named_topic(path: Path, topics: Sequence[Topic], name: str, types: Collectio
             return topic
     what = same[0].unreadable or f"it carries {same[0].type or 'no known type'}"
     raise InputError(path, f"the topic {name} cannot be read: {what}, expected {' or '.join(sorted(types))}")
+
+
+def number_topics(path: Path, topics: Sequence[Topic], wish: str | None) -> dict[str, str]:
+    """Return the topics of numbers by the names of their readings; by default all, named like their topics.
+
+    A wish is topics with commas, each with its name before it where it has another: left=/floor/left,/range.
+    """
+    if wish is None:
+        return {topic.name.lstrip("/"): topic.name for topic in readable(topics, NUMBERS)}
+    if wish == "none":
+        return {}
+    pairs = [word.strip().rpartition("=") for word in wish.split(",") if word.strip()]
+    found = ((name, named_topic(path, topics, topic, NUMBERS).name) for name, _, topic in pairs)
+    return {name or topic.lstrip("/"): topic for name, topic in found}
 
 
 def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:

@@ -21,7 +21,7 @@ from ..errors import InputError, ReadingNotes
 from ..files import discard, expect_absent, remove_leftovers, sibling, writing
 from ..pictures import PictureKind, encode_picture
 from ..recorded_session import RecordedSession
-from ..recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
+from ..recording import Motion, Note, OdometryPose, Picture, Readings, Record, Recording, TruthPose, checked
 from ..session_log.header import header_to_json
 from ..session_log.writer import SessionWriter
 from .mcap import (
@@ -54,6 +54,7 @@ class Converted:
     motions: int = 0
     truths: int = 0
     events: int = 0
+    readings: int = 0
 
     def count(self, moment: Moment) -> None:
         """Count one more update."""
@@ -61,6 +62,7 @@ class Converted:
         self.motions += len(moment.frame.motions)
         self.truths += moment.truth is not None
         self.events += len(moment.events)
+        self.readings += bool(moment.frame.readings)
 
 
 def convert_to_log(
@@ -104,6 +106,8 @@ def _write_moment(log: SessionWriter, moment: Moment, picture: str, offset_s: fl
         if first and not moment.events and not len(moment.frame.motions):
             log.truth(opening_s, moment.truth)
         log.truth(t_s, moment.truth)
+    if moment.frame.readings:
+        log.reading(t_s, moment.frame.readings)
     log.image_path(t_s, picture)
 
 
@@ -157,7 +161,7 @@ def records_to_log(
             for record in checked(recording, notes):
                 last = _write_line(log, record, record.t_s + t_offset_s, last, done)
                 yield done
-        if not (done.motions or done.truths or done.events):
+        if not (done.motions or done.truths or done.events or done.readings):
             raise InputError(recording.path, NOTHING)
 
 
@@ -178,6 +182,9 @@ def _write_line(
     elif isinstance(record, Note):
         log.event(t_s, record.text)
         done.events += 1
+    elif isinstance(record, Readings):
+        log.reading(t_s, record.values)
+        done.readings += 1
     return last
 
 

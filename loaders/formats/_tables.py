@@ -196,6 +196,8 @@ NAMES: dict[str, tuple[str, ...]] = {  # role: names that tell it, without units
 TRUTH: tuple[str, ...] = ("x", "y", "heading")
 ODOMETRY: tuple[str, ...] = ("odometry_x", "odometry_y", "odometry_heading")
 MOTION = ("forward", "left", "turn")
+READING = "reading."  # before its name: a column reading_left, or the role reading.left
+
 QUATERNIONS = {group: tuple(f"{group[0][:-1]}q{axis}" for axis in "wxyz") for group in (TRUTH, ODOMETRY)}
 ANGULAR = ("heading", "odometry_heading", "turn")
 _UNIT = re.compile(r"^(.+?)(?:[_ ]+|\s*[\[(])(ns|us|ms|s|m|cm|mm|in|deg|rad)[\])]?$")
@@ -218,6 +220,9 @@ def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dic
     names = [name.strip().lstrip("#").strip() for name in header]
     found = {role: _asked(file, names, role.replace("-", "_"), value) for role, value in asked.items()}
     found = {role.replace("-", "_"): column for role, column in found.items()}
+    for at, name in enumerate(names):
+        if name.lower().startswith(READING.replace(".", "_")):
+            found.setdefault(READING + name[len(READING) :], Column(at, name, None))
     for role in NAMES:
         named = _named_roles(names, role)
         if role not in found and named is not None:
@@ -237,8 +242,9 @@ def factor(role: str, column: Column) -> float:
 
 
 def _asked(file: Path, names: Sequence[str], role: str, value: str) -> Column:
-    if role not in NAMES:
-        raise InputError(file, f"there is no role {role!r} for a column; there are {', '.join(NAMES)}")
+    if role not in NAMES and not role.startswith(READING):
+        there = f"there are {', '.join(NAMES)}, and {READING}NAME"
+        raise InputError(file, f"there is no role {role!r} for a column; {there}")
     name, _, unit = value.rpartition(":") if value not in names and ":" in value else (value, "", "")
     if name not in names:
         raise InputError(file, f"found columns {', '.join(names) or 'none'}, expected also {name!r}", 1)

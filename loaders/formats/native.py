@@ -15,17 +15,19 @@ from maurice_mcl.session import SessionInfo
 from ..errors import FieldError, InputError, ReadingNotes
 from ..pictures import decode_picture
 from ..reading import ReadingOptions
-from ..recording import Motion, Note, Picture, Record, TruthPose
+from ..recording import Motion, Note, Picture, Readings, Record, TruthPose
 from ..session_log.header import FORMAT
 from ..session_log.reader import CameraChoice, SessionLog, picture_bytes
 from ..session_log.records import (
     OdometryRecord,
     PictureRecord,
+    ReadingRecord,
     TruthRecord,
     parse_object,
     read_header,
     read_lines,
     read_records,
+    readings_of,
 )
 from ..time_alignment import PER_SECOND
 from .registry import NATIVE, Format
@@ -59,6 +61,8 @@ class NativeRecording:
                 yield Motion(record.t_s, record.motion)
             elif isinstance(record, TruthRecord):
                 yield TruthPose(record.t_s, record.pose)
+            elif isinstance(record, ReadingRecord):
+                yield Readings(record.t_s, record.values)
             elif not isinstance(record, PictureRecord):
                 yield Note(record.t_s, record.text)
             elif taken(record) and not record.covered:
@@ -103,6 +107,8 @@ def _raw(found: dict[str, object], number: int, path: Path, taken: CameraChoice)
         return TruthPose(t_s, _three(found["truth"]))
     if "event" in found:
         return Note(t_s, str(found["event"]))
+    if "reading" in found:
+        return Readings(t_s, readings_of(found["reading"]))
     if "image" not in found or found.get("covered"):
         return None
     image = found["image"]
@@ -145,4 +151,6 @@ def _read(record: PictureRecord, log: Path) -> U8:
     return decode_picture(picture_bytes(record, log))
 
 
-FORMATS = (Format(NATIVE, "the session log of maurice-replay (JSON Lines)", looks_native, _open),)
+FORMATS = (
+    Format(NATIVE, "the session log of maurice-replay (JSON Lines)", looks_native, _open, readings=True),
+)

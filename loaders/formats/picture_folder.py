@@ -17,13 +17,14 @@ from ..errors import InputError, ReadingNotes
 from ..files import MOST_T_S, PICTURES, pictures_in, show, time_falls
 from ..plane import planar, rotation
 from ..reading import ReadingOptions
-from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
+from ..recording import Motion, OdometryPose, Picture, Readings, Record, TruthPose
 from ..time_alignment import PER_SECOND, detect_unit, seconds
 from ._poses import read_picture
 from ._tables import (
     MOTION,
     ODOMETRY,
     QUATERNIONS,
+    READING,
     TRUTH,
     Column,
     Head,
@@ -98,6 +99,9 @@ class TableRecording:
             yield Motion(t_s, np.array([self._value(role, row, words) for role in MOTION]))
         if truth is not None:
             yield TruthPose(t_s, truth)
+        readings = self._readings(row, words)
+        if readings:
+            yield Readings(t_s, readings)
         picture = self._picture(number, t_s, row, words)
         if picture is not None:
             yield picture
@@ -122,6 +126,10 @@ class TableRecording:
             raise InputError(self.table, found, row.number)
         file = self.frames[number]
         return Picture(t_s, partial(read_picture, file, file.name), file.name)
+
+    def _readings(self, row: Row, words: list[str]) -> dict[str, float]:
+        roles = [role for role in self.roles if role.startswith(READING) and self._word(role, row, words)]
+        return {role.removeprefix(READING): self._value(role, row, words) for role in roles}
 
     def _vector(self, group: tuple[str, ...], row: Row, words: list[str]) -> F64 | None:
         turned = [role for role in QUATERNIONS[group] if role in self.roles]
@@ -240,7 +248,9 @@ def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
 
 
 TABLE_FORMATS = (
-    Format("table", "a CSV table of pictures with poses or odometry", looks_like_table, open_table),
+    Format(
+        "table", "a CSV table of pictures with poses or odometry", looks_like_table, open_table, readings=True
+    ),
 )
 
 

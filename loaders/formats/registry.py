@@ -19,6 +19,7 @@ from ..recorded_session import RecordedSession
 from ..recording import Recording
 from ..session_log.reader import SessionLog
 from ..transforms import corrected, odometry_from_truth
+from ._frames import FramesOfReadings, with_frames
 
 NATIVE = "session-log"
 BARE = ("pictures", "video")  # formats that a table goes beside
@@ -53,6 +54,7 @@ class Format:
     extra: str | None = None  # the extra that has to be installed for it
     shifts: bool = False  # whether it adds the offsets of odometry and truth itself
     in_space: bool = False  # whether it holds poses in space, whose plane `plane` says
+    readings: bool = False  # whether it may hold readings, and so frames without pictures
     beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
 
 
@@ -100,9 +102,11 @@ def open_session(
     """
     path, options = Path(path), replace(options or ReadingOptions(), **changes)
     one = chosen(path, options)
-    if one.name == NATIVE and options.as_it_is:
+    recording = _opened(one, path, options)
+    framed = with_frames(recording) if one.readings else recording
+    if one.name == NATIVE and options.as_it_is and not isinstance(framed, FramesOfReadings):
         return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
-    return RecordedSession(_opened(one, path, options), options)
+    return RecordedSession(framed, options)
 
 
 def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:

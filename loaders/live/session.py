@@ -24,7 +24,14 @@ from ..files import expect_absent
 from ..pictures import decode_picture
 from ..session_log.header import Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
-from ..session_log.records import EventRecord, OdometryRecord, PictureRecord, Record, with_truth
+from ..session_log.records import (
+    EventRecord,
+    OdometryRecord,
+    PictureRecord,
+    ReadingRecord,
+    Record,
+    with_truth,
+)
 from ..time_alignment import as_rows
 from ..transforms import Gate
 from .intake import Counts, Intake, Received
@@ -45,11 +52,13 @@ class Waiting:
     truth: F64 | None
     motions: list[F64] = field(default_factory=list)  # (3,) each, since the picture before
     events: list[str] = field(default_factory=list)
+    readings: dict[str, float] = field(default_factory=dict)  # the newest of each name
 
     def follow(self, earlier: Waiting) -> None:
-        """Take over motions and events of a picture that was left out."""
+        """Take over motions, events and readings of a picture that was left out."""
         self.motions = joined([*earlier.motions, *self.motions])
         self.events = [*earlier.events, *self.events][:MOST_EVENTS]
+        self.readings = earlier.readings | self.readings
 
 
 class Backlog:
@@ -267,7 +276,8 @@ class LiveSession(HasReadingNotes):
                 continue
             step, earlier = step + 1, None
             time_s = one.picture.t_s - (self._begin_s or 0.0)
-            frame = Frame(step, time_s, as_rows(one.motions), image, self._name(one.picture))
+            name, readings = self._name(one.picture), one.readings
+            frame = Frame(step, time_s, as_rows(one.motions), image, name, readings)
             yield Moment(frame, one.truth, tuple(one.events))
         if self._error is not None:
             raise self._error
@@ -297,6 +307,7 @@ class LiveSession(HasReadingNotes):
         motions: list[F64] = []
         way: F64 = np.zeros(3)  # their composition
         events: list[str] = []
+        readings: dict[str, float] = {}
         for record, truth in with_truth(self._records()):
             if isinstance(record, OdometryRecord):
                 motions.append(record.motion)
@@ -304,11 +315,13 @@ class LiveSession(HasReadingNotes):
                 motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
             elif isinstance(record, EventRecord) and record is not NOTHING_COMES:
                 events = [*events[-MOST_EVENTS:], record.text]
+            elif isinstance(record, ReadingRecord):
+                readings |= record.values
             elif isinstance(record, PictureRecord) and not record.covered:
                 taken = taken or self._camera()
                 if taken(record) and self._makes_an_update(way):
-                    self._backlog.put(Waiting(record, truth, motions, events), self._stop)
-                    motions, way, events = [], np.zeros(3), []
+                    self._backlog.put(Waiting(record, truth, motions, events, readings), self._stop)
+                    motions, way, events, readings = [], np.zeros(3), [], {}
 
     def _makes_an_update(self, way: F64) -> bool:
         if self._listen.only_record or not (self._first or self._listen.gate.open_after(way)):

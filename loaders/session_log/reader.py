@@ -20,6 +20,7 @@ from .records import (
     EventRecord,
     OdometryRecord,
     PictureRecord,
+    ReadingRecord,
     TruthRecord,
     read_header,
     read_records,
@@ -86,6 +87,7 @@ class SessionLog(HasReadingNotes):
         notes = self._notes = ReadingNotes(self._keep_going)
         motions: list[F64] = []
         events: list[str] = []
+        readings: dict[str, float] = {}
         step, begin_s = 0, None
         taken = CameraChoice(self._camera, notes)
         for record, truth in with_truth(read_records(self.path, self.kind, notes)):
@@ -94,6 +96,8 @@ class SessionLog(HasReadingNotes):
                 motions.append(record.motion)
             elif isinstance(record, EventRecord):
                 events.append(record.text)
+            elif isinstance(record, ReadingRecord):
+                readings |= record.values
             elif isinstance(record, PictureRecord) and taken(record) and not record.covered:
                 image = self._image(record, notes)
                 if image is None:
@@ -101,9 +105,9 @@ class SessionLog(HasReadingNotes):
                 step += 1
                 moved = np.array(motions, np.float64).reshape(-1, 3)
                 name = record.path or f"{self.path.name}, picture {step}"
-                frame = Frame(step, record.t_s - begin_s, moved, image, name)
+                frame = Frame(step, record.t_s - begin_s, moved, image, name, readings)
                 yield Moment(frame, truth, tuple(events))
-                motions, events = [], []
+                motions, events, readings = [], [], {}
 
     def _survey_pictures(self) -> Iterator[SurveyPicture]:
         notes = self._notes = ReadingNotes(self._keep_going)

@@ -106,7 +106,7 @@ def _folder_advice(path: Path) -> str:
 
 # The records of a log, checked: what each line after the header may say.
 
-RECORD_KEYS = ("odometry", "image", "truth", "event")
+RECORD_KEYS = ("odometry", "image", "truth", "event", "reading")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,7 +150,16 @@ class EventRecord:
     text: str
 
 
-Record = OdometryRecord | PictureRecord | TruthRecord | EventRecord
+@dataclass(frozen=True, slots=True)
+class ReadingRecord:
+    """What sensors other than cameras measured: numbers by name."""
+
+    line: int
+    t_s: float
+    values: dict[str, float]
+
+
+Record = OdometryRecord | PictureRecord | TruthRecord | EventRecord | ReadingRecord
 
 
 def read_header(path: Path) -> tuple[SessionInfo, Kind]:
@@ -209,7 +218,14 @@ def record_of(line: LogLine, kind: Kind, per_s: int = 1) -> Record:
         return TruthRecord(line.number, t_s, _vector(value, 3, "truth"))
     if keys[0] == "event":
         return EventRecord(line.number, t_s, text(value, "event"))
+    if keys[0] == "reading":
+        return ReadingRecord(line.number, t_s, readings_of(value))
     return _picture(line.number, t_s, found, kind)
+
+
+def readings_of(value: Any) -> dict[str, float]:
+    """Read the object of a reading: names to finite numbers. FieldError for anything else."""
+    return {name: number(one, f"reading.{name}") for name, one in mapping(value, "reading").items()}
 
 
 def _encoders(found: dict[str, Any]) -> F64 | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -97,6 +97,11 @@ class SessionWriter:
         """Write where the robot really was: x_m, y_m, heading_rad."""
         self._record(t_s, {"truth": _numbers(pose, 3, "truth")})
 
+    def reading(self, t_s: float, values: Mapping[str, float]) -> None:
+        """Write what sensors other than cameras measured: numbers by name, in whatever unit they have."""
+        numbers = _numbers(list(values.values()), len(values), "reading")
+        self._record(t_s, {"reading": dict(zip(values, numbers, strict=True))})
+
     def event(self, t_s: float, text: str) -> None:
         """Write what happened, in free text (`kidnapped`, `floor carpet`, `lights off`)."""
         self._record(t_s, {"event": text})
@@ -173,6 +178,6 @@ def _numbers(values: Numbers, count: int, what: str) -> list[float]:
     numbers = [float(v) for v in values]
     if len(numbers) != count or not np.isfinite(numbers).all():
         raise ValueError(f"found {what} {numbers}, expected {count} finite numbers")
-    if np.abs(numbers).max() > MOST:
+    if np.abs(numbers).max(initial=0.0) > MOST:
         raise ValueError(f"found {what} {numbers}, expected each {up_to()}")
     return numbers

@@ -32,6 +32,7 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.recording import Picture, Recording
 from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.transforms import PLACEHOLDER
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
@@ -107,7 +108,7 @@ def _begin(recording: Recording) -> tuple[float, bool]:
     first_s: float | None = None
     for record in recording.records(ReadingNotes(keep_going=True)):
         first_s = record.t_s if first_s is None else first_s
-        if isinstance(record, Picture):
+        if isinstance(record, Picture) and record.name != PLACEHOLDER:
             return first_s, True
     return first_s or 0.0, False
 

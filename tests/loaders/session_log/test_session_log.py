@@ -55,7 +55,7 @@ def test_an_overview_opens_no_picture_and_a_frame_has_no_room_for_truth(write_lo
     drive.append({"t": 0, "image": "right.jpg", "camera": "right"})
     assert SessionLog(write_log(*drive)).overview() == (2, False)
     assert SessionLog(write_log(*drive, {"t": 1, "truth": [0, 0, 0]}), camera="right").overview() == (2, True)
-    assert set(Frame.__slots__) == {"step", "time_s", "motions", "image", "picture"}
+    assert set(Frame.__slots__) == {"step", "time_s", "motions", "image", "picture", "readings"}
 
 
 def test_starts_again_on_every_call(write_log: WriteLog, pixel: Pixel) -> None:

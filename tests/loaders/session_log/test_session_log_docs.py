@@ -54,6 +54,7 @@ def test_the_examples_read_as_the_page_says(tmp_path: Path, image: U8) -> None:
     assert first.truth is not None
     assert second.truth is None
     assert second.events == ("lights off",)
+    assert dict(second.frame.readings) == {"floor_left": 0.82, "floor_right": 0.11}
     assert log.info.survey == tmp_path / "survey.log"
     pictures = list(SessionLog(with_pictures(tmp_path, SURVEY, image)).survey_pictures())
     assert [p.covered for p in pictures] == [True, False, False]
