@@ -116,7 +116,7 @@ SHORT = {
     kinds.SESSION: "log",
     states.WRONG: "wrong",
     states.SEARCHING: "search",
-    **{f"{CAUSE}{kind}": f"why: {title(kind)}" for kind in CAUSES},
+    **{f"{CAUSE}{kind}": f"lost: {title(kind)}" for kind in CAUSES},
 }  # labels of marks and states, if not their names: a state can be as short as one update
 
 

@@ -86,7 +86,7 @@ def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True)
 class RunJudgement:
-    """Whether one run did what was demanded, and the figures by which it is said."""
+    """Whether one run met its demands, and the figures that show it."""
 
     seed: int
     met: Mapping[str, bool]  # by kind of demand

@@ -35,7 +35,7 @@ from .metrics import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrivenPath:
-    """What is known of a drive of U updates, whoever is localized in it."""
+    """The true poses, times and lengths of a drive of U updates: the same for every run on it."""
 
     truths: F64  # (U, 3) NaN where not known
     times_s: F64  # (U,)

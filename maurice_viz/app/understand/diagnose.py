@@ -25,7 +25,7 @@ from ..output import OutputOptions
 from ..replay import replay_any
 
 NONE = "No failure: it was never lost, or found itself in time."
-NO_TRUTH = "There is no truth to judge by; what follows is said from the evidence alone."
+NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
 NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
 SEEN_BEFORE, SEEN_AFTER = 2, 2  # updates around a cause that a picture or a movie shows

@@ -106,7 +106,9 @@ def test_what_nearly_always_happens_is_done_for_all_runs_at_once(world, localize
 def test_a_cloud_beyond_a_hundred_radii_takes_its_step_alone(world, localizer_of):
     localizer = localizer_of("as it comes", 80)
     localizer = replace(localizer, radii=Radii(*(radius / 100 for radius in astuple(localizer.radii))))
-    for trace in run_batch(localizer, world.drive.all_moments, range(3)):
+    traces = run_batch(localizer, world.drive.all_moments, range(3))
+    assert [trace.seed for trace in traces] == [0, 1, 2]
+    for trace in traces:
         _same(trace, _alone(localizer, world, trace.seed, None))
 
 
