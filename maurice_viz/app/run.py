@@ -166,7 +166,7 @@ def step_through(
                             comparison.see(steps, pairs)
                         if verdict is not None:
                             moment, _ = next(iter(steps.values()))
-                            verdict.see(moment, collector.verdicts())
+                            verdict.see(moment, collector.updates, collector.verdicts)
                 listener.progress(collector.updates, playback.total, "replay")
     finally:
         if comparison is not None and collector.updates:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -127,12 +127,11 @@ class VerdictDrawing:
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET)
 
-    def see(self, moment: Moment, verdicts: Mapping[str, RunVerdict]) -> None:
-        """Log the verdict so far, for a live drive now and then."""
+    def see(self, moment: Moment, updates: int, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
+        """Log the verdict after so many updates, for a live drive now and then; deciding it costs much."""
         self._times_s[moment.frame.step] = moment.frame.time_s
-        updates = next(iter(verdicts.values())).updates
         if self._live and updates % EVERY == 0:
-            self.end(verdicts)
+            self.end(verdicts())
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, and the step to look at."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+import maurice_viz as mv
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.analysis.events import EventDetector
@@ -314,3 +315,15 @@ def test_lanes_are_what_the_detector_says(drive):
             assert noticed[number][0].removesuffix(BRIEF) in kinds
     assert set(SHORT.values()) & {"left map", "all zero"}
     assert weight_colors(played[0][1].weighted.log_weights).shape[0] == played[0][1].weighted.size
+
+
+def test_a_recording_decides_what_happened_only_when_the_run_is_over(small_session, monkeypatch):
+    asked, decided = [], ResultCollector.verdicts
+
+    def counted(self):
+        asked.append(self.updates)
+        return decided(self)
+
+    monkeypatch.setattr(ResultCollector, "verdicts", counted)
+    scores = mv.replay(small_session, particles=50, to="run.rrd")
+    assert set(asked) == {scores.runs[0].score.updates}
