@@ -70,7 +70,7 @@ def _compared(
     sensors = [run.localizer.sensor for run in runs]
     if not live:
         return compared_ahead(sensors, moments, known_descriptors())
-    return ((moment, compared(sensors, moment.frame.image)) for moment in moments)
+    return ((moment, compared(sensors, moment.frame)) for moment in moments)
 
 
 def shared(

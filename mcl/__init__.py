@@ -6,7 +6,7 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 
 The chapters, from the ground up:
 
-- vocabulary: `arrays`, `errors`, `randomness`, `geometry`, `map`, `library`, `session`,
+- vocabulary: `arrays`, `errors`, `randomness`, `geometry`, `map`, `session`, `pose_sensor`, `library`,
   `radii`, `records`; `examples`: a tiny library and session
 - `sensor`: what is measured in a picture, and how likely it makes every place
 - `filter`: propose, measure, weight, estimate, resample, recover
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .examples import tiny_library, tiny_session
     from .filter.localizer import Localizer, run
     from .library import Library
+    from .pose_sensor import PoseProposal, PoseSensor, PoseSpread, Shown, ShownMarks
     from .records import Belief, FilterState, StepRecord
     from .session import Frame, Moment, Session
 
@@ -45,8 +46,13 @@ _HOME = {
     "Localizer": "filter.localizer",
     "Moment": "session",
     "PRESETS": "config.parameters",
+    "PoseProposal": "pose_sensor",
+    "PoseSensor": "pose_sensor",
+    "PoseSpread": "pose_sensor",
     "RunScore": "analysis.metrics",
     "Session": "session",
+    "Shown": "pose_sensor",
+    "ShownMarks": "pose_sensor",
     "StepRecord": "records",
     "make_localizer": "config.build",
     "run": "filter.localizer",
@@ -64,8 +70,13 @@ __all__ = [
     "Library",
     "Localizer",
     "Moment",
+    "PoseProposal",
+    "PoseSensor",
+    "PoseSpread",
     "RunScore",
     "Session",
+    "Shown",
+    "ShownMarks",
     "StepRecord",
     "make_localizer",
     "run",

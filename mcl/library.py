@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from .arrays import F32, F64
 from .map import Arena
+from .pose_sensor import PoseSensor
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,7 @@ class Library:
     index: Mapping[str, ChannelIndex]  # by channel name
     arena: Arena
     display_units: str = "m"
+    sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # besides the channels, by name
 
     @property
     def size(self) -> int:

@@ -209,7 +209,7 @@ def _spacing(library: Library, place_of: I32) -> float:
 
 
 def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
-    measured = {name: library.index[name].references[entry] for name in sensor.parameters.weights}
+    measured = {name: library.index[name].references[entry] for name in sensor.weights}
     return np.asarray(sensor.compare(measured).cost, np.float64)
 
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .arrays import F32, F64, I32, Bool
+from .pose_sensor import Sensed
 from .radii import USUAL, Radii
 from .session import Frame
 
@@ -114,19 +115,28 @@ class Comparison:
     channel_quality: F32  # (C, L) quality of each channel alone
     quality: F32  # (L,) blended quality in [0, 1]
     channel_cost: F32  # (C, L) distances over their calibrated scales: nats
-    cost: F32  # (L,) weighted sum of them, >= 0: what recovery and people compare between pictures
-    log_likelihood: F32  # (L,) of every entry; finite
+    cost: F32  # (L,) weighted sum, >= 0, of all sensors: what recovery and people compare between pictures
+    log_likelihood: F32  # (L,) of every entry, of all sensors; finite
     virtual: F32 = field(default_factory=lambda: np.zeros(0, np.float32))  # (V,) of virtual ones
+    sensed: tuple[Sensed, ...] = ()  # of pose sensors, which no reference is needed for
+    of_channels: F32 | None = None  # (L,) the channels' part of `log_likelihood`; None: all of it
 
     @cached_property
     def of_references(self) -> F32:
-        """Log-likelihoods (L + V,) of all references, the virtual ones after the entries."""
-        return np.append(self.log_likelihood, self.virtual)
+        """The channels' log-likelihoods (L + V,) of all references, the virtual ones after the entries."""
+        return np.append(self.log_likelihood if self.of_channels is None else self.of_channels, self.virtual)
 
     @cached_property
     def explained(self) -> EntryLikelihood:
-        """How well each entry explains the picture, of all channels together, (1, L)."""
+        """How well each entry explains the picture, of all sensors together, (1, L)."""
         return EntryLikelihood.of(self.cost[None])
+
+    @cached_property
+    def explained_by_channels(self) -> EntryLikelihood:
+        """The same of all channels, without pose sensors: those know every particle's own pose."""
+        if not self.sensed:
+            return self.explained
+        return EntryLikelihood.of((self.cost - sum(one.weight * one.cost for one in self.sensed))[None])
 
     @cached_property
     def channels_explained(self) -> EntryLikelihood:
@@ -143,7 +153,8 @@ class Comparison:
 
     def prepare(self) -> None:
         """Compute now what every filter asks for: on the thread that compares, ahead of them."""
-        _ = self.of_references, self.explained, self.channels_explained, self.library_evidence
+        _ = self.of_references, self.explained, self.explained_by_channels
+        _ = self.channels_explained, self.library_evidence
 
     def best(self, count: int) -> I32:
         """Return the numbers of the best entries (count,), best first; all L when there are fewer."""
@@ -188,6 +199,7 @@ class Sighting:
     comparison: Comparison
     entries: I32  # (N,) the nearest entry of each particle; -1 outside free space
     log_likelihood: F32  # (N,) log-likelihood of each particle; -inf outside free space
+    sensed: F32 | None = None  # (N,) nats of the pose sensors; None: none said anything
 
 
 @dataclass(frozen=True, slots=True, eq=False)

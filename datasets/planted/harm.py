@@ -47,7 +47,7 @@ def compared_with(
         image = moment.frame.image
         comparison = known.get(id(image))
         if comparison is None:
-            comparison = compared([localizer.sensor], image)[0].comparison
+            comparison = compared([localizer.sensor], moment.frame)[0].comparison
         if id(image) in own:
             known[id(image)] = comparison
         found.append(comparison)

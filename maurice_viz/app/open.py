@@ -21,7 +21,7 @@ from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import MadeOdometry
 from maurice_mcl.arrays import F64
-from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, configure
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
@@ -230,10 +230,7 @@ def make_runs(
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
     configurations = [one.configuration() for one in specs]
-    for channel in dict.fromkeys(name for one in configurations for name in one.parameters.sensor.weights):
-        if channel not in library.index:
-            found = f"the library {library.name!r} holds {', '.join(library.index) or 'no channel'}"
-            raise InputError(session.path, f"{found}, but {channel} is needed; build the library again")
+    configurations = _available(configurations, session, library, listener)
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
         found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
@@ -260,6 +257,23 @@ def make_runs(
     labels = unique_labels([one.label for one in specs])
     parts = zip(labels, localizers, starts, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
+
+
+def _available(
+    configurations: Sequence[Configuration], session: SourcedSession, library: Library, listener: Listener
+) -> list[Configuration]:
+    """Use the pose sensors that the library holds; say once which ones it lacks. InputError."""
+    result, lacking = list[Configuration](), dict[str, None]()
+    for one in configurations:
+        try:
+            usable, missing = available(one, library)
+        except InputError as problem:
+            raise InputError(session.path, problem.message) from None
+        result.append(usable)
+        lacking |= dict.fromkeys(missing)
+    for name in lacking:
+        listener.warning(f"the library {library.name!r} holds no {name}: the other channels are used alone")
+    return result
 
 
 def _adapted(

@@ -80,7 +80,7 @@ class Restored:
         origin, radii = np.array(self.saved.manifest.origin_m), self.saved.manifest.radii
         if self.sensor is None or image is None:
             return record_of(rows, moment.frame, nothing_seen(rows.particles.height), origin, radii)
-        comparison = self.sensor.compare(self.sensor.measure(image))
+        comparison = self.sensor.see(moment.frame)
         sighting = self.sensor.at(comparison, weighted_of(rows, origin).poses)
         return record_of(rows, moment.frame, sighting, origin, radii)
 

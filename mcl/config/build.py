@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +16,8 @@ from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
 from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
+from ..map import spacing
+from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
 from ..radii import Radii, radii_of
 from ..sensor.descriptors.registry import weights_of
 from ..sensor.left_out import PlaceScore, score_places
@@ -48,6 +50,7 @@ def make_localizer(
     seed: int = 0,
     motion: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
+    sensors: Sequence[PoseSensor] = (),
 ) -> Localizer:
     """Make a filter over a library, with the same defaults as the command line.
 
@@ -56,7 +59,9 @@ def make_localizer(
     bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
     motion model is that of the session which `run` is given. `settings` maps any key of
     docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
-    Environment variables are not read. The scales of a library with few places are widened (`adapted`).
+    `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`); each is used with
+    weight 1. Environment variables are not read. The scales of a library with few places are widened
+    (`adapted`), and a library without landmarks is used without them (`available`).
 
     Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
 
@@ -69,22 +74,53 @@ def make_localizer(
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
     weights = None if feature is None else weights_of(feature)
+    library = replace(library, sensors={**library.sensors, **{one.name: one for one in sensors}})
     given = {"sensor.weights": weights, "particles": particles, "motion": motion}
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
     layers += [Layer("settings", settings or {})]
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
     try:
         nearest = nearest_reference(library.poses, library.arena)
-        parameters = adapted(configure(layers), library, nearest)[0].parameters
+        configuration = available(configure(layers), library)[0]
+        parameters = adapted(configuration, library, nearest)[0].parameters
         localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
     except ValueError as problem:
         raise InputError(None, str(problem)) from None
-    missing = [channel for channel in parameters.sensor.weights if channel not in library.index]
-    if missing:
-        holds = ", ".join(library.index) or "no channel"
-        wanted = f"the library {library.name!r} holds {holds}, expected {missing[0]}"
+    added = {one.name: one for one in sensors}
+    return replace(localizer, sensor=replace(localizer.sensor, sensors={**localizer.sensor.sensors, **added}))
+
+
+def available(configuration: Configuration, library: Library) -> tuple[Configuration, tuple[str, ...]]:
+    """Leave out pose sensors that a library does not hold; return the names of those, too.
+
+    Where nobody chose a feature, and the library has no channels, its pose sensors are used. InputError when
+    the library lacks a channel that is asked for, or nothing of what is asked for is there.
+    """
+    weights = configuration.parameters.sensor.weights
+    origins = {setting.key: setting.origin for setting in configuration.settings}
+    if origins["sensor.weights"] == "default" and not library.index and library.sensors:
+        return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
+    holds = {**library.index, **library.sensors}
+    missing = tuple(name for name in weights if name not in holds)
+    kept = {name: weight for name, weight in weights.items() if name in holds}
+    if not missing:
+        return configuration, ()
+    lacking = [name for name in missing if name not in POSE_SENSORS]
+    if lacking or not any(kept.values()):
+        wanted = f"found {', '.join(holds) or 'no channel'} in the library {library.name!r}"
+        wanted += f", expected {(lacking or missing)[0]}"
         raise InputError(None, f"{wanted}; build the library again, or choose another feature")
-    return localizer
+    return _with_weights(configuration, kept, library), missing
+
+
+def _with_weights(
+    configuration: Configuration, weights: Mapping[str, float], library: Library
+) -> Configuration:
+    made = Setting("sensor.weights", weights, f"library {library.name}")
+    settings = tuple(made if one.key == made.key else one for one in configuration.settings)
+    p = configuration.parameters
+    parameters = replace(p, sensor=replace(p.sensor, weights=weights))
+    return replace(configuration, parameters=parameters, settings=settings)
 
 
 def build_localizer(
@@ -138,9 +174,10 @@ def adapted(
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
     """
     sensor = configuration.parameters.sensor
-    if sensor.sharpness == 0 or any(name not in library.index for name in sensor.weights):
+    model = SensorModel(library, nearest, sensor)
+    if sensor.sharpness == 0 or not model.weights or any(name not in library.index for name in model.weights):
         return configuration, None
-    found = score_places(SensorModel(library, nearest, sensor))
+    found = score_places(model)
     origins = {setting.key: setting.origin for setting in configuration.settings}
     chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
     if chosen or (sensor.blend, sensor.likelihood) != ("calibrated", "exponential") or found.widening == 1:
@@ -152,15 +189,25 @@ def adapted(
 
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
-    p.sensor.check_names()
-    if not {"nearest": False, "interpolated": True}[p.references.method]:
-        return SensorModel(library, nearest, p.sensor)
+    channels = {name: weight for name, weight in p.sensor.weights.items() if name not in library.sensors}
+    replace(p.sensor, weights=channels).check_names()
+    sensors = {name: library.sensors[name] for name in p.sensor.weights if name in library.sensors}
+    model = SensorModel(library, nearest, p.sensor, sensors=sensors, spread=_spread(library, nearest))
+    if not {"nearest": False, "interpolated": True}[p.references.method] or not model.weights:
+        return model
     poses, index, how = library.poses, {}, p.references.interpolation
     if how.virtual:
         virtual = virtual_references(library.poses, library.arena)
         poses = np.concatenate([library.poses, virtual.poses])
-        index = virtual.extend({name: library.index[name] for name in p.sensor.weights})
-    return SensorModel(library, interpolated_reference(nearest, poses, library.arena, how), p.sensor, index)
+        index = virtual.extend({name: library.index[name] for name in model.weights})
+    lookup = interpolated_reference(nearest, poses, library.arena, how)
+    return replace(model, references=lookup, index=index)
+
+
+def _spread(library: Library, nearest: NearestReference) -> PoseSpread:
+    """Return how far the poses nearest to a reference lie from it, if they lie evenly around it."""
+    headings = max(library.size / max(len(nearest.places), 1), 1.0)
+    return PoseSpread(spacing(nearest.places) / np.sqrt(12), 2 * np.pi / headings / np.sqrt(12))
 
 
 def _resampling(p: ResamplingParameters) -> Resampling:

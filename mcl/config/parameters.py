@@ -16,6 +16,7 @@ from ..filter.motion import MotionOutliers
 from ..filter.proposal import MixtureParameters
 from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
 from ..filter.resampling import RESAMPLERS, KldParameters
+from ..pose_sensor import POSE_SENSORS
 from ..radii import NAMES as RADII
 from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
@@ -187,8 +188,9 @@ def channels(inner: Rule) -> Rule:
         if not isinstance(given, Mapping):
             raise ValueError(f"{key}: found {value!r}, expected a table of channels")
         for name in given:
-            if name not in CHANNELS:
-                raise ValueError(f"{key}: no channel called {name!r}; there are {', '.join(CHANNELS)}")
+            if name not in CHANNELS and name not in POSE_SENSORS:
+                there = ", ".join((*CHANNELS, *POSE_SENSORS))
+                raise ValueError(f"{key}: no channel called {name!r}; there are {there}")
         return {name: inner(f"{key}.{name}", entry) for name, entry in given.items()}
 
     return rule

@@ -93,14 +93,19 @@ class Batch:
         """Process one frame in some runs (r,): the steps of `Localizer.step`, with one row for each run."""
         moved = self._moved(runs, frame)
         entries, found = self._looked_up(moved, comparison, values)
+        sensed = self._sensed(moved, comparison)
+        if sensed is not None:
+            found = found + np.float32(self.localizer.sensor.parameters.sharpness) * sensed
         posterior = self.log_weights[runs] + found
         usual = np.isfinite(posterior.max(axis=1))
         if not usual.all():
             self._alone(runs[~usual], frame, comparison, put_record)
             runs, moved, entries, posterior = runs[usual], moved[:, usual], entries[usual], posterior[usual]
+            sensed = None if sensed is None else sensed[usual]
         if not len(runs):
             return
-        evidence = self._evidence(np.exp(self.log_weights[runs]), entries, comparison)
+        prior = self.log_weights[runs] if sensed is None else self.log_weights[runs] + sensed
+        evidence = self._evidence(np.exp(prior), entries, comparison)
         log_evidence = _normalize(posterior)
         clouds = Clouds.of(moved, np.exp(posterior), self.localizer.library.origin)
         acts, states = self._recoveries(runs, evidence)
@@ -149,12 +154,17 @@ class Batch:
             found = references.among_places(values.take, cell, heading)
         return entries.reshape(shape), found.reshape(shape)
 
+    def _sensed(self, moved: F32, comparison: Comparison) -> F32 | None:
+        """Return the nats (r, N) of the pose sensors at every particle; None if none said anything."""
+        found = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T)
+        return None if found is None else found.reshape(moved.shape[1:])
+
     def _evidence(self, prior: F64, entries: I32, comparison: Comparison) -> F64:
         """Return the calibrated evidence (r,): `log_mean_likelihood` of every row."""
         bins = len(comparison.cost) + 1
         row = np.arange(len(entries))[:, None] * bins
         held = np.bincount((entries + 1 + row).ravel(), prior.ravel(), len(entries) * bins)
-        explained = comparison.explained
+        explained = comparison.explained_by_channels
         with np.errstate(divide="ignore"):
             mean = np.log(np.vecdot(explained.relative[0], held.reshape(-1, bins)[:, 1:]))
         return np.asarray(mean + explained.top, np.float64)

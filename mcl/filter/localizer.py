@@ -17,12 +17,20 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import F32, F64, I32
+from ..arrays import F32, F64
 from ..errors import InputError
 from ..library import Library
 from ..radii import USUAL, Radii
 from ..randomness import Domain, Purpose, normals, stream
-from ..records import Belief, Comparison, FilterState, StepRecord, effective_sample_size, normalize
+from ..records import (
+    Belief,
+    Comparison,
+    FilterState,
+    Sighting,
+    StepRecord,
+    effective_sample_size,
+    normalize,
+)
 from ..sensor.ahead import Compared
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
@@ -39,6 +47,7 @@ from .proposal import (
 )
 from .recovery import Recovery, RecoveryStep
 from .resampling import Resampled, Resampling
+from .sensor_proposal import proposals_of
 
 RESAMPLED = "resampled"
 RESEEDED = "reseeded"
@@ -92,7 +101,7 @@ class Localizer:
     ) -> tuple[FilterState, StepRecord]:
         """Process one frame; return the next state and a record. The given state is not changed.
 
-        `compared` is the frame's picture, where the sensor model has compared it ahead of the filter.
+        `compared` is what the sensor model made of the frame, where it did so ahead of the filter.
         Raises InputError for a localizer without a motion model: see `of_session`.
         """
         took: dict[str, float] = {}
@@ -100,7 +109,7 @@ class Localizer:
             comparison, took["measure"] = compared.comparison, compared.took_s
         else:
             with _timed(took, "measure"):
-                comparison = self.sensor.compare(self.sensor.measure(frame.image))
+                comparison = self.sensor.see(frame)
         with _timed(took, "propose"):
             proposal = self.propose(state.belief, frame, comparison)
         with _timed(took, "weight"):
@@ -112,7 +121,7 @@ class Localizer:
                 proposal = ProposedParticles(keep_in(state.belief, proposal.belief))
                 sighting = self.sensor.at(comparison, proposal.belief.poses)
                 weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
-            evidence, by_channel = calibrated_evidence(comparison, proposal, sighting.entries)
+            evidence, by_channel = calibrated_evidence(proposal, sighting)
         with _timed(took, "estimate"):
             estimate, mean_estimate = estimates(weighted, self.radii)
         with _timed(took, "resample"):
@@ -148,7 +157,8 @@ class Localizer:
             return ProposedParticles(predicted)
         rng = self._rng(frame.step, Purpose.MIXTURE)
         likely = comparison.log_likelihood
-        return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng)
+        sensors = proposals_of(comparison)
+        return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, sensors)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
         if self.motion is None:
@@ -202,13 +212,14 @@ def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, flo
     return Belief(proposal.belief.poses, posterior, proposal.belief.origin), log_evidence
 
 
-def calibrated_evidence(
-    comparison: Comparison, proposal: ProposedParticles, entries: I32
-) -> tuple[float, F64]:
-    """Return the log mean of exp(-cost) over the proposed particles: of all channels, and of each (C,)."""
-    held = entry_weights(np.exp(proposal.prior_log_weights), entries, len(comparison.cost))
-    total = log_mean_likelihood(comparison.explained, held)
-    return float(total[0]), log_mean_likelihood(comparison.channels_explained, held)
+def calibrated_evidence(proposal: ProposedParticles, sighting: Sighting) -> tuple[float, F64]:
+    """Return the log mean of exp(-cost) over the proposed particles: of all sensors, of each channel (C,)."""
+    comparison, prior = sighting.comparison, proposal.prior_log_weights
+    held = entry_weights(np.exp(prior), sighting.entries, len(comparison.cost))
+    by_channel = log_mean_likelihood(comparison.channels_explained, held)
+    if sighting.sensed is not None:
+        held = entry_weights(np.exp(prior + sighting.sensed), sighting.entries, len(comparison.cost))
+    return float(log_mean_likelihood(comparison.explained_by_channels, held)[0]), by_channel
 
 
 def _events(

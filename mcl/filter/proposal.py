@@ -8,6 +8,7 @@ nearest to it. So that sampled poses count where p would be zero, p includes a s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,9 +18,11 @@ from numpy.typing import NDArray
 from ..arrays import F32, F64, I32
 from ..geometry import wrap
 from ..map import Grid
+from ..pose_sensor import PoseProposal
 from ..records import Belief, uniform_log_weights
 from ..sensor.references import HEADING_BINS, NearestReference
 from .resampling import systematic
+from .sensor_proposal import OF_SENSORS, density, draw_poses
 
 # Pose sampling: evenly over free space, or from the likelihood of a picture.
 
@@ -155,20 +158,35 @@ def mixture_proposal(
     where: Regions,
     parameters: MixtureParameters,
     rng: np.random.Generator,
+    proposals: Sequence[PoseProposal] = (),
 ) -> ProposedParticles:
-    """Resample N particles but a share, drawn from the picture's likelihood; return them with corrections."""
+    """Resample N particles but a share; return them with corrections.
+
+    The share is drawn from the picture's likelihood; most of it from what pose sensors propose, if any do.
+    """
     count = round(parameters.share * predicted.size)
     kept = systematic(predicted.weights, predicted.size - count, rng)
-    drawn = likely_poses(log_likelihood, nearest.grid, where, count, predicted.origin, rng)
+    sensors = round(OF_SENSORS * count) if proposals else 0
+    drawn = likely_poses(log_likelihood, nearest.grid, where, count - sensors, predicted.origin, rng)
+    if sensors:
+        drawn = np.concatenate([drawn, draw_poses(proposals, sensors, predicted.origin, rng)])
     poses = np.concatenate([predicted.poses[kept], drawn])
     p = _predicted_shares(predicted, nearest, where, parameters.teleport)
     q = shares_of(log_likelihood, where)
-    share = count / predicted.size
-    mixture = (1 - share) * p + share * q
+    share = (count - sensors) / predicted.size
+    mixture = (1 - count / predicted.size) * p + share * q
     ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # none is drawn at density 0
     with np.errstate(divide="ignore"):
         per_entry = np.log(ratio)
-    correction = np.append(per_entry, 0.0)[nearest.entries(poses, predicted.origin)]
+    entries = nearest.entries(poses, predicted.origin)
+    correction = np.append(per_entry, 0.0)[entries]
+    if sensors:
+        # the densities of the table above are even within the poses nearest to an entry: per m^2 and rad here
+        even = 1 / (where.sizes() * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
+        found = sensors / predicted.size * density(proposals, poses, predicted.origin)
+        part = np.append(np.stack([p, mixture]) * even, [[1.0], [1.0]], axis=1)[:, entries]
+        with np.errstate(divide="ignore"):
+            correction = np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + found))
     belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
     return ProposedParticles(belief, np.asarray(correction))
 

@@ -27,6 +27,7 @@ from ..records import (
 from ..sensor.references import NearestReference
 from .proposal import Regions, likely_poses, uniform_poses
 from .resampling import Resampled
+from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of
 
 RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state
 
@@ -157,7 +158,12 @@ class RecoveryStep:
         if self.draw_evenly:
             drawn = uniform_poses(grid, fresh, copies.origin, rng)
         else:
-            drawn = likely_poses(comparison.log_likelihood, grid, self.regions, fresh, copies.origin, rng)
+            proposals = proposals_of(comparison)
+            sensors = round(OF_SENSORS * fresh) if proposals else 0
+            likely, origin = comparison.log_likelihood, copies.origin
+            drawn = likely_poses(likely, grid, self.regions, fresh - sensors, origin, rng)
+            if sensors:
+                drawn = np.concatenate([drawn, draw_poses(proposals, sensors, origin, rng)])
         poses = np.concatenate([copies.poses, drawn])
         injected = np.arange(len(poses)) >= copies.size
         parents = None

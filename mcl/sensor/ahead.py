@@ -1,7 +1,7 @@
-"""Pictures measured and compared ahead of the filter: neither depends on the particles.
+"""Frames measured, read and compared ahead of the filter: none of it depends on the particles.
 
-A separate thread reads, measures and compares the next few pictures while the filter works on this one;
-OpenCV and numpy let both run at once. Every picture is compared alone: the numbers are those without it.
+A separate thread measures, reads and compares the next few frames while the filter works on this one;
+OpenCV and numpy let both run at once. Every frame is compared alone: the numbers are those without it.
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Protocol
+from typing import Any, Protocol
 
 from ..arrays import F32, U8
+from ..pose_sensor import PoseSensor
 from ..records import Comparison
-from ..session import Moment
+from ..session import Frame, Moment
 from .descriptors.registry import CHANNELS
 from .model import SensorModel
 
@@ -24,7 +25,7 @@ PICTURES_AHEAD = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
-    """A picture's comparison, and how long measuring and comparing took, as if for one filter alone."""
+    """A frame's comparison, and how long measuring and comparing took, as if for one filter alone."""
 
     comparison: Comparison
     took_s: float
@@ -64,20 +65,44 @@ def measured(
 
 
 def compared(
-    sensors: Sequence[SensorModel], image: U8, known: KnownDescriptors | None = None
+    sensors: Sequence[SensorModel], frame: Frame, known: KnownDescriptors | None = None
 ) -> tuple[Compared, ...]:
-    """Compare a picture (H, W, 3) RGB by each sensor model; a channel that several use is measured once."""
-    descriptors, took_s = measured(
-        image, (name for sensor in sensors for name in sensor.parameters.weights), known
-    )
+    """Compare a frame by each sensor model; what several use is measured and read once."""
+    names = [name for sensor in sensors for name in sensor.weights]
+    descriptors, took_s = measured(frame.image, names, known)
+    readings: dict[int, _Reading] = {}
     found = []
     for sensor in sensors:
+        shared = 0.0
+        for one in sensor.sensors.values():
+            if id(one) not in readings:
+                readings[id(one)] = _Reading.of(one, frame)
+            shared += readings[id(one)].took_s
         began = perf_counter()
-        comparison = sensor.compare({name: descriptors[name] for name in sensor.parameters.weights})
+        read = {name: readings[id(one)].value for name, one in sensor.sensors.items()}
+        comparison = sensor.compare(
+            {name: descriptors[name] for name in sensor.weights},
+            {name: value for name, value in read.items() if value is not None},
+        )
         comparison.prepare()
-        took = perf_counter() - began + sum(took_s[name] for name in sensor.parameters.weights)
+        took = perf_counter() - began + shared + sum(took_s[name] for name in sensor.weights)
         found.append(Compared(comparison, took))
     return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reading:
+    """What a pose sensor read, and how long that took."""
+
+    value: Any
+    took_s: float
+
+    @classmethod
+    def of(cls, sensor: PoseSensor, frame: Frame) -> _Reading:
+        """Read a frame."""
+        began = perf_counter()
+        value = sensor.read(frame)
+        return cls(value, perf_counter() - began)
 
 
 def compared_ahead(
@@ -93,7 +118,7 @@ def compared_ahead(
 
     def take() -> tuple[Moment, tuple[Compared, ...]] | None:
         moment = next(source, None)
-        return None if moment is None else (moment, compared(sensors, moment.frame.image, known))
+        return None if moment is None else (moment, compared(sensors, moment.frame, known))
 
     worker = ThreadPoolExecutor(1)
     try:

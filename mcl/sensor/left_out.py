@@ -116,7 +116,7 @@ class _LeftOut:
 
 
 def _left_out(sensor: SensorModel, places: F64, place_of: I32) -> _LeftOut:
-    library, weights = sensor.library, sensor.parameters.weights
+    library, weights = sensor.library, sensor.weights
     stands_for = stand_ins(library, places, place_of)
     known = np.flatnonzero(stands_for >= 0)
     most = min(max(MOST_COMPARED // library.size, FEWEST_PICTURES), MOST_PICTURES)

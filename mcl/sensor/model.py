@@ -1,4 +1,4 @@
-"""The sensor model: from a picture to the likelihood of every library entry, and so of every particle.
+"""The sensor model: from a frame to the likelihood of every library entry, and of every particle.
 
 Distance, blend, quality and likelihood are chosen by name. Fusion takes distances (C, L), weights (C,) and
 scales (C,), and returns a fused distance (L,) and its quality (L,) in [0, 1], 1 for a perfect match. Only the
@@ -8,13 +8,16 @@ last step depends on the particles: the cost of comparing does not grow with the
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from ..arrays import F32, F64, U8
 from ..library import ChannelIndex, Library
+from ..pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed
 from ..records import Comparison, Sighting
+from ..session import Frame
 from .descriptors.registry import CHANNELS, SCALES
 from .distances import DISTANCES
 from .references import ReferenceLookup
@@ -106,7 +109,7 @@ LIKELIHOODS: Mapping[str, Likelihood] = {"exponential": exponential, "power": po
 class SensorParameters:
     """What is compared, how, and how sharply. Names are keys of the registry in each comment."""
 
-    weights: Mapping[str, float]  # channel name to its share in the blend; one channel: {"color": 1.0}
+    weights: Mapping[str, float]  # channel or pose sensor to its share; one channel: {"color": 1.0}
     sharpness: float = 1.0  # multiplies the log-likelihood; 0 makes the sensor blind
     likelihood: str = "exponential"  # LIKELIHOODS
     blend: str = "calibrated"  # BLENDS
@@ -127,36 +130,85 @@ class SensorParameters:
     def check_names(self) -> None:
         """Raise KeyError for an unknown name now, instead of at the first picture."""
         for channel in self.weights:
-            DISTANCES[self.distance_of(channel)]
+            if channel not in POSE_SENSORS:
+                DISTANCES[self.distance_of(channel)]
         BLENDS[self.blend], QUALITIES[self.quality], LIKELIHOODS[self.likelihood]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorModel:
-    """Compares a picture with the library and weights particles by the entries they are compared with."""
+    """All sensors of one filter: what a frame says about any pose, in nats.
+
+    Channels compare the picture with the library's references, and particles are weighted by those they are
+    compared with. Pose sensors weigh every particle at its own pose. Their log-likelihoods add up.
+    """
 
     library: Library
     references: ReferenceLookup
     parameters: SensorParameters
     # each channel in use, extended by virtual references; empty: the library's own
     index: Mapping[str, ChannelIndex] = field(default_factory=dict)
+    sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # pose sensors in use, by name
+    spread: PoseSpread = EXACT  # of the poses that one of the library's references stands for
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Return the weight of each channel in use, in order: those of `parameters` without pose sensors."""
+        given, there = self.parameters.weights, {*self.sensors, *POSE_SENSORS}
+        return {name: weight for name, weight in given.items() if name not in there}
 
     @property
     def distances(self) -> dict[str, str]:
         """Return the name of the distance of each channel in use, in order."""
-        return {name: self.parameters.distance_of(name) for name in self.parameters.weights}
+        return {name: self.parameters.distance_of(name) for name in self.weights}
 
     def measure(self, image: U8) -> dict[str, F32]:
         """Return what every channel in use measures in a picture (H, W, 3) RGB: channel to (D,)."""
-        return {name: CHANNELS[name].describe(image) for name in self.parameters.weights}
+        return {name: CHANNELS[name].describe(image) for name in self.weights}
 
-    def compare(self, descriptors: Mapping[str, F32]) -> Comparison:
+    def read(self, frame: Frame) -> dict[str, Any]:
+        """Return what every pose sensor reads in a frame; those with nothing to say are left out."""
+        readings = {name: sensor.read(frame) for name, sensor in self.sensors.items()}
+        return {name: reading for name, reading in readings.items() if reading is not None}
+
+    def see(self, frame: Frame) -> Comparison:
+        """Measure, read and compare a frame, by all sensors."""
+        return self.compare(self.measure(frame.image), self.read(frame))
+
+    def compare(
+        self, descriptors: Mapping[str, F32], readings: Mapping[str, Any] | None = None
+    ) -> Comparison:
         """Compare with all L entries and the virtual references; nothing here depends on the particles."""
-        p, names, entries = self.parameters, tuple(self.parameters.weights), self.library.size
-        index = self.index or self.library.index
+        found = self._compare_channels(descriptors)
+        if not readings:
+            return found
+        sensed = tuple(self._sense(name, reading) for name, reading in readings.items())
+        nats = sum((np.float32(one.weight) * one.cost for one in sensed), np.zeros_like(found.cost))
+        cost = found.cost + nats
+        return replace(
+            found,
+            cost=cost,
+            quality=relative_quality(cost),
+            log_likelihood=found.log_likelihood - np.float32(self.parameters.sharpness) * nats,
+            sensed=sensed,
+            of_channels=found.log_likelihood,
+        )
+
+    def _sense(self, name: str, reading: Any) -> Sensed:
+        sensor, poses, origin = self.sensors[name], self.library.poses.copy(), self.library.origin
+        poses[:, :2] -= origin
+        cost = -sensor.log_likelihood(reading, poses.astype(np.float32), origin, self.spread)
+        weight = self.parameters.weights.get(name, 1.0)
+        return Sensed(name, reading, weight, np.maximum(cost, np.float32(0)), sensor.propose(reading))
+
+    def _compare_channels(self, descriptors: Mapping[str, F32]) -> Comparison:
+        p, weights_of, entries = self.parameters, self.weights, self.library.size
+        names, index = tuple(weights_of), self.index or self.library.index
+        if not names:
+            return _no_channels(entries)
         measured = [DISTANCES[p.distance_of(name)](descriptors[name], index[name]) for name in names]
         distances = np.stack(measured)
-        weights = np.array([p.weights[name] for name in names])
+        weights = np.array([weights_of[name] for name in names])
         scales = np.array([p.scale_of(name) for name in names])
         quality = QUALITIES[p.quality]
         blended = BLENDS[p.blend](distances, weights, scales, quality)
@@ -176,6 +228,24 @@ class SensorModel:
         )
 
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
-        """Return the entry and the log-likelihood of each of the poses (N, 3)."""
+        """Return the entry and the log-likelihood of each of the poses (N, 3) relative to the origin."""
         entries, found = self.references.look(comparison.of_references, poses, self.library.origin)
-        return Sighting(comparison=comparison, entries=entries, log_likelihood=found)
+        sensed = self.sense_at(comparison, poses)
+        if sensed is not None:
+            found = found + np.float32(self.parameters.sharpness) * sensed
+        return Sighting(comparison=comparison, entries=entries, log_likelihood=found, sensed=sensed)
+
+    def sense_at(self, comparison: Comparison, poses: F32) -> F32 | None:
+        """Return the nats (N,) of all pose sensors at poses (N, 3); None if none of them said anything."""
+        origin = self.library.origin
+        found = [
+            np.float32(one.weight) * self.sensors[one.name].log_likelihood(one.reading, poses, origin)
+            for one in comparison.sensed
+        ]
+        return np.sum(found, axis=0, dtype=np.float32) if found else None
+
+
+def _no_channels(entries: int) -> Comparison:
+    """Return the comparison by no channel at all: every reference is as likely as any other."""
+    none, zero = np.zeros((0, entries), np.float32), np.zeros(entries, np.float32)
+    return Comparison((), {}, none, none, zero + 1, none, zero, zero)

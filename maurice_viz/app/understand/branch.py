@@ -10,7 +10,7 @@ from typing import Any
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
-from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
 from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
@@ -148,10 +148,10 @@ class BranchPoint:
         if not replace(change, seed=None, anywhere=False).words:
             return replace(own, seed=seed)
         found = change.configuration(self.run.configuration)
-        for channel in found.parameters.sensor.weights:
-            if channel not in self.library.index:
-                held = f"the library holds {', '.join(self.library.index)}, but {channel} is needed"
-                raise InputError(self.run.folder, f"{held}; choose another feature")
+        try:
+            found = available(found, self.library)[0]
+        except InputError as problem:
+            raise InputError(self.run.folder, problem.message) from None
         if (found.parameters.sensor, found.parameters.references) != (before.sensor, before.references):
             found = adapted(found, self.library, own.reference)[0]
         after = found.parameters

@@ -14,12 +14,12 @@ from maurice_datasets.trials.statistics import Interval, holm, mean, rate, sign_
 from maurice_loaders.errors import InputError
 from maurice_mcl.analysis.metrics import RIGHT_AT_END, mostly_at_end, score_step
 from maurice_mcl.analysis.trace_score import score_trace
-from maurice_mcl.arrays import F32, F64, Bool
+from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.filter.batch import RunTrace, run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import Belief, Comparison
-from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.session import Moment
 
@@ -123,7 +123,7 @@ def remedies(
         listener.remark(
             f"{len(tested)} seeds cannot tell {len(chosen)} remedies from chance; give at least {least}"
         )
-    past = _Past.read(point, step, [one.sensor for one in filters])
+    past = _Past.read(point, step, list({id(one.sensor): one.sensor for one in filters}.values()))
     found = past.tried(tried, filters, tested, listener)
     first, *others = judged(tried, found)
     ranked = sorted(others, key=lambda one: (-one.localized.value, one.error_m.value))
@@ -148,24 +148,23 @@ class _Past:
 
     point: BranchPoint
     step: int
+    sensors: Sequence[SensorModel]
     belief: Belief | None = None
     evidences: list[float] = field(default_factory=list)
     moments: list[Moment] = field(default_factory=list)  # after the branch, without pictures
-    measured: list[dict[str, F32]] = field(default_factory=list)
+    comparisons: list[list[Comparison]] = field(default_factory=list)  # of each sensor model, by moment
 
     @classmethod
     def read(cls, point: BranchPoint, step: int, sensors: Sequence[SensorModel]) -> _Past:
         """Go through the run once and measure every picture after the branch once. InputError."""
-        past, label = cls(point, step), point.run.manifest.label
-        channels = dict.fromkeys(name for one in sensors for name in one.parameters.weights)
+        past, label = cls(point, step, sensors), point.run.manifest.label
         seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
         for moment, records in seen:
             if moment.frame.step <= step:
                 past.evidences.append(recovery_evidence(records[label]))
                 past.belief = records[label].belief
             else:
-                image = moment.frame.image
-                past.measured.append({name: CHANNELS[name].describe(image) for name in channels})
+                past.comparisons.append([one.comparison for one in compared(sensors, moment.frame)])
                 past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
         known = sum(moment.truth is not None for moment in past.moments)
         if known < RIGHT_AT_END[1]:
@@ -182,18 +181,13 @@ class _Past:
     ) -> list[SeedResults]:
         """Run every filter with every seed; every picture is compared once by each sensor model."""
         found: dict[int, SeedResults] = {}
-        sensors = {id(one.sensor): one.sensor for one in filters}
-        for sensor in sensors.values():
-            comparisons = self._compared(sensor)
+        for position, sensor in enumerate(self.sensors):
+            comparisons = [seen[position] for seen in self.comparisons]
             for number, (remedy, localizer) in enumerate(zip(remedies, filters, strict=True)):
                 if localizer.sensor is sensor:
                     found[number] = self._runs(remedy, localizer, seeds, comparisons)
                     listener.progress(len(found), len(filters), "remedies")
         return [found[number] for number in range(len(filters))]
-
-    def _compared(self, sensor: SensorModel) -> list[Comparison]:
-        names = list(sensor.parameters.weights)
-        return [sensor.compare({name: one[name] for name in names}) for one in self.measured]
 
     def _runs(
         self,

@@ -212,7 +212,7 @@ class _Pair:
         sensor = self.localizer.sensor
         if sensor is self.point.localizer.sensor:
             return record
-        comparison = sensor.compare(sensor.measure(moment.frame.image))
+        comparison = sensor.see(moment.frame)
         unknown = np.full(len(comparison.channels), np.nan)
         sighting = sensor.at(comparison, record.weighted.poses)
         return replace(record, sighting=sighting, channel_evidence=unknown)

@@ -155,16 +155,14 @@ class Surroundings:
     def _likelihoods(self, comparison: Comparison, *poses: F64) -> list[float]:
         """Return the log-likelihood of a particle at each pose (3,); -inf outside the map."""
         sensor, relative = self.sensor, np.concatenate([self._relative(pose) for pose in poses])
-        found: list[float] = sensor.references.at(
-            comparison.of_references, relative, sensor.library.origin
-        ).tolist()
+        found: list[float] = sensor.at(comparison, relative).log_likelihood.tolist()
         return found
 
     @cached_property
     def usual(self) -> UsualFit:
         """How well the library's own pictures fit their neighbors, and other places."""
         sensor, library = self.sensor, self.sensor.library
-        names, costs = list(sensor.parameters.weights), list[float]()
+        names, costs = list(sensor.weights), list[float]()
         confused: list[F64] = []
         for entry in range(0, library.size, max(library.size // SAMPLED, 1)):
             measured = {name: library.index[name].references[entry] for name in names}
@@ -217,7 +215,7 @@ class Surroundings:
         return np.asarray(np.average(measured[near], axis=0, weights=np.exp(-0.5 * apart**2) * turned))
 
     def _costliest(self, comparison: Comparison, entry: int, other: int) -> tuple[str, float]:
-        weights = np.array([self.sensor.parameters.weights[name] for name in comparison.channels])
+        weights = np.array([self.sensor.weights[name] for name in comparison.channels])
         apart = weights * (comparison.channel_cost[:, entry] - comparison.channel_cost[:, other])
         most = int(apart.argmax())
         return comparison.channels[most], float(apart[most])

@@ -15,6 +15,7 @@ import numpy as np
 from ...arrays import F64, U8
 from ...sensor.descriptors.chromaticity import BLACK
 from ...sensor.descriptors.tiny import Tiny
+from ...session import Frame
 from .around import PlaceFit, Surroundings, layouts_of
 
 LEAST_LEVEL = 2.0  # above black; a darker picture has no usable brightness
@@ -50,7 +51,8 @@ def light_fit(around: Surroundings, image: U8, truth: F64, estimate: F64, fit: P
         return LightFit(ratio, float(levels.mean()), float(expected.mean()), fit.cost, fit.behind)
     brighter = np.clip((image - BLACK) * (wanted / over) + BLACK, 0, 255).astype(np.uint8)
     sensor = around.sensor
-    again = around.fit(sensor.compare(sensor.measure(brighter)), truth, estimate)
+    seen = sensor.see(Frame(0, 0.0, np.empty((0, 3)), brighter, ""))
+    again = around.fit(seen, truth, estimate)
     colors = float((np.log(over / wanted) / ratio).min())
     cost, behind = (fit.cost, fit.behind) if again is None else (again.cost, again.behind)
     return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind, colors)

@@ -64,7 +64,7 @@ def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | 
     scale = scale_for("in", library.arena)
     panel = ExplanationPanel(recordings.drawn_run(PATHS, library, sensor=sensor, has_truth=has_truth))
     layout = one_run.explain(
-        RunView(PATHS.label, tuple(sensor.parameters.weights)), SceneInfo(library.arena, scale, has_truth)
+        RunView(PATHS.label, tuple(sensor.weights)), SceneInfo(library.arena, scale, has_truth)
     )
     with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
         panel.prepare(rec)

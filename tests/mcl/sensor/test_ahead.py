@@ -84,7 +84,7 @@ def test_a_channel_of_two_filters_is_measured_once(sensors, moments, monkeypatch
 
     counting = {name: Counting(channel) for name, channel in ahead.CHANNELS.items()}
     monkeypatch.setattr(ahead, "CHANNELS", counting)
-    compared(sensors, moments[0].frame.image)
+    compared(sensors, moments[0].frame)
     assert sorted(calls) == ["color", "edges"]
 
 
@@ -93,7 +93,7 @@ def test_a_step_takes_what_was_compared_ahead(sensors, moments):
         mcl.tiny_library(), feature="color", particles=50, motion={"model": "maurice"}
     )
     state = localizer.initialize(None)
-    (seen,) = compared([localizer.sensor], moments[0].frame.image)
+    (seen,) = compared([localizer.sensor], moments[0].frame)
     _, ahead = localizer.step(state, moments[0].frame, seen)
     _, alone = localizer.step(state, moments[0].frame)
     assert ahead.sighting.comparison is seen.comparison

@@ -1,0 +1,53 @@
+"""Poses that pose sensors propose: drawn from mixtures of normal distributions, and their density."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..arrays import F32, F64
+from ..geometry import wrap, wrap_angle
+from ..pose_sensor import PoseProposal
+from ..records import Comparison
+
+OF_SENSORS = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
+SURE = 1e-6  # added to variances (m^2, rad^2), so that no covariance is singular
+
+
+def proposals_of(comparison: Comparison) -> tuple[PoseProposal, ...]:
+    """Return what the pose sensors propose for a frame."""
+    return tuple(one.proposal for one in comparison.sensed if one.proposal is not None)
+
+
+def draw_poses(proposals: Sequence[PoseProposal], n: int, origin: F64, rng: np.random.Generator) -> F32:
+    """Draw n poses (n, 3) relative to `origin` from proposals, each of them as likely as the others."""
+    weights, means, covariances = _joined(proposals)
+    which = np.minimum(np.searchsorted(np.cumsum(weights), rng.random(n)), len(weights) - 1)
+    spread = np.linalg.cholesky(covariances)[which]
+    poses = means[which] + np.einsum("nij,nj->ni", spread, rng.standard_normal((n, 3)))
+    poses[:, :2] -= origin
+    found: F32 = poses.astype(np.float32)
+    found[:, 2] = wrap(found[:, 2])
+    return found
+
+
+def density(proposals: Sequence[PoseProposal], poses: F32, origin: F64) -> F64:
+    """Return the density (N,) per m^2 and rad of `draw_poses` at poses (N, 3) relative to `origin`."""
+    weights, means, covariances = _joined(proposals)
+    world = poses.astype(np.float64)
+    world[:, :2] += origin
+    total = np.zeros(len(poses))
+    for weight, mean, covariance in zip(weights, means, covariances, strict=True):
+        away = world - mean
+        away[:, 2] = wrap_angle(away[:, 2])
+        squared = np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away)
+        total += weight * np.exp(-0.5 * squared) / np.sqrt((2 * np.pi) ** 3 * np.linalg.det(covariance))
+    return total
+
+
+def _joined(proposals: Sequence[PoseProposal]) -> tuple[F64, F64, F64]:
+    """Return weights (K,), means (K, 3) and covariances (K, 3, 3) of one mixture."""
+    weights = np.concatenate([one.weights / (one.weights.sum() * len(proposals)) for one in proposals])
+    covariances = np.concatenate([one.covariances for one in proposals]) + SURE * np.eye(3)
+    return weights, np.concatenate([one.poses for one in proposals]), covariances

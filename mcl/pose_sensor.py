@@ -1,0 +1,116 @@
+"""Sensors that give any pose a log-likelihood: the seam for everything but pictures compared with references.
+
+A channel measures a picture and is compared with the library's references. A pose sensor needs none: it
+reads what it wants from a frame (the picture, numbers by name), and knows what it would read at any pose.
+Their nats add up with those of the channels (`sensor.model`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from .arrays import F32, F64, U8, Bool
+from .session import Frame
+
+POSE_SENSORS = ("landmarks", "reflectance")  # ours, as keys of `sensor.weights`
+
+
+@dataclass(frozen=True, slots=True)
+class PoseSpread:
+    """How far the poses that one pose stands for lie from it: standard deviations."""
+
+    position_m: float = 0.0  # along each axis
+    heading_rad: float = 0.0
+
+
+EXACT = PoseSpread()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseProposal:
+    """Where a sensor alone would put the robot: a mixture of K normal distributions."""
+
+    poses: F64  # (K, 3) x_m, y_m, heading_rad in the map's frame
+    covariances: F64  # (K, 3, 3)
+    weights: F64  # (K,) sum to one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownMarks:
+    """Points, lines or paths in one of the views of `Shown`."""
+
+    name: str  # what they are: "matched landmarks"
+    view: str  # the title of a picture of `Shown`, or "map"
+    strips: F32  # (K, P, 2) pixels (right, down), or meters in the map's frame; P = 1: points
+    agrees: Bool | None = None  # (K,) which of them agree with the estimate; None: not judged
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """What a sensor wants people to see of one frame."""
+
+    words: str  # a sentence: "14 of 60 landmarks agree"
+    pictures: Mapping[str, U8] = field(default_factory=dict)  # title to (H, W, 3) RGB
+    marks: tuple[ShownMarks, ...] = ()
+
+
+class PoseSensor(Protocol):
+    """A sensor model that gives any pose a log-likelihood.
+
+    Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
+    reading may be any value: only the sensor itself looks into it.
+
+        >>> import numpy as np, maurice_mcl as mcl
+        >>> class Beacon:
+        ...     name = "beacon"
+        ...     def read(self, frame): return frame.readings.get("range")
+        ...     def log_likelihood(self, reading, poses, origin, spread=None):
+        ...         away = np.hypot(poses[:, 0] + origin[0], poses[:, 1] + origin[1])
+        ...         return np.maximum(-0.5 * ((away - reading) / 0.1) ** 2, -8).astype(np.float32)
+        ...     def propose(self, reading): return None
+        ...     def shown(self, reading, poses): return mcl.Shown(f"the beacon is {reading:.2f} m away")
+        >>> localizer = mcl.make_localizer(mcl.tiny_library(), sensors=[Beacon()])
+        >>> list(localizer.sensor.sensors)
+        ['beacon']
+    """
+
+    @property
+    def name(self) -> str:
+        """Its name in `sensor.weights`, tables and panels."""
+        ...
+
+    def read(self, frame: Frame) -> Any | None:
+        """Return what a frame holds for this sensor, or None: then it says nothing about any pose.
+
+        Nothing here depends on the particles: frames are read ahead of the filter, on another thread.
+        """
+        ...
+
+    def log_likelihood(self, reading: Any, poses: F32, origin: F64, spread: PoseSpread = EXACT) -> F32:
+        """Return nats (N,) for poses (N, 3) relative to `origin` (2,): at most 0, perfect agreement; finite.
+
+        A bound from below keeps one bad reading from ruling the truth out. With `spread`, every pose stands
+        for those around it.
+        """
+        ...
+
+    def propose(self, reading: Any) -> PoseProposal | None:
+        """Return where this reading alone would put the robot; None if it cannot tell."""
+        ...
+
+    def shown(self, reading: Any, poses: Mapping[str, F64]) -> Shown:
+        """Return what to show, with poses (3,) in the map's frame: "estimate", and "truth" where known."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sensed:
+    """What one pose sensor read in a frame, and how well each of the library's L references agrees."""
+
+    name: str
+    reading: Any
+    weight: float  # multiplies its nats
+    cost: F32  # (L,) nats, >= 0, at weight 1, for the neighborhood of each reference
+    proposal: PoseProposal | None = None
