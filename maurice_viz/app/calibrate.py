@@ -288,7 +288,7 @@ def figures(
         >>> len(files)
         8
     """
-    from ..plots.calibration import Shown, draw_motion, draw_noise, expect_matplotlib
+    from ..plots.calibration import ShownFit, draw_motion, draw_noise, expect_matplotlib
 
     target = Path(to)
     expect_matplotlib(target)
@@ -296,7 +296,7 @@ def figures(
         draw_noise(source, target, force=force)
         return [target]
     made = source if isinstance(source, MotionCalibration) else calibrate_motion(source, unit=unit)
-    return draw_motion(Shown(made.trials, made.fit, made.units), target, force=force)
+    return draw_motion(ShownFit(made.trials, made.fit, made.units), target, force=force)
 
 
 def _trials(source: Path, unit: str) -> tuple[Trials, Units]:

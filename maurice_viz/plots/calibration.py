@@ -114,7 +114,7 @@ Whole = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Shown:
+class ShownFit:
     """The trials, their fit and the units of the figures."""
 
     trials: Trials
@@ -133,7 +133,7 @@ class Shown:
         return np.asarray(actual - self.fit.turns.gain.value * measured)
 
 
-def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
+def draw_motion(shown: ShownFit, folder: Path, *, force: bool) -> list[Path]:
     """Write figures 4 to 11 into a folder. Raises InputError when one of them exists (unless `force`)."""
     files = [folder / f"{name}.png" for name in FIGURES]
     try:
@@ -147,7 +147,7 @@ def draw_motion(shown: Shown, folder: Path, *, force: bool) -> list[Path]:
     return files
 
 
-def motion_figure(name: str, shown: Shown) -> Figure:
+def motion_figure(name: str, shown: ShownFit) -> Figure:
     """Draw one of FIGURES, with its legend below it, where it covers nothing."""
     made = FIGURES[name](shown)
     columns = 1 if FIGURES[name] is _turn_scatter else 4
@@ -155,14 +155,14 @@ def motion_figure(name: str, shown: Shown) -> Figure:
     return made
 
 
-def _turn_trials(shown: Shown) -> Figure:
+def _turn_trials(shown: ShownFit) -> Figure:
     made, axes = figure("Measured and actual turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
     _side_by_side(axes, {"measured by the encoders": (measured, MEASURED), "actual": (actual, ACTUAL)})
     return made
 
 
-def _turn_scatter(shown: Shown) -> Figure:
+def _turn_scatter(shown: ShownFit) -> Figure:
     made, axes = figure("Measured against actual turns", "actual turn (degrees)", "measured turn (degrees)")
     made.set_size_inches(6.4, 6.0)
     measured, actual = shown.turns_deg
@@ -175,7 +175,7 @@ def _turn_scatter(shown: Shown) -> Figure:
     return made
 
 
-def _turns_corrected(shown: Shown) -> Figure:
+def _turns_corrected(shown: ShownFit) -> Figure:
     gain = shown.fit.turns.gain.value
     made, axes = figure("Actual and corrected turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
@@ -184,21 +184,21 @@ def _turns_corrected(shown: Shown) -> Figure:
     return made
 
 
-def _turn_residuals(shown: Shown) -> Figure:
+def _turn_residuals(shown: ShownFit) -> Figure:
     made, axes = figure("Residual of every turn", "trial", "actual - corrected turn (degrees)")
     _band(axes, _scaled(shown.fit.turns.residual, float(np.degrees(1))), "degrees")
     _stems(axes, np.arange(1, shown.fit.turns.count + 1), shown.residual_deg, ACTUAL, "residual")
     return made
 
 
-def _turn_histogram(shown: Shown) -> Figure:
+def _turn_histogram(shown: ShownFit) -> Figure:
     spread = _scaled(shown.fit.turns.residual, float(np.degrees(1)))
     made, axes = figure("Residuals of turns", "actual - corrected turn (degrees)", "trials")
     against_normal(axes, shown.residual_deg, spread, "degrees")
     return made
 
 
-def _straight_trials(shown: Shown) -> Figure:
+def _straight_trials(shown: ShownFit) -> Figure:
     unit, s = shown.units, shown.trials.straights
     made, axes = figure("Measured and actual straights", "trial", f"distance ({unit.name})")
     trial = np.arange(1, len(s.measured_m) + 1)
@@ -211,7 +211,7 @@ def _straight_trials(shown: Shown) -> Figure:
     return made
 
 
-def _heading_errors(shown: Shown) -> Figure:
+def _heading_errors(shown: ShownFit) -> Figure:
     made, axes = figure(
         "Heading error of every straight", "trial", "heading change (degrees, counter-clockwise)"
     )
@@ -225,7 +225,7 @@ def _heading_errors(shown: Shown) -> Figure:
     return made
 
 
-def _straight_histogram(shown: Shown) -> Figure:
+def _straight_histogram(shown: ShownFit) -> Figure:
     unit, s = shown.units, shown.trials.straights
     spread = _scaled(shown.fit.straights.error, unit.per_m)
     made, axes = figure("Errors of straights", f"actual - measured distance ({unit.name})", "trials")
@@ -234,7 +234,7 @@ def _straight_histogram(shown: Shown) -> Figure:
     return made
 
 
-FIGURES: dict[str, Callable[[Shown], Figure]] = {
+FIGURES: dict[str, Callable[[ShownFit], Figure]] = {
     "figure-04-turns": _turn_trials,
     "figure-05-turn-gain": _turn_scatter,
     "figure-06-turns-corrected": _turns_corrected,
@@ -280,7 +280,7 @@ def _band(axes: Axes, spread: Spread, unit: str) -> None:
         axes.axhline(mean + sign * 3 * sd, color=INK, linewidth=0.9, linestyle=(0, (4, 4)), label=label)
 
 
-def _floors(shown: Shown) -> list[tuple[str | None, str]]:
+def _floors(shown: ShownFit) -> list[tuple[str | None, str]]:
     """Return the floors of the trials in order, each with a color; None: straights across several."""
     names = list(dict.fromkeys(shown.trials.straights.floors))
     known = [name for name in names if name is not None]

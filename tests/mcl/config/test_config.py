@@ -9,8 +9,6 @@ import pytest
 
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import (
-    RENAMED_KEYS,
-    RULES,
     FilterParameters,
     Layer,
     RecoveryParameters,
@@ -19,6 +17,7 @@ from maurice_mcl.config.parameters import (
     configure,
     defaults,
 )
+from maurice_mcl.config.rules import RENAMED_KEYS, RULES
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.filter.localizer import RESEEDED, run
 from maurice_mcl.filter.motion import MotionOutliers
