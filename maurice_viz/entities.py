@@ -125,6 +125,10 @@ class RunPaths:
         """The frame of the view that follows the cloud: one Transform3D, with key and bar under it."""
         return self.at("closeup")
 
+    def sensor(self, name: str, *parts: str) -> str:
+        """What a pose sensor shows: words, pictures, marks in them and on the map."""
+        return self.at("sensors", escaped(name), *parts)
+
     def key(self, name: str) -> str:
         """A strip above one of its maps, by its name in `drawing.keys`: one EncodedImage."""
         return self.at("key", name)

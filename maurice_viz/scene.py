@@ -55,7 +55,12 @@ class RunView:
     @property
     def is_recorded(self) -> bool:
         """Whether another localizer ran it: nothing is known but its clouds or poses."""
-        return not self.channels
+        return not self.channels and not self.sensors
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The names of its pose sensors; none if it is not known what it was made with."""
+        return () if self.sensor is None else tuple(self.sensor.sensors)
 
     @classmethod
     def live(cls, label: str, localizer: Localizer) -> RunView:

@@ -54,6 +54,8 @@ HEADINGS: RGB = CLOUD
 # Okabe and Ito's orange, sky blue and green, the first two darker, or they would be faint on white; violet in
 # place of their pink, which is that of fresh particles
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (148, 100, 240), (0, 158, 115))
+AGREES: RGB = (80, 230, 160)  # in pictures: marks that agree with the estimate
+DISAGREES: RGB = (255, 120, 90)  # and those that do not
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
 RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
 PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none

@@ -10,7 +10,11 @@ from ..panels.views import FPS, window
 from ..scene import RunView, SceneInfo
 from ..style import font_safe_names
 from . import LIGHT_NAMES, one_run, several_runs
+from .sensors import sensors
 from .story import story
+
+SENSORS = "sensors"
+OF_CHANNELS = ("overview", "explain")  # layouts about channels and their references
 
 Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
 
@@ -37,6 +41,7 @@ LAYOUTS: Mapping[str, Layout] = {
     "overview": _a_tab_a_run(one_run.overview),
     "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
     "explain": _a_tab_a_run(one_run.explain),
+    SENSORS: _a_tab_a_run(sensors),
     "compare": several_runs.compare,
     "traces": several_runs.traces,
 }
@@ -45,6 +50,13 @@ RECORDED: Mapping[str, Layout] = {
     "overview": _a_tab_a_run(one_run.recorded),
     "traces": several_runs.recorded_traces,
 }
+
+
+def _fits(name: str, runs: Sequence[RunView]) -> bool:
+    """Return whether a layout's panels are filled: by channels, or by pose sensors."""
+    if name == SENSORS:
+        return any(run.sensors for run in runs)
+    return name not in OF_CHANNELS or any(run.channels for run in runs)
 
 
 def runs_blueprint(
@@ -59,8 +71,10 @@ def runs_blueprint(
 
     `live` makes the viewer follow new updates. Raises ValueError if `first` is not one of the tabs.
     """
-    layouts = LAYOUTS if any(run.channels for run in runs) else RECORDED
+    layouts = RECORDED if all(run.is_recorded for run in runs) else LAYOUTS
     names = [name for name in layouts if name != "compare" or len(runs) > 1]
+    if layouts is LAYOUTS:
+        names = [name for name in names if _fits(name, runs)]
     if scene.is_light and layouts is LAYOUTS:
         names = [name for name in names if name in LIGHT_NAMES]
     layouts, names = {**(extra or {}), **layouts}, [*(extra or {}), *names]

@@ -68,7 +68,7 @@ class DrawnRun:
     @property
     def is_recorded(self) -> bool:
         """Whether another localizer ran it: its sensor model is not known, and nothing is drawn afresh."""
-        return not self.distances
+        return not self.distances and not (self.sensor is not None and self.sensor.sensors)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

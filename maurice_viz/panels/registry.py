@@ -12,6 +12,7 @@ from .histograms import HistogramsPanel
 from .panel import DrawnRun, Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel, QualityPanel
+from .sensors import SensorsPanel
 from .story import ErrorLinePanel, LimitsPanel
 from .traces import TracesPanel
 from .world import KeysPanel, TruthPanel, WorldPanel
@@ -40,6 +41,7 @@ OF_A_RUN: tuple[PanelMaker, ...] = (
     ModesPanel,
     TracesPanel,
     ExplanationPanel,
+    SensorsPanel,
     EventsPanel,
     WordsPanel,
 )

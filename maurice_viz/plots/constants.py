@@ -18,7 +18,7 @@ from maurice_mcl.sensor.descriptors.channel import BINS
 
 from ..style import units_named
 from .calibration import FIGURES as OF_MOTION
-from .calibration import INK, Shown, motion_figure, noise_figure
+from .calibration import INK, ShownFit, motion_figure, noise_figure
 from .marks import by_bin, draw_colors, remark, wrapped
 from .material import EXAMPLE, Material, ThesisFigure
 
@@ -37,7 +37,7 @@ def of_motion(material: Material, name: str) -> Figure:
     return made
 
 
-def _fitted(name: str, shown: Shown) -> str:
+def _fitted(name: str, shown: ShownFit) -> str:
     """Tell what was fitted, with its interval, and what the thesis has."""
     turns, straights = shown.fit.turns, shown.fit.straights
     if "turn-residual" in name:
@@ -62,9 +62,9 @@ def say(fitted: Fitted, factor: float, digits: int) -> str:
 
 
 @cache
-def _shown() -> Shown:
+def _shown() -> ShownFit:
     trials = calibration_drive(SEED, TrialPlan())
-    return Shown(trials, calibrate(trials), units_named("in"))
+    return ShownFit(trials, calibrate(trials), units_named("in"))
 
 
 def noise(material: Material) -> Figure:

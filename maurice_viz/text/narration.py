@@ -118,10 +118,14 @@ def measured(record: StepRecord) -> str:
     if not len(sighting.quality):
         return NOT_COMPARED
     first, *others = sighting.best(2).tolist()
-    against = f"{len(sighting.quality)} references by {' and '.join(sighting.channels)}"
+    by = [*sighting.channels, *(one.name for one in sighting.sensed)]
+    if not by:
+        return NOT_COMPARED
+    against = f"{len(sighting.quality)} references by {' and '.join(by)}"
     runner_up = f", then entry {others[0]} ({sighting.quality[others[0]]:.3f})" if others else ""
+    what = "picture" if sighting.channels else "frame"
     return (
-        f"The picture was compared with {against}: entry {first} matches best, "
+        f"The {what} was compared with {against}: entry {first} matches best, "
         f"quality {sighting.quality[first]:.3f}{runner_up}."
     )
 

@@ -1,0 +1,28 @@
+"""What the pose sensors of a run read: the map with their marks, their pictures, their words."""
+
+from __future__ import annotations
+
+import rerun.blueprint as rrb
+
+from ..entities import RunPaths
+from ..panels.sensors import sensor_map_view, sensor_picture_views, sensor_words_view
+from ..panels.traces import single_plots
+from ..scene import RunView, SceneInfo
+from .story import over_events
+
+
+def sensors(run: RunView, scene: SceneInfo) -> rrb.Vertical:
+    """Lay out the map left; right the words and pictures of each sensor, or the distances."""
+    paths = RunPaths(run.label)
+    blocks = [_of_sensor(run, paths, name) for name in run.sensors]
+    right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
+    left = sensor_map_view(paths, scene, run.sensors)
+    distances = single_plots(paths, scene)[0]
+    column = rrb.Vertical(left, distances, row_shares=[2.6, 1])
+    return over_events(rrb.Horizontal(column, right, column_shares=[1, 1.1]), [run])
+
+
+def _of_sensor(run: RunView, paths: RunPaths, name: str) -> rrb.Container:
+    pictures = sensor_picture_views(run, paths, name)
+    views = [sensor_words_view(paths, name), *pictures]
+    return rrb.Vertical(*views, name=name, row_shares=[1, *[2.2] * len(pictures)])

@@ -1,0 +1,94 @@
+"""What pose sensors show reaches the recording: words, pictures, marks; emptied when they are gone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import maurice_mcl as mcl
+from helpers import viz_recordings as recordings
+from maurice_mcl.pose_sensor import EXACT, Shown, ShownMarks
+from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.style import AGREES, DISAGREES, packed, scale_for
+from maurice_viz.viewer import sinks
+
+
+@dataclass(frozen=True)
+class Beacon:
+    """A sensor that shows its picture at every second frame."""
+
+    name: str = "beacon"
+    pictures: tuple[str, ...] = ("What the beacon sees",)
+
+    def read(self, frame):
+        return frame.image if frame.step % 2 else None
+
+    def log_likelihood(self, reading, poses, origin, spread=EXACT):
+        return np.zeros(len(poses), np.float32)
+
+    def propose(self, reading):
+        return None
+
+    def shown(self, reading, poses):
+        here = np.asarray(poses["estimate"][:2], np.float32)
+        lines = np.array([[[1.0, 2.0], [5.0, 6.0]]] * 2, np.float32)
+        return Shown(
+            "Two lines, one of them agrees.",
+            {self.pictures[0]: reading},
+            (
+                ShownMarks("lines", self.pictures[0], lines, np.array([True, False])),
+                ShownMarks("beacon", "map", np.stack([here])[None]),
+            ),
+        )
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """A drive of six steps: the recording, and its run as it is shown."""
+    library, session = mcl.tiny_library(), mcl.tiny_session()
+    localizer = mcl.make_localizer(library, particles=60, sensors=[Beacon()]).of_session(session)
+    view = RunView.live("run", localizer)
+    scene = SceneInfo(library.arena, scale_for("m", library.arena), True)
+    path = tmp_path_factory.mktemp("sensors") / "run.rrd"
+    with sinks.to_file(path, "tiny", runs_blueprint([view], scene)) as rec:
+        observer = RerunObserver(rec, "run", localizer.sensor.distances, sensor=localizer.sensor)
+        recordings.observe(observer, session.info, library, mcl.run(localizer, session))
+    return path, view
+
+
+def test_it_has_a_layout_of_its_own(drawn):
+    plain = RunView.live("run", mcl.make_localizer(mcl.tiny_library(), particles=60))
+    scene = SceneInfo(mcl.tiny_library().arena, scale_for("m", mcl.tiny_library().arena), True)
+    assert runs_blueprint([drawn[1]], scene, "sensors") is not None
+    with pytest.raises(ValueError, match="sensors"):
+        runs_blueprint([plain], scene, "sensors")
+
+
+def test_words_say_when_a_frame_holds_nothing(drawn):
+    rows = recordings.rows(drawn[0], "/run/sensors/beacon/words")
+    said = [row.values["TextDocument:text"][0] for row in rows]
+    assert len(said) == 6
+    assert said[0::2] == ["Two lines, one of them agrees."] * 3
+    assert said[1::2] == ["Beacon: nothing in this frame."] * 3
+
+
+def test_marks_are_colored_by_agreement_and_emptied_when_gone(drawn):
+    path = "/run/sensors/beacon/what_the_beacon_sees"
+    strips = recordings.rows(drawn[0], f"{path}/lines")
+    counts = [len(row.values["LineStrips2D:strips"]) for row in strips]
+    assert counts == [2, 0, 2, 0, 2, 0]
+    agrees, differs = strips[0].values["LineStrips2D:colors"]
+    assert agrees == packed(AGREES)
+    assert differs == packed(DISAGREES)
+    assert recordings.rows(drawn[0], path)[0].values["EncodedImage:blob"]
+
+
+def test_marks_on_the_map_are_drawn_in_display_units(drawn):
+    points = recordings.rows(drawn[0], "/run/sensors/beacon/map/beacon")
+    estimate = recordings.rows(drawn[0], "/run/belief/estimate")
+    first = next(row for row in estimate if row.values.get("Points2D:positions"))
+    assert points[0].values["Points2D:positions"] == first.values["Points2D:positions"]
