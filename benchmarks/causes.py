@@ -59,7 +59,7 @@ def main() -> None:
 def _asked() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python benchmarks/causes.py", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path(".causes"))
-    parser.add_argument("--set", choices=SETS, default="judge")
+    parser.add_argument("--set", choices=SETS, default="unseen")
     parser.add_argument("--kinds", nargs="*", choices=WAYS, default=list(WAYS), metavar="KIND")
     parser.add_argument("--drives", type=int, default=DRIVES, help="of each kind")
     parser.add_argument("--jobs", type=int, default=2)

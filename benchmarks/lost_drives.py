@@ -26,7 +26,7 @@ from maurice_datasets.worlds.build import load_world
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import score_step
 from maurice_mcl.analysis.second_opinion import SecondFilter
-from maurice_mcl.arrays import F32, F64
+from maurice_mcl.arrays import F64
 from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch
 from maurice_mcl.filter.localizer import Localizer
 
@@ -139,17 +139,20 @@ def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
         "confidence": np.array([t.confidence for t in traces]),
         "converged": np.array([t.converged for t in traces]),
     }
-    costs, estimates = [one.cost for one in comparisons], np.array([t.poses for t in traces])
-    return found | second_opinions(localizer, [m.frame.motions for m in moments], costs, estimates)
+    likelihoods, estimates = (
+        [one.explained.relative[0] for one in comparisons],
+        np.array([t.poses for t in traces]),
+    )
+    return found | second_opinions(localizer, [m.frame.motions for m in moments], likelihoods, estimates)
 
 
 def second_opinions(
-    localizer: Localizer, motions: Sequence[F64], costs: Sequence[F32], estimates: F64
+    localizer: Localizer, motions: Sequence[F64], likelihoods: Sequence[F64], estimates: F64
 ) -> Numbers:
     """Return what a second filter says of estimates (R, U, 3) of one drive, (R, U) each."""
     second, rows = SecondFilter.of(localizer), []
-    for moved, cost, poses in zip(motions, costs, estimates.swapaxes(0, 1), strict=True):
-        second.see(moved, cost)
+    for moved, likelihood, poses in zip(motions, likelihoods, estimates.swapaxes(0, 1), strict=True):
+        second.see(moved, likelihood)
         rows.append([[one.near, one.elsewhere] for one in map(second.shares, poses)])
     near, elsewhere = np.array(rows).T
     return {"near": near, "elsewhere": elsewhere}

@@ -218,6 +218,7 @@ def table(fits: Sequence[JudgedRun], tests: Sequence[JudgedRun]) -> str:
     lines += [row(name, ALARMS[name], *some) for name in ("the second opinion", "the lost signal")]
     lines += [f"alarm above {threshold(some[0], second_opinion):.3g}"]
     lines += ["", f"probably lost below {1 - threshold(fits, ours):.3g}", "", *reliability(tests)]
+    lines += ["", *reliability(tests, second_opinion, "not lost")]
     return "\n".join(lines)
 
 
@@ -238,12 +239,13 @@ def parts(name: str, fits: Sequence[JudgedRun], tests: Sequence[JudgedRun]) -> l
     return [*lines, "", f"{name}: alarm above {limit:.3g}"]
 
 
-def reliability(runs: Sequence[JudgedRun]) -> list[str]:
-    """Return how often the estimate was right where the signal gave it a probability."""
-    knows = np.concatenate([1 - ours(run) for run in runs])
-    right = np.concatenate([run.numbers["correct"].astype(float) for run in runs])
+def reliability(runs: Sequence[JudgedRun], alarm: Alarm = ours, what: str = "right") -> list[str]:
+    """Return how often the estimate was "right" or "not lost" where an alarm gave it a probability."""
+    knows = np.concatenate([1 - alarm(run) for run in runs])
+    flags = [run.numbers["correct"] if what == "right" else 1 - run.numbers["lost"] for run in runs]
+    right = np.concatenate(flags).astype(float)
     arenas = np.concatenate([np.full(len(run.numbers["lost"]), run.course.arena, float) for run in runs])
-    lines = ["| knows where it is, % | updates | right, % |", "|---|---|---|"]
+    lines = [f"| probability, % | updates | {what}, % |", "|---|---|---|"]
     for low, high in ((0, 0.1), (0.1, 0.5), (0.5, 0.9), (0.9, 0.99), (0.99, 1.01)):
         inside = (knows >= low) & (knows < high)
         if inside.any():

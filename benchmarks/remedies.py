@@ -64,7 +64,7 @@ def main() -> None:
 def _asked() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python benchmarks/remedies.py", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path(".remedies"))
-    parser.add_argument("--set", choices=SETS, default="judge")
+    parser.add_argument("--set", choices=SETS, default="unseen")
     kinds = [kind for kind in WAYS if kind != HEALTHY]
     parser.add_argument("--kinds", nargs="*", choices=kinds, default=kinds, metavar="KIND")
     parser.add_argument("--drives", type=int, default=4, help="of each kind")

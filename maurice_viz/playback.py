@@ -14,6 +14,7 @@ from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.analysis.lost_signal import SignalCollector, SignalSummary
 from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
+from maurice_mcl.analysis.second_opinion import SecondOpinion
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
 from maurice_mcl.radii import USUAL, Radii
@@ -51,16 +52,17 @@ def run_together(
 ) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
     """Step all runs through the moments of one session side by side; every picture is decoded once.
 
-    Each run owns its state and its randomness, so that its records are those of a run by itself. Pictures are
-    read and compared ahead of the filters, unless they come `live`.
+    Each run owns its state and its randomness, so that its records are those of a run by itself, with a
+    second opinion of each. Pictures are read and compared ahead of the filters, unless they come `live`.
     """
     states = {run.label: run.localizer.initialize(run.start) for run in runs}
+    opinions = {run.label: SecondOpinion.beside(run.localizer) for run in runs}
     for moment, pictures in _compared(runs, moments, live):
         records = {}
         for run, picture in zip(runs, pictures, strict=True):
-            states[run.label], records[run.label] = run.localizer.step(
-                states[run.label], moment.frame, picture
-            )
+            states[run.label], record = run.localizer.step(states[run.label], moment.frame, picture)
+            second = opinions[run.label]
+            records[run.label] = record if second is None else second.added_to(record)
         yield moment, records
 
 

@@ -102,6 +102,17 @@ class RecoveryTest:
     found: float  # nats; -inf if no particle was in free space
 
 
+# What is said of an estimate beside the filter.
+
+
+@dataclass(frozen=True, slots=True)
+class Opinion:
+    """What a second filter says of an estimate, without truth (docs/lost-signal.md)."""
+
+    not_lost: float  # probability that the estimate is not lost
+    alarm_below: float  # probability below which it counts as lost
+
+
 # The record of one update, and the state that the next update needs.
 
 
@@ -242,6 +253,7 @@ class StepRecord:
     took_s: Mapping[str, float]  # seconds per stage; not part of what must repeat
     recovery_test: RecoveryTest | None = None  # None: the strategy compared nothing, or it is not known
     library_evidence: LibraryEvidence | None = None  # of the same picture; None: not known
+    opinion: Opinion | None = None  # added beside the filter, which never reads it; None: not asked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)

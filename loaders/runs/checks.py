@@ -75,6 +75,8 @@ BY_COLUMN = {
     "recovery_found": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
     "library_evidence_mean": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
     "library_evidence_best": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
+    "not_lost": Rule(lambda value: value is None or SHARE.holds(value), SHARE.expected),
+    "not_lost_alarm": Rule(lambda value: value is None or SHARE.holds(value), SHARE.expected),
     "particles": _from(1, 2**31, "a whole number from 1"),
     TOOK: SPREAD,
 }
@@ -119,6 +121,7 @@ def check_step(file: Path, row: Mapping[str, Any], rules: Mapping[str, Rule]) ->
             _refuse(file, name, row[name], row["step"], rule.expected)
     wholes = {"truth_": "all three of the true pose", "recovery_": "all three of the recovery columns"}
     wholes |= {"library_evidence_": "both columns of the library's evidence"}
+    wholes |= {"not_lost": "both columns of the second opinion"}
     for start, what in wholes.items():
         together = [name for name in row if name.startswith(start)]
         if len({row[name] is None for name in together}) > 1:

@@ -19,7 +19,15 @@ from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.radii import Radii
-from maurice_mcl.records import Belief, Estimate, LibraryEvidence, RecoveryTest, Sighting, StepRecord
+from maurice_mcl.records import (
+    Belief,
+    Estimate,
+    LibraryEvidence,
+    Opinion,
+    RecoveryTest,
+    Sighting,
+    StepRecord,
+)
 from maurice_mcl.session import Frame, Moment
 
 from ..errors import InputError
@@ -131,12 +139,13 @@ RENEWED: dict[str, Any] = {**_CLOUD, "log_weight": pl.Float64, "parent": pl.Int3
 _POSE = ("x_m", "y_m", "heading_rad")
 _SPREAD = ("sd_x_m", "sd_y_m", "heading_sd_rad", "mass", "confidence", "converged")
 
-# what recovery compared, and what the library as a whole says of a picture; runs saved by earlier versions do
-# not have these columns
+# what recovery compared, what the library as a whole says of a picture, and what a second filter says of the
+# estimate; runs saved by earlier versions do not have these columns
 RECOVERY: dict[str, Any] = {"recovery_compared": pl.String}
 RECOVERY |= {"recovery_threshold": pl.Float64, "recovery_found": pl.Float64}
 LIBRARY: dict[str, Any] = {"library_evidence_mean": pl.Float64, "library_evidence_best": pl.Float64}
-LATER = {**RECOVERY, **LIBRARY}
+OPINION: dict[str, Any] = {"not_lost": pl.Float64, "not_lost_alarm": pl.Float64}
+LATER = {**RECOVERY, **LIBRARY, **OPINION}
 
 
 def steps_schema(channels: Sequence[str]) -> dict[str, Any]:
@@ -179,6 +188,7 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
     evidences = zip(comparison.channels, record.channel_evidence.tolist(), strict=True)
     row |= {f"evidence_{name}": value for name, value in evidences}
     row |= _recovery_columns(record.recovery_test) | _library_columns(record.library_evidence)
+    row |= _opinion_columns(record.opinion)
     truth: list[Any] = [None] * len(_POSE) if moment.truth is None else moment.truth.tolist()
     row |= {f"truth_{name}": value for name, value in zip(_POSE, truth, strict=True)}
     row |= {"events": list(record.events), "session_events": list(moment.events)}
@@ -207,6 +217,15 @@ def _recovery_columns(test: RecoveryTest | None) -> dict[str, Any]:
 def _library_columns(found: LibraryEvidence | None) -> dict[str, Any]:
     values = (None, None) if found is None else (found.mean, found.best)
     return dict(zip(LIBRARY, values, strict=True))
+
+
+def _opinion_columns(found: Opinion | None) -> dict[str, Any]:
+    values = (None, None) if found is None else (found.not_lost, found.alarm_below)
+    return dict(zip(OPINION, values, strict=True))
+
+
+def _opinion_of(row: Mapping[str, Any]) -> Opinion | None:
+    return None if row.get("not_lost") is None else Opinion(*(row[name] for name in OPINION))
 
 
 def _library_of(row: Mapping[str, Any]) -> LibraryEvidence | None:
@@ -284,6 +303,7 @@ def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64, rad
         took_s={"all": row[TOOK]},
         recovery_test=_recovery_of(row),
         library_evidence=_library_of(row) or sighting.comparison.library_evidence,
+        opinion=_opinion_of(row),
     )
 
 

@@ -27,6 +27,7 @@ from maurice_loaders.runs.manifest import (
 from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
 from maurice_loaders.runs.writer import RunWriter, begin_comparison, rows_of
 from maurice_loaders.transforms import NAMED
+from maurice_mcl.analysis.second_opinion import SecondOpinion
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.localizer import run as run_filter
@@ -330,14 +331,16 @@ def _verified(run: SavedRun, listener: Listener) -> Verdict:
     session, library = session_of(run), library_of(run, listener)
     localizer = localizer_of(run, session, library)
     again = run_filter(localizer, session, Restored(run, None).start)
-    changed = changed_versions(run)
+    second, changed = SecondOpinion.beside(localizer), changed_versions(run)
     for stored in run.steps():
         update = next(again, None)
         if update is None:
             step, picture = stored.step["step"], str(stored.step["picture"])
             found: RunDifference | None = RunDifference(step, "picture", picture, "no more pictures")
         else:
-            found = first_difference(stored, rows_of(*update))
+            moment, record = update
+            record = record if second is None else second.added_to(record)
+            found = first_difference(stored, rows_of(moment, record))
         if found is not None:
             return Verdict(manifest.label, steps, manifest.pictures, found, changed)
         steps += 1

@@ -79,14 +79,19 @@ class LostSignal:
     True
     """
 
-    knows: float | None = None  # probability that the last estimate is right; None: not known
+    knows: float | None = None  # probability that it knows where it is, by the last update; None: not known
     probably_lost: bool = False  # whether it knew where it was, and does so no longer
     _gain: float | None = None
     _gap: float = 0.0
     _knew: bool = False
 
     def add(self, record: StepRecord) -> float | None:
-        """Process the next update; return the probability that its estimate is right, None if not known."""
+        """Process the next update; return the probability that its estimate is right, None if not known.
+
+        A second opinion in the record decides, where it is there: it knows more than the filter itself.
+        """
+        if record.opinion is not None:
+            return self._say(record.opinion.not_lost, record.opinion.alarm_below)
         numbers = BeliefNumbers.of(record)
         return None if numbers is None else self.see(numbers)
 
@@ -94,10 +99,13 @@ class LostSignal:
         """Process the numbers of the next update."""
         found = self.features(now)
         odds = sum(weight * found[name] for name, weight in WEIGHTS.items())
-        self.knows = 1 / (1 + math.exp(-odds))
-        self._knew |= self.knows > KNOWS_ABOVE
-        self.probably_lost = self._knew and self.knows < PROBABLY_LOST_BELOW
-        return self.knows
+        return self._say(1 / (1 + math.exp(-odds)), PROBABLY_LOST_BELOW)
+
+    def _say(self, knows: float, lost_below: float) -> float:
+        self.knows = knows
+        self._knew |= knows > KNOWS_ABOVE
+        self.probably_lost = self._knew and knows < lost_below
+        return knows
 
     def features(self, now: BeliefNumbers) -> dict[str, float]:
         """Return what the probability of the next update is made of, by the names of WEIGHTS."""

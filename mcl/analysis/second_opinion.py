@@ -9,18 +9,18 @@ place elsewhere, joins what the lost signal reads (docs/lost-signal.md has both,
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..arrays import F32, F64, I32
 from ..errors import InputError
 from ..filter.localizer import Localizer
-from ..filter.proposal import likely_poses, uniform_poses
+from ..filter.proposal import poses_of_entries, uniform_poses
 from ..filter.resampling import systematic
 from ..randomness import Domain, stream
-from ..records import StepRecord
+from ..records import Opinion, StepRecord
 from .lost_signal import RATE, BeliefNumbers, LostSignal
 
 LEAST_PARTICLES, MOST_PARTICLES = 200, 2000
@@ -63,7 +63,7 @@ class SecondFilter:
     >>> session, localizer = mcl.tiny_session(), mcl.make_localizer(mcl.tiny_library())
     >>> second = SecondFilter.of(localizer.of_session(session))
     >>> for _, record in mcl.run(localizer, session):
-    ...     second.see(record.frame.motions, record.sighting.comparison.cost)
+    ...     second.see(record.frame.motions, record.sighting.comparison.explained.relative[0])
     >>> 0 <= second.shares(record.estimate.pose).near <= 1
     True
     """
@@ -72,8 +72,8 @@ class SecondFilter:
     poses: F32  # (N, 3) at the last picture, relative to the library's origin
     weights: F64  # (N,)
     entries: I32  # (N,) nearest to each pose; -1 outside free space
-    begin: F32  # (N, 3) where the next movement begins
-    carried: F64  # (N,) weights there
+    begin: F32  # (N, 3) where the next movement begins, all with the same weight
+    sizes: F64  # (L,) of the part of the map that is nearest to each entry
     step: int = 0
 
     @classmethod
@@ -85,44 +85,49 @@ class SecondFilter:
         origin = localizer.library.origin
         poses = uniform_poses(localizer.reference.grid, count, origin, stream(Domain.COMPARE, 0, 0, count))
         even = np.full(count, 1 / count)
-        return cls(localizer, poses, even, localizer.reference.entries(poses, origin), poses, even)
+        entries = localizer.reference.entries(poses, origin)
+        return cls(localizer, poses, even, entries, poses, localizer.regions.sizes())
 
-    def see(self, motions: Iterable[F64], cost: F32) -> None:
-        """Process an update: its movements, and the cost (L,) of every entry, nats."""
+    def see(self, motions: F64, likelihood: F64) -> None:
+        """Process an update: its movements (M, 3), and the likelihood (L,) of every entry, up to a factor."""
         one, count, origin = self.localizer, len(self.poses), self.localizer.library.origin
         assert one.motion is not None, "see `of`"
         self.step += 1
         rng, self.poses = stream(Domain.COMPARE, 0, self.step, count), self.begin
-        for motion in motions:
-            noise = rng.standard_normal((count, 3), np.float32)
+        for motion, noise in zip(
+            motions, rng.standard_normal((len(motions), count, 3), np.float32), strict=True
+        ):
             self.poses = one.motion.move(self.poses, origin, motion, noise)
         self.entries = one.reference.entries(self.poses, origin)
-        likelihood = np.exp(cost.min() - cost.astype(np.float64))
-        found = self.carried * np.append(likelihood, 0.0)[self.entries]
+        found = np.append(likelihood, 0.0).take(self.entries)  # entry -1, outside, is the last
         total = float(found.sum())
         self.weights = found / total if total > 0 else np.full(count, 1 / count)
-        self._renew(-cost, rng)
+        self._renew(likelihood, rng)
 
-    def _renew(self, log_likelihood: F32, rng: np.random.Generator) -> None:
+    def _renew(self, likelihood: F64, rng: np.random.Generator) -> None:
         """Resample, and draw a few anew where this picture is likely."""
         one, count = self.localizer, len(self.poses)
         fresh = round(FRESH * count)
         kept = systematic(self.weights, count - fresh, rng)
-        grid, origin = one.reference.grid, one.library.origin
-        drawn = likely_poses(log_likelihood, grid, one.regions, fresh, origin, rng)
-        self.begin = np.concatenate([self.poses[kept], drawn])
-        self.carried = np.full(count, 1 / count)
+        cumulative = np.cumsum(likelihood * self.sizes)
+        begin = np.empty((3, count), np.float32)  # column by column
+        self.poses.T.take(kept, axis=1, out=begin[:, : len(kept)], mode="clip")
+        where, origin = one.regions, one.library.origin
+        begin[:, len(kept) :] = poses_of_entries(cumulative, one.reference.grid, where, fresh, origin, rng).T
+        self.begin = begin.T
 
     def shares(self, pose: F64) -> Shares:
         """Return where it is, beside an estimated pose (3,) in the map's frame."""
         right_m = self.localizer.radii.right_m
-        x, y = (np.float32(v) for v in pose[:2] - self.localizer.library.origin)
-        away = np.square(self.poses[:, 0] - x) + np.square(self.poses[:, 1] - y)
-        ahead = np.cos(self.poses[:, 2] - np.float32(pose[2]))
+        apart = (
+            self.poses.T
+            - np.append(pose[:2] - self.localizer.library.origin, pose[2]).astype(np.float32)[:, None]
+        )
+        away, ahead = apart[0] ** 2 + apart[1] ** 2, np.cos(apart[2])
         near = (away < (NEAR * right_m) ** 2) & (ahead > math.cos(NEAR_RAD))
         far = (away > (FAR * right_m) ** 2) | (ahead < math.cos(FAR_RAD))
         by_entry = np.bincount(self.entries + 1, self.weights * far)
-        return Shares(float(self.weights[near].sum()), float(by_entry[1:].max(initial=0.0)))
+        return Shares(float(self.weights @ near), float(by_entry[1:].max(initial=0.0)))
 
 
 @dataclass(slots=True)
@@ -164,20 +169,34 @@ class SecondOpinion:
         """Begin beside a filter. InputError without a motion model: see `Localizer.of_session`."""
         return cls(SecondFilter.of(localizer))
 
+    @classmethod
+    def beside(cls, localizer: Localizer) -> SecondOpinion | None:
+        """Begin beside a filter; None where it has no motion model or no references."""
+        return None if localizer.motion is None or not localizer.library.size else cls.of(localizer)
+
+    @property
+    def alarm_below(self) -> float:
+        """The probability below which an estimate counts as lost: it depends on the filter's likelihood."""
+        sensor = self.second.localizer.sensor.parameters
+        calibrated = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
+        return LOST_BELOW if calibrated else LOST_BELOW_ANY
+
     @property
     def lost(self) -> bool:
         """Whether the last estimate is probably lost."""
-        sensor = self.second.localizer.sensor.parameters
-        calibrated = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
-        limit = LOST_BELOW if calibrated else LOST_BELOW_ANY
-        return self.not_lost is not None and self.not_lost < limit
+        return self.not_lost is not None and self.not_lost < self.alarm_below
+
+    def added_to(self, record: StepRecord) -> StepRecord:
+        """Process the next update; return its record with the opinion, where there is one."""
+        not_lost = self.add(record)
+        return record if not_lost is None else replace(record, opinion=Opinion(not_lost, self.alarm_below))
 
     def add(self, record: StepRecord) -> float | None:
         """Process the next update; return the probability that its estimate is not lost."""
         numbers = BeliefNumbers.of(record)
-        self.second.see(record.frame.motions, record.sighting.comparison.cost)
-        if numbers is None:
-            return None
+        if numbers is None or not math.isfinite(numbers.library_mean):
+            return None  # nothing to compare with, or a channel that gives no numbers
+        self.second.see(record.frame.motions, record.sighting.comparison.explained.relative[0])
         found = self._reader.features(numbers, self.second.shares(record.estimate.pose))
         odds = sum(weight * found[name] for name, weight in OPINION.items())
         self.not_lost = 1 / (1 + math.exp(-odds))

@@ -93,8 +93,14 @@ def likely_poses(
     log_likelihood: F32, grid: Grid, where: Regions, n: int, origin: F64, rng: np.random.Generator
 ) -> F32:
     """Draw n poses (n, 3) relative to `origin`, with density in proportion to the likelihood (L,)."""
+    return poses_of_entries(np.cumsum(shares_of(log_likelihood, where)), grid, where, n, origin, rng)
+
+
+def poses_of_entries(
+    cumulative: F64, grid: Grid, where: Regions, n: int, origin: F64, rng: np.random.Generator
+) -> F32:
+    """Draw n poses (n, 3) relative to `origin`, each nearest to an entry by cumulative shares (L,)."""
     draws = rng.random((n, 5))
-    cumulative = np.cumsum(shares_of(log_likelihood, where))
     entry = np.minimum(cumulative.searchsorted(draws[:, 0] * cumulative[-1]), len(cumulative) - 1)
     cell = where.cells[_pick(where.first_cell, where.place_of_entry[entry], draws[:, 1])]
     heading_bin = where.bins[_pick(where.first_bin, entry, draws[:, 2])]

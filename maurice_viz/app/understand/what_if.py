@@ -11,10 +11,11 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
-from maurice_loaders.runs.writer import RECOVERY, StepRows, rows_of
+from maurice_loaders.runs.writer import OPINION, RECOVERY, StepRows, rows_of
 from maurice_mcl.analysis.events import PARTED
 from maurice_mcl.analysis.metrics import mostly_at_end, score_step
 from maurice_mcl.analysis.run_comparison import RunComparison, Step
+from maurice_mcl.analysis.second_opinion import SecondOpinion
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import FilterState, StepRecord
@@ -190,7 +191,7 @@ class _Pair:
     def updates(self) -> Iterator[Mapping[str, Step]]:
         """Go through both: up to the branch they share their steps."""
         names, past = (self.point.run.manifest.label, self.label), list[float]()
-        anywhere = self.change.anywhere
+        anywhere, second = self.change.anywhere, SecondOpinion.beside(self.localizer)
         state = None
         if not self.from_step:
             state = self.point.begin(self.localizer, 0, None, past, anywhere=anywhere)
@@ -204,6 +205,7 @@ class _Pair:
             else:
                 state, branch = self._stepped(state, moment, record)
             self.last = step
+            branch = branch if second is None else second.added_to(branch)
             moment = self._with_events(moment, record, branch)
             yield dict(zip(names, ((moment, record), (moment, branch)), strict=True))
 
@@ -243,9 +245,10 @@ class _Pair:
 
 
 def _compared(moment: Moment, record: StepRecord) -> StepRows:
-    """Return the rows of an update without what recovery only looked at."""
+    """Return the rows of an update without what recovery only looked at, and without a second opinion."""
     rows = rows_of(moment, record)
-    return replace(rows, step={key: value for key, value in rows.step.items() if key not in RECOVERY})
+    beside = {*RECOVERY, *OPINION}
+    return replace(rows, step={key: value for key, value in rows.step.items() if key not in beside})
 
 
 def _after(errors: list[Errors]) -> AfterBranch:

@@ -1,4 +1,4 @@
-"""What can be said of a run without ground truth: when it was probably lost, by the lost signal, and why.
+"""What can be said of a run without ground truth: when it was probably lost, by the second opinion, and why.
 
 Two numbers tell: how well the best reference of the whole library explains a picture, and how well the cloud
 does. Where both fall, the pictures have changed. Where only the cloud's falls, it is at the wrong place.

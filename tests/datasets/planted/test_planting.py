@@ -67,9 +67,9 @@ def run(kind: str, planting: Planting) -> Planted:
 
 def test_every_kind_of_cause_is_planted_and_no_seed_is_in_both_sets() -> None:
     assert {*WAYS} == {*CAUSES} - {UNKNOWN} | {HEALTHY}
-    assert SETS["judge"].first in TEST
+    assert SETS["unseen"].first in TEST
     assert SETS["develop"].first in FITTING
-    assert not {*SETS["judge"].places} & {*SETS["develop"].places}
+    assert not {*SETS["unseen"].places} & {*SETS["develop"].places}
 
 
 @pytest.mark.parametrize(("kind", "number"), [("left_map", 1), ("healthy", 0)])

@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.analysis.second_opinion import LOST_BELOW, SecondFilter, SecondOpinion, Shares
+from maurice_mcl.analysis.lost_signal import LostSignal
+from maurice_mcl.analysis.second_opinion import (
+    LOST_BELOW,
+    LOST_BELOW_ANY,
+    SecondFilter,
+    SecondOpinion,
+    Shares,
+)
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.records import StepRecord
+from maurice_mcl.records import Opinion, StepRecord
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +33,7 @@ def records(localizer) -> list[StepRecord]:
 def seen(localizer: Localizer, records: list[StepRecord]) -> SecondFilter:
     second = SecondFilter.of(localizer)
     for record in records:
-        second.see(record.frame.motions, record.sighting.comparison.cost)
+        second.see(record.frame.motions, record.sighting.comparison.explained.relative[0])
     return second
 
 
@@ -53,10 +60,10 @@ def test_the_same_records_give_the_same_shares(localizer, records):
 def test_a_picture_that_fits_nowhere_and_a_robot_that_leaves_the_map_are_survived(localizer, records):
     second = seen(localizer, records)
     far = np.array([[1e4, 0.0, 0.0]])
-    second.see(far, records[-1].sighting.comparison.cost)
+    second.see(far, records[-1].sighting.comparison.explained.relative[0])
     found = second.shares(records[-1].estimate.pose)
     assert np.isfinite([found.near, found.elsewhere]).all()
-    second.see(np.empty((0, 3)), records[-1].sighting.comparison.cost)
+    second.see(np.empty((0, 3)), records[-1].sighting.comparison.explained.relative[0])
     assert second.shares(records[-1].estimate.pose).near > 0
 
 
@@ -88,3 +95,37 @@ def test_what_contradicts_lowers_it():
 def test_a_localizer_without_motion_model_is_refused():
     with pytest.raises(mcl.InputError, match="found no motion model"):
         SecondOpinion.of(mcl.make_localizer(mcl.tiny_library()))
+
+
+def test_the_lost_signal_is_the_second_opinion_where_a_record_has_one(localizer, records):
+    opinion, signal = SecondOpinion.beside(localizer), LostSignal()
+    assert opinion is not None
+    for record in records:
+        found = opinion.added_to(record)
+        assert found.opinion is not None
+        assert signal.add(found) == found.opinion.not_lost
+        assert not signal.probably_lost
+    assert signal.add(replace(record, opinion=Opinion(0.4, LOST_BELOW))) == 0.4
+    assert signal.probably_lost
+    assert signal.add(replace(record, opinion=Opinion(0.4, LOST_BELOW_ANY))) == 0.4
+    assert not signal.probably_lost
+
+
+def test_a_search_that_never_knew_where_it_was_is_not_lost(records):
+    signal = LostSignal()
+    signal.add(replace(records[0], opinion=Opinion(0.01, LOST_BELOW)))
+    assert not signal.probably_lost
+
+
+def test_a_picture_that_gives_no_numbers_has_no_opinion(localizer, records):
+    opinion, comparison = SecondOpinion.beside(localizer), records[0].sighting.comparison
+    assert opinion is not None
+    broken = replace(comparison, cost=np.full_like(comparison.cost, np.nan))
+    sighting = replace(records[0].sighting, comparison=broken)
+    record = replace(records[0], sighting=sighting, library_evidence=broken.library_evidence)
+    assert opinion.added_to(record).opinion is None
+    assert opinion.added_to(records[0]).opinion is not None
+
+
+def test_no_second_opinion_beside_a_filter_that_does_not_know_how_it_moves():
+    assert SecondOpinion.beside(mcl.make_localizer(mcl.tiny_library())) is None

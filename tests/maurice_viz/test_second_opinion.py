@@ -1,0 +1,36 @@
+"""The second opinion stands beside a filter wherever one runs, and saved runs keep it."""
+
+from __future__ import annotations
+
+import numpy as np
+import polars as pl
+
+import maurice_mcl as mcl
+import maurice_viz as mv
+from maurice_loaders.runs.store import open_run
+from maurice_viz.playback import FilterRun, run_together
+
+
+def test_it_changes_nothing_of_the_filter():
+    session = mcl.tiny_session()
+    localizer = mcl.make_localizer(mcl.tiny_library(), particles=300).of_session(session)
+    run, plain = FilterRun("one", localizer, session.info.start), mcl.run(localizer, session)
+    for (_, together), (_, alone) in zip(run_together([run], session.moments()), plain, strict=True):
+        assert together["one"].opinion is not None
+        assert alone.opinion is None
+        assert np.array_equal(together["one"].weighted.poses, alone.weighted.poses)
+        assert np.array_equal(together["one"].belief.log_weights, alone.belief.log_weights)
+
+
+def test_a_saved_run_keeps_it_and_one_saved_before_can_be_read(small_session, tmp_path):
+    folder, columns = tmp_path / "run", ["not_lost", "not_lost_alarm"]
+    mv.replay(small_session, run=folder)
+    kept = pl.read_parquet(folder / "steps" / "*.parquet")
+    assert kept["not_lost"].is_between(0, 1).all()
+    assert mv.traces(folder)["knows_where_it_is"].to_list() == kept["not_lost"].to_list()
+    assert mv.verify(folder)[0].same
+    for file in (folder / "steps").glob("*.parquet"):
+        pl.read_parquet(file).drop(columns).write_parquet(file)
+    assert all("not_lost" not in rows.step for rows in open_run(folder).steps())
+    assert mv.traces(folder)["knows_where_it_is"].is_not_null().all()
+    assert mv.verify(folder)[0].same
