@@ -225,7 +225,7 @@ KINDS: Mapping[str, str] = {
     LOCALIZED: "converged and correct in 4 of 5 updates, for the first time",
     LOST: "for four updates in a row beyond the lost radius, or more than 45 degrees off",
     RECOVERED: "localized again after it was lost or kidnapped",
-    PROBABLY_LOST: "truth not known: it knew where it was, and a second filter and the pictures speak against it now",
+    PROBABLY_LOST: "truth not known: it knew where it was, and a second opinion contradicts it now",
     BEYOND_THREE_SIGMA: "the truth lies more than three standard deviations from the estimate",
     MODE_SWITCH: "another mode has become the heaviest: the estimate jumps",
     LEFT_THE_MAP: "every particle drove out of free space: the cloud stays where it was",
