@@ -35,7 +35,7 @@ ROOMS = {
         ("arrays", "errors"),
         ("randomness", "geometry"),
         ("map",),
-        ("session",),
+        ("session", "floor"),
         ("pose_sensor",),
         ("library",),
         ("radii",),

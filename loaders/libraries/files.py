@@ -12,15 +12,18 @@ import json
 import os
 import shutil
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.pose_sensor import PoseSensor
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
+from maurice_mcl.sensor.reflectance import Reflectance
 
 from ..errors import FieldError, InputError
 from ..files import MOST, items, mapping, new_folder, read_json, show, text, up_to
@@ -46,7 +49,8 @@ def save_library(
         for name, index in library.index.items():
             rows = np.concatenate([index.noise_floor[None], index.relevance[None], index.references])
             np.save(filling / files[name], rows.astype(np.float32, copy=False))
-        _write_json(filling / MANIFEST, _manifest(library, filling, files, warnings))
+        sensors = _write_sensors(library, filling)
+        _write_json(filling / MANIFEST, _manifest(library, filling, files, sensors, warnings))
 
 
 def load_library(folder: Path) -> Library:
@@ -62,6 +66,7 @@ def load_library(folder: Path) -> Library:
             index=_read_channels(folder, manifest, len(poses)),
             arena=arena_from_json(read_json((folder / "map.json").read_bytes())),
             display_units=text(manifest.get("display_units"), "display_units"),
+            sensors=_read_sensors(folder, manifest),
         )
     except DAMAGE as problem:
         reason = f"is a damaged library ({problem}); build it again from its survey"
@@ -122,9 +127,13 @@ def _write_entries(library: Library, folder: Path) -> None:
 
 
 def _manifest(
-    library: Library, folder: Path, files: Mapping[str, str], warnings: Sequence[str]
+    library: Library,
+    folder: Path,
+    files: Mapping[str, str],
+    sensors: Mapping[str, str],
+    warnings: Sequence[str],
 ) -> dict[str, Any]:
-    parts = ["map.json", "entries.parquet", *files.values()]
+    parts = ["map.json", "entries.parquet", *files.values(), *sensors.values()]
     return {
         "format": FORMAT,
         "version": VERSION,
@@ -134,6 +143,7 @@ def _manifest(
         "channels": {
             name: {"file": files[name], "parameters": CHANNELS[name].parameters()} for name in files
         },
+        "sensors": {name: {"file": file} for name, file in sensors.items()},
         "warnings": list(warnings),
         "sha256": {part: hash_file(folder / part) for part in parts},
     }
@@ -185,6 +195,36 @@ def _pictures_in(folder: Path) -> set[str]:
             return {f"pictures/{one.name}" for one in found if one.is_file()}
     except OSError:
         return set()
+
+
+# Pose sensors: what a library has besides channels, each a file of arrays.
+
+STORED: Mapping[str, Callable[[Mapping[str, NDArray[Any]]], PoseSensor]] = {
+    "reflectance": Reflectance.from_arrays,
+}
+
+
+def _write_sensors(library: Library, folder: Path) -> dict[str, str]:
+    """Write every sensor that can be stored; return the files by name."""
+    files: dict[str, str] = {}
+    for name, sensor in library.sensors.items():
+        to_arrays = getattr(sensor, "to_arrays", None)
+        if to_arrays is not None and name in STORED:
+            (folder / "sensors").mkdir(exist_ok=True)
+            files[name] = f"sensors/{name}.npz"
+            np.savez_compressed(folder / files[name], **to_arrays())
+    return files
+
+
+def _read_sensors(folder: Path, manifest: Mapping[str, Any]) -> dict[str, PoseSensor]:
+    found = {}
+    for name, value in mapping(manifest.get("sensors", {}), "sensors").items():
+        file = text(mapping(value, f"sensors.{name}").get("file"), f"sensors.{name}.file")
+        if name not in STORED:
+            continue  # of a newer version, or somebody else's: a run that asks for it says that it is missing
+        with np.load(folder / file, allow_pickle=False) as arrays:
+            found[name] = STORED[name](dict(arrays))
+    return found
 
 
 def _read_channels(folder: Path, manifest: Mapping[str, Any], entries: int) -> dict[str, ChannelIndex]:
