@@ -29,6 +29,7 @@ from .session_log.records import (
     with_truth,
 )
 from .time_alignment import TimeSpan
+from .transforms import PLACEHOLDER
 
 MOST_EVENTS = 100
 KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading",)
@@ -100,6 +101,8 @@ def inspect_recording(session: RecordedSession) -> Inspection:
             tally.add_event(record.t_s, record.text)
         elif isinstance(record, Readings):
             tally.count("reading", record.t_s)
+        elif isinstance(record, Picture) and record.name == PLACEHOLDER:
+            continue
         elif isinstance(record, Picture):
             tally.count("image", record.t_s)
             tally.add_picture(record.read, f"{record.name}: ")

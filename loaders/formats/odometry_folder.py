@@ -66,7 +66,7 @@ def carried_rows(odometry: F64, truth: F64) -> set[int]:
     wheels_m, went_m = (np.hypot(step[:, 0], step[:, 1]) for step in steps)
     turned = np.abs(wrap(np.diff(truth[:, 2]) - np.diff(odometry[:, 2])))
     jumped = np.flatnonzero((went_m - wheels_m > JUMP_M) | (turned > JUMP_RAD)) + 1
-    before = [-math.inf, *jumped[:-1]]
+    before = [-math.inf, *jumped][: len(jumped)]
     return {int(row) for row, last in zip(jumped, before, strict=True) if row - last > AFTER}
 
 

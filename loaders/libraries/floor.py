@@ -143,7 +143,8 @@ def lattice(arena: Arena) -> F64:
     x_min, y_min, x_max, y_max = arena.bounds
     x, y = (_evenly(*ends, apart_m) for ends in ((x_min, x_max), (y_min, y_max)))
     headings = np.arange(HEADINGS) * 2 * np.pi / HEADINGS - np.pi
-    return np.column_stack([axis.ravel() for axis in np.meshgrid(x, y, headings, indexing="ij")])
+    axes = np.meshgrid(x, y, headings, indexing="ij")
+    return np.array([axis.ravel() for axis in axes], np.float64).T.copy()
 
 
 def _evenly(low: float, high: float, apart_m: float) -> F64:

@@ -19,7 +19,16 @@ from helpers.recordings import read
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose
+from maurice_loaders.recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Readings,
+    Record,
+    Recording,
+    TruthPose,
+)
 from maurice_viz.cli.app import app
 
 every = pytest.mark.parametrize("name", SAMPLES)
@@ -29,7 +38,7 @@ def content(record: Record) -> object:
     """What two readings must agree in."""
     if isinstance(record, Picture):
         return record.t_s, record.name, record.read().tobytes()
-    if isinstance(record, Note):
+    if isinstance(record, Note | Readings):
         return record
     values = record.motion if isinstance(record, Motion) else record.pose
     return type(record), record.t_s, values.tolist()
@@ -83,7 +92,7 @@ def test_times_do_not_fall_and_units_are_plausible(name: str, tmp_path: Path) ->
 def test_all_pictures_become_updates(name: str, tmp_path: Path) -> None:
     session = open_session(sample(name, tmp_path / "made"))
     moments = list(session.moments())
-    assert len(moments) == (SMALL if SAMPLES[name].pictures else 0)
+    assert len(moments) == (SMALL if SAMPLES[name].pictures or SAMPLES[name].readings else 0)
     assert session.overview() == (
         len(moments),
         any(m.truth is not None for m in moments) or not SAMPLES[name].pictures,
