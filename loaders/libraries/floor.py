@@ -144,7 +144,8 @@ def lattice(arena: Arena) -> F64:
     x, y = (_evenly(*ends, apart_m) for ends in ((x_min, x_max), (y_min, y_max)))
     headings = np.arange(HEADINGS) * 2 * np.pi / HEADINGS - np.pi
     axes = np.meshgrid(x, y, headings, indexing="ij")
-    return np.array([axis.ravel() for axis in axes], np.float64).T.copy()
+    poses: F64 = np.column_stack([axis.ravel() for axis in axes])
+    return poses
 
 
 def _evenly(low: float, high: float, apart_m: float) -> F64:

@@ -29,7 +29,12 @@ LEAST_SD = 0.02  # of white minus black
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """One sensor: the name of its reading, its place on the robot, what it reads on black and white."""
+    """One sensor: the name of its reading, its place on the robot, what it reads on black and white.
+
+    >>> import maurice_mcl as mcl
+    >>> mcl.Probe("left", x_m=0.072, y_m=0.011, black=120, white=780).sd
+    0.1
+    """
 
     name: str
     x_m: float  # forward of the robot's center
@@ -63,7 +68,7 @@ class Reflectance:
     >>> frame = mcl.Frame(1, 0.0, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "", {"left": 880.0})
     >>> poses = np.array([[0.03, 0.01, 0], [0.15, 0.01, 0]], np.float32)
     >>> sensor.log_likelihood(sensor.read(frame), poses, np.zeros(2)).round(1).tolist()
-    [-4.3, -0.0]
+    [-5.0, -0.0]
     """
 
     floor: FloorImage
