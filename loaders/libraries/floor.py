@@ -150,7 +150,8 @@ def lattice(arena: Arena) -> F64:
 
 def _evenly(low: float, high: float, apart_m: float) -> F64:
     count = max(1, math.floor((high - low) / apart_m))
-    return (low + high) / 2 + apart_m * (np.arange(count) - (count - 1) / 2)
+    steps = np.arange(count, dtype=np.float64) - (count - 1) / 2
+    return np.asarray((low + high) / 2 + apart_m * steps, np.float64)
 
 
 # Folders of aligned rows bring their floor with them.
