@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import cv2
@@ -131,8 +132,8 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
     """Read a manifest of one of some formats and of this version. Raises InputError for any other."""
     file = folder / MANIFEST
     if not file.is_file():
-        text = f"found no {MANIFEST} in it, expected a saved run's folder; make one with --save-run"
-        raise InputError(folder, text)
+        found_none = "is a file" if folder.is_file() else f"found no {MANIFEST} in it"
+        raise InputError(folder, f"{found_none}, expected a saved run's folder; {_how_to_save(folder)}")
     try:
         found = mapping(read_json(file.read_bytes()), "manifest")
     except ValueError as problem:
@@ -143,6 +144,13 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
         known = f"expected {VERSION} at most; replay the session again with --save-run"
         raise InputError(file, f"found version {show(found.get('version'))} of the format, {known}")
     return found
+
+
+def _how_to_save(source: Path) -> str:
+    """Say how a saved run is made; of a recording that is there, by the whole command."""
+    if not source.exists():
+        return "make one with --save-run"
+    return f"make one with: maurice-replay {quote(str(source))} --rrd none --save-run my-run"
 
 
 def _manifest(found: Mapping[str, Any]) -> RunManifest:

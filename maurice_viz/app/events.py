@@ -291,8 +291,9 @@ def is_named(event: RunEvent, name: str) -> bool:
 def names_in(found: Sequence[RunEvent]) -> list[str]:
     """Return every name by which one of these events can be found, in the order of kinds."""
     kinds = [kind for kind in KINDS if any(one.kind == kind for one in found)]
+    causes = [one.text.split(":")[0] for one in found if one.kind == FAILURE]
     words = [one.text.split()[0] for one in found if one.kind == SESSION and one.text.split()]
-    return [*kinds, *dict.fromkeys(words)]
+    return list(dict.fromkeys([*kinds, *causes, *words]))
 
 
 def _check_step(runs: Sequence[SavedRun], folder: Path, step: int) -> None:

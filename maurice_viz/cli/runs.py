@@ -100,7 +100,13 @@ def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, lis
 def jump(
     run: opt.Run,
     to: Annotated[
-        str | None, option("--to", "An event by its kind, or a bookmark by its text.", metavar="KIND|NOTE")
+        str | None,
+        option(
+            "--to",
+            "An event by its kind, a failure by its cause (kidnapped, lighting, motion, ...), "
+            "or a bookmark by its text.",
+            metavar="KIND|CAUSE|NOTE",
+        ),
     ] = None,
     nth: Annotated[int, option("--nth", "Which of them: 2 for the second, 3 for the third.", min=1)] = 1,
     step: Annotated[int | None, option("--step", "A step by its number.")] = None,

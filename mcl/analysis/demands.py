@@ -94,6 +94,7 @@ class RunJudgement:
     error_m: float | None = None  # mean, where it counts
     found_after: int | None = None  # updates until localized, the worst of its starts; None: not at one
     converged_after: int | None = None
+    found_at: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)  # by kind: at each start, or not
 
     @property
     def passed(self) -> bool:
@@ -120,8 +121,10 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
             failed_at[kind] = failed
     known = counts & np.isfinite(track.off_m)
     error_m = float(track.off_m[known].mean()) if known.any() else None
-    after = {kind: _worst(values) for kind, values in found.items()}
-    return RunJudgement(track.seed, met, failed_at, error_m, after[LOCALIZED], after[CONVERGED])
+    judged = {kind: _of_judged(values, starts, len(counts), by[kind]) for kind, values in found.items()}
+    after = {kind: _worst(values) for kind, values in judged.items()}
+    found_at = {kind: tuple(one is not None for one in values) for kind, values in judged.items()}
+    return RunJudgement(track.seed, met, failed_at, error_m, after[LOCALIZED], after[CONVERGED], found_at)
 
 
 def _flags(track: RunTrack) -> dict[str, Bool]:
@@ -151,6 +154,14 @@ def _failed(
         if is_judged(start, starts, len(counts), limit) and (after is None or after > limit):
             late.append(start + limit - 1)
     return late[0] if late else None
+
+
+def _of_judged(
+    found: Sequence[int | None], starts: Sequence[int], updates: int, limit: int | None
+) -> list[int | None]:
+    """Return what was found at the first start, and at those with enough updates after them."""
+    judged = [start == 0 or is_judged(start, starts, updates, limit or 1) for start in starts]
+    return [after for after, counts in zip(found, judged, strict=True) if counts]
 
 
 def is_judged(start: int, starts: Sequence[int], updates: int, limit: int) -> bool:

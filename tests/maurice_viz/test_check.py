@@ -15,8 +15,10 @@ from helpers.commands import failure, maurice
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders.errors import InputError
-from maurice_viz.app.understand.gate.rules import enough
+from maurice_mcl.analysis.demands import Demands, RunTrack, judge_run
+from maurice_viz.app.understand.gate.rules import demand_results, enough
 from maurice_viz.errors import OptionError
+from maurice_viz.style import Scale, units_named
 
 SMALL = {"particles": 60}
 FEW = ("--particles", "60")
@@ -182,3 +184,13 @@ def test_names_that_xml_cannot_hold_are_written(drive, tmp_path):
     found = mv.check(log, max_error_m=0.0001, artifacts=tmp_path / "kept", **SMALL)
     assert ET.fromstring(found.to_junit())[0].get("name") == "a?<b>&"
     assert len(list((tmp_path / "kept" / "a-b").iterdir())) == 3
+
+
+def test_who_was_localized_and_kidnapped_is_not_said_to_be_never_localized():
+    demands, scale = Demands(localized_by=5), Scale(units_named("m"))
+    flags = np.arange(40) < 20
+    run = judge_run(RunTrack(0, np.zeros(40), flags, ~flags, flags), [0, 20], demands)
+    [localized, _] = demand_results([run], demands, scale)
+    assert localized.found == "not localized again after a kidnapping in 1 run"
+    run = judge_run(RunTrack(0, np.zeros(40), flags & False, ~flags, flags), [0, 20], demands)
+    assert demand_results([run], demands, scale)[0].found == "never localized in 1 run"

@@ -107,6 +107,11 @@ def test_options_that_make_no_sense_are_refused(folder, words, message):
     assert message in shown
 
 
+def test_a_session_is_answered_with_the_command_that_saves_a_run_of_it(small_session):
+    said = failure("what-if", small_session, "--from", 4)
+    assert f"make one with: maurice-replay {small_session} --rrd none --save-run my-run" in said
+
+
 def test_a_run_whose_session_is_gone_is_one_line(folder, tmp_path):
     for name in ("survey.log", "session.log", "kept"):
         (shutil.copytree if name == "kept" else shutil.copy)(folder / name, tmp_path / name)

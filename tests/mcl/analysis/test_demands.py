@@ -62,10 +62,20 @@ def test_after_a_kidnapping_the_time_to_search_begins_again():
     assert again.failed_at == {LOCALIZED: 26}
 
 
+def test_a_run_is_told_apart_that_was_localized_and_not_again_after_a_kidnapping():
+    early, late = np.arange(UPDATES) < 20, np.arange(UPDATES) >= 22
+    for localized, expected in ((early, (True, False)), (late, (False, True)), (early | late, (True, True))):
+        found = judge_run(track(localized=localized), [0, 20], ALL)
+        assert found.found_at[LOCALIZED] == expected
+        assert (found.found_after is None) == (not all(expected))
+
+
 def test_a_kidnapping_too_late_in_the_drive_is_not_judged():
     run = track(localized=np.arange(UPDATES) < 30)
     assert not judge_run(run, [0, 30], replace(ALL, localized_by=6)).met[LOCALIZED]
-    assert judge_run(run, [0, 31], replace(ALL, localized_by=6)).met[LOCALIZED]  # five more are needed
+    late = judge_run(run, [0, 31], replace(ALL, localized_by=6))
+    assert late.met[LOCALIZED]  # five more are needed
+    assert late.found_after == 1  # and it is in no figure
 
 
 def test_updates_without_truth_are_in_no_error():

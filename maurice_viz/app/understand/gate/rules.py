@@ -7,6 +7,7 @@ interval of the paired difference leaves no doubt that it is for the worse.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -122,21 +123,28 @@ def said(length_m: float, scale: Scale) -> str:
     return f"{scale.length(length_m):.3g} {scale.units.name}"
 
 
-def _after(runs: Sequence[int | None], what: str) -> str:
-    known = [one for one in runs if one is not None]
-    never = len(runs) - len(known)
+def _after(after: Sequence[int | None], found_at: Sequence[Sequence[bool]], what: str) -> str:
+    """Say how long runs searched, and of those that were not found at every start, at which they were not."""
+    known = [one for one in after if one is not None]
     parts = [f"after {np.median(known):g} (median), {max(known)} at worst"] if known else []
-    if never:
-        parts.append(f"never {what} in {never} run{'s' * (never > 1)}")
+    counts = Counter(_missed(one) for one in found_at if not all(one))
+    parts += [f"{said.format(what)} in {count} run{'s' * (count > 1)}" for said, count in counts.items()]
     return ", ".join(parts)
 
 
+def _missed(found: Sequence[bool]) -> str:
+    if not any(found):
+        return "never {}"
+    return "not {} again after a kidnapping" if found[0] else "not {} before a kidnapping"
+
+
 def _localized(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    return _after([one.found_after for one in runs], "localized")
+    return _after([one.found_after for one in runs], [one.found_at[LOCALIZED] for one in runs], "localized")
 
 
 def _converged(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    return _after([one.converged_after for one in runs], "converged")
+    after = [one.converged_after for one in runs]
+    return _after(after, [one.found_at[CONVERGED] for one in runs], "converged")
 
 
 def _error(runs: Sequence[RunJudgement], scale: Scale) -> str:
