@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
-from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters
+from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters, PictureMotionParameters
 
 from .errors import InputError
 from .files import read_toml, toml_value
@@ -18,6 +18,7 @@ PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sha
 MOTION_MODELS: Mapping[str, Callable[[Mapping[str, Any]], object]] = {
     "maurice": MauriceParameters.from_header,
     "odometry": OdometryParameters.from_header,
+    "pictures": PictureMotionParameters.from_header,
 }
 
 

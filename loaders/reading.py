@@ -22,6 +22,7 @@ MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")
 MOTIONS_ARE = ("poses", "steps")  # what numbers may hold that a format reports as motions
 TABLE = "reading"  # of the TOML file
+MADE_ODOMETRY = ("odometry_from_truth", "odometry_from_pictures")  # options that make odometry
 
 Group = Literal["source", "table", "pictures", "made odometry", "correction", "errors"]
 
@@ -121,6 +122,18 @@ class ReadingOptions:
         bool, Meaning("Make odometry from the truth, with noise, if there is none.", "made odometry")
     ] = False
     odometry_seed: Annotated[int, Meaning("Seed of that noise.", "made odometry", least=0)] = 0
+    odometry_from_pictures: Annotated[
+        bool, Meaning("Make odometry from the pictures, if there is none.", "made odometry")
+    ] = False
+    picture_step_m: Annotated[
+        float, Meaning("Way between pictures, where the floor tells none. [default: median]", "made odometry")
+    ] = 0.0
+    camera_fov_rad: Annotated[
+        float, Meaning("Horizontal field of view. [default: the header's]", "made odometry")
+    ] = 0.0
+    camera_height_m: Annotated[
+        float, Meaning("Camera above the floor. [default: the header's]", "made odometry")
+    ] = 0.0
     keep_going: Annotated[bool, Meaning("Skip broken parts and report how many.", "errors")] = False
 
     @property
@@ -133,7 +146,7 @@ class ReadingOptions:
     @property
     def as_it_is(self) -> bool:
         """Whether a session log is read unchanged: nothing aligned, made or corrected."""
-        gated = self.min_distance_m or self.min_angle_rad or self.odometry_from_truth
+        gated = self.min_distance_m or self.min_angle_rad or any(getattr(self, one) for one in MADE_ODOMETRY)
         turned = self.plane in TURNED
         return not (gated or turned or self.time_unit not in (None, "s") or self.corrections)
 

@@ -181,7 +181,8 @@ class _Updates:
         pictures, odometry = self._spans["pictures"], self._spans["odometry"]
         if pictures.count and self._session.odometry is None:
             advice = (
-                "name a table of poses with --reading table=..., or a bag's topic with odometry_topic=..."
+                "name a table of poses with --reading table=..., a bag's topic with odometry_topic=..., "
+                "or try odometry_from_pictures=true"
             )
             if self.truths:
                 advice = "--reading odometry_from_truth=true makes some from the truth, for trying things out"

@@ -52,7 +52,7 @@ ROOMS = {
         ("files", "pictures", "plane"),
         ("reading", "maps"),
         ("recording", "session_log"),
-        ("transforms", "time_alignment"),
+        ("transforms", "time_alignment", "picture_odometry"),
         ("recorded_session",),
         ("formats",),
         ("bags",),

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..errors import InputError
 from ..files import expect_regular
+from ..picture_odometry import odometry_from_pictures
 from ..plane import TURNED
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
@@ -116,6 +117,11 @@ def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
         raise InputError(path, f"{found}, and the format {one.name} holds poses in x-y; leave it out")
     left = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if one.shifts else options
     recording = corrected(one.open(path, options), left)
+    if options.odometry_from_pictures:
+        if options.odometry_from_truth:
+            both = "found odometry_from_truth and odometry_from_pictures"
+            raise InputError(path, f"{both}, expected one of them; leave one out")
+        return odometry_from_pictures(recording, options)
     if not options.odometry_from_truth:
         return recording
     return odometry_from_truth(recording, options.odometry_seed)

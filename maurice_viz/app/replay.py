@@ -11,7 +11,7 @@ from typing import Any
 from maurice_loaders.errors import SourceError
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading import MADE_ODOMETRY, ReadingOptions
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
 from maurice_loaders.transforms import Gate
@@ -230,8 +230,9 @@ def follow_source(
     if output.save_run is not None:
         advice = "capture the drive with --capture DIR, then replay DIR/session.log with --save-run"
         raise OptionError(f"--save-run is for recorded sessions; {advice}")
-    if opening.corrections or opening.odometry_from_truth:
-        what = opening.corrections[0] if opening.corrections else "--reading odometry_from_truth=true"
+    made = [one for one in MADE_ODOMETRY if getattr(opening, one)]
+    if opening.corrections or made:
+        what = opening.corrections[0] if opening.corrections else f"--reading {made[0]}=true"
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
         raise OptionError(f"{what} needs a recording; {advice}")
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)

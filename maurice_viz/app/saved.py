@@ -15,6 +15,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_regular
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
+from maurice_loaders.picture_odometry import FROM_PICTURES
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.manifest import (
     RunManifest,
@@ -133,7 +134,9 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     else:
         library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
     restored = [Restored(one, localizers.get(label), notes[label]) for label, one in labelled.items()]
-    notes_then = (NAMED,) if first.reading.odometry_from_truth else ()
+    reading = first.reading
+    made = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
+    notes_then = tuple(named for named, asked in made if asked)
     info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes_then)
     scene = DriveScene(info, library, first.has_truth, first.pictures)
     return Opened(runs, restored, session, scene, listener)
