@@ -299,9 +299,12 @@ class MadeOdometry(RecordingWrapper):
 
     @property
     def info(self) -> SessionInfo:
-        """What is known before the first record; name and notes say where the odometry is from."""
+        """What is known before the first record; name and notes say where the odometry is from.
+
+        The robot's own motion constants, such as a gain of its turns, are not those of this odometry.
+        """
         info = self.measured.info
-        return replace(info, name=f"{info.name} ({NAMED})", notes=(*info.notes, self.said))
+        return replace(info, name=f"{info.name} ({NAMED})", notes=(*info.notes, self.said), motion=None)
 
     @property
     def said(self) -> str:

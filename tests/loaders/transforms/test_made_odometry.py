@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -80,6 +81,12 @@ def test_wheels_do_not_see_that_the_robot_is_carried() -> None:
     drive = Given([TruthPose(0, a), Note(1, "kidnapped"), TruthPose(2, b), TruthPose(3, later)])
     found = odometry(MadeOdometry(drive, 0, QUIET))
     np.testing.assert_allclose(found, [[0, 0, 0], [0, 0, 0], [1, 1, 1]], atol=1e-9)
+
+
+def test_the_robots_own_gain_does_not_apply_to_it() -> None:
+    drive = truths(circle(3, 0.5, 0.4))
+    drive = replace(drive, info=replace(drive.info, motion={"model": "maurice", "turn_gain": 0.73}))
+    assert odometry_from_truth(drive, 0).info.motion is None
 
 
 def test_it_is_refused_without_truth_and_beside_odometry() -> None:
