@@ -52,8 +52,14 @@ OF_REFERENCES: tuple[PanelMaker, ...] = (
 )  # where the library has entries
 
 
+OF_CHANNELS: frozenset[PanelMaker] = frozenset(
+    (MatchCirclesPanel, BestReferencesPanel, HistogramsPanel, ExplanationPanel, QualityPanel, FilmstripPanel)
+)  # which a robot without a camera has not
+
+
 def panels_of(run: DrawnRun) -> list[Panel]:
     """Return the panels of a run."""
     makers = [*(OF_THE_SCENE if run.draws_scene else ()), *OF_A_RUN]
     makers += OF_REFERENCES if run.library.size else ()
-    return [make(run) for make in makers]
+    blind = run.sensor is not None and not run.distances
+    return [make(run) for make in makers if not (blind and make in OF_CHANNELS)]

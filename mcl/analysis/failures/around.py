@@ -111,11 +111,11 @@ class Surroundings:
         return np.ascontiguousarray(self.sensor.library.poses.T)
 
     def fit(self, comparison: Comparison, truth: F64, estimate: F64) -> PlaceFit | None:
-        """Say how a picture fits the truth (3,); None where no reference is near it, or it is off the map."""
+        """Say how a picture fits the truth (3,); None where no reference is near it, it is off the map, or no channel is compared."""
         apart, likely = self._apart(truth), comparison.log_likelihood
         near = self._looking_alike(np.flatnonzero(apart <= (NEAR * self.spacing_m) ** 2), truth)
         others = np.flatnonzero(apart > self.lost_m**2)
-        if not len(likely) or not len(near) or not len(others):
+        if not comparison.channels or not len(likely) or not len(near) or not len(others):
             return None
         here, there = self._likelihoods(comparison, truth, estimate)
         if not np.isfinite(here):
@@ -164,6 +164,8 @@ class Surroundings:
         sensor, library = self.sensor, self.sensor.library
         names, costs = list(sensor.weights), list[float]()
         confused: list[F64] = []
+        if not names:  # a robot without a camera
+            return UsualFit(float("nan"), 0.0, {})
         for entry in range(0, library.size, max(library.size // SAMPLED, 1)):
             measured = {name: library.index[name].references[entry] for name in names}
             near = self.near(library.poses[entry])
