@@ -111,7 +111,7 @@ class Surroundings:
         return np.ascontiguousarray(self.sensor.library.poses.T)
 
     def fit(self, comparison: Comparison, truth: F64, estimate: F64) -> PlaceFit | None:
-        """Say how a picture fits the truth (3,); None where no reference is near it, it is off the map, or no channel is compared."""
+        """Say how a picture fits the truth (3,); None where nothing near it was compared."""
         apart, likely = self._apart(truth), comparison.log_likelihood
         near = self._looking_alike(np.flatnonzero(apart <= (NEAR * self.spacing_m) ** 2), truth)
         others = np.flatnonzero(apart > self.lost_m**2)
