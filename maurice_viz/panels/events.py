@@ -169,6 +169,7 @@ class _Lane:
 
     path: str
     colors: Mapping[str, RGB]
+    at_end: bool = False  # whether all is drawn in the end, so that causes, known only then, have room
     _changes: list[tuple[int, float, str]] = field(default_factory=list)  # step, time, name
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -195,7 +196,9 @@ class _Lane:
     def insert(
         self, rec: rr.RecordingStream, step: int, times_s: Mapping[int, float], hold: int, name: str
     ) -> None:
-        """Mark a step that is over, until the next mark, or for so many steps."""
+        """Mark a step that is over, for so many steps, or half of them where other marks follow."""
+        if self.at_end:
+            self._make_room(step, step + hold // 2, times_s)
         before = [k for k, one in enumerate(self._changes) if one[0] < step]
         after = next((one[0] for one in self._changes if one[0] > step), None)
         at = len(before)
@@ -208,13 +211,29 @@ class _Lane:
             self._changes.insert(at + 1, (end, times_s[end], ""))
             self._put(rec, at + 1, self._changes[at + 1])
 
+    def _make_room(self, first: int, end: int, times_s: Mapping[int, float]) -> None:
+        """Let the last mark that began between two steps begin at the second one; the others give way."""
+        inside = [k for k, one in enumerate(self._changes) if first < one[0] < end]
+        if not inside:
+            return
+        last = self._changes[inside[-1]][2]
+        del self._changes[inside[0] : inside[-1] + 1]
+        if end in times_s and all(one[0] != end for one in self._changes):
+            self._changes.insert(inside[0], (end, times_s[end], last))
+
     def _put(self, rec: rr.RecordingStream, k: int, change: tuple[int, float, str]) -> None:
         self._changes[k] = step, time_s, name = change
+        if self.at_end:
+            return
         set_place(rec, step, time_s, Phase.ESTIMATE)
         rec.log(self.path, rr.StateChange(state=name) if name else rr.StateChange.from_fields(state=[]))
 
     def finish(self, rec: rr.RecordingStream, steps: int) -> None:
         """Take the word from what lasted less than its share of a run of so many steps."""
+        if self.at_end:
+            self.at_end = False
+            for k, change in enumerate(self._changes):
+                self._put(rec, k, change)
         for (step, time_s, name), (after, _, _) in pairwise(self._changes):
             if name and (after - step) * WORDS_A_RUN < steps:
                 set_place(rec, step, time_s, Phase.ESTIMATE)
@@ -248,7 +267,9 @@ class EventsPanel(Panel):
         hold_steps = hold_for(run.updates or USUAL_UPDATES)
         self._status, self._now, self._step = _Lane(status_path(run.paths), STATUS_COLORS), "", 0
         self._times_s: dict[int, float] = {}  # of each step drawn
-        self._noticed = _Marks(_Lane(noticed_path(run.paths), NOTICED_COLORS), hold_steps)
+        known = run.updates > 0  # else it is live, and marks are drawn as they come
+        noticed = _Lane(noticed_path(run.paths), NOTICED_COLORS, at_end=known)
+        self._noticed = _Marks(noticed, hold_steps)
         self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps) if run.draws_scene else None
         marks = [self._noticed, *([self._log] if self._log else [])]
         self._lanes = [self._status, *(one.lane for one in marks)]

@@ -29,13 +29,14 @@ def drawn(
     *,
     scene: bool = True,
     hold: int = 3,
-    finished: bool = False,
+    finished: bool = True,
+    live: bool = False,
     failures: Sequence[Failure] = (),
 ) -> Path:
     """Draw steps 1, 2, ... into a recording."""
     library = fakes.make_library()
     session = fakes.make_session(library, len(steps))
-    updates = hold * draw_events.MARKS_A_RUN
+    updates = 0 if live else hold * draw_events.MARKS_A_RUN
     panel = draw_events.EventsPanel(recordings.drawn_run(PATHS, library, draws_scene=scene, updates=updates))
     with sinks.to_file(path, "x", rrb.Blueprint()) as rec:
         panel.prepare(rec)
@@ -116,6 +117,23 @@ def test_causes_of_failures_are_marked_at_their_first_step_and_where_it_was_lost
     assert noticed == {2: "cause: lighting", 4: None, 7: "recovered"}
     quiet = drawn(tmp_path / "b.rrd", [("localized", [])] * 7, failures=[Failure(LIGHTING, 2, 6, 3)])
     assert dict(lane_of(quiet, draw_events.noticed_path(PATHS))) == {2: "cause: lighting", 5: None}
+
+
+def test_a_cause_has_room_for_its_word_where_other_marks_follow_at_once(tmp_path):
+    found = {2: "mode-switch", 3: "lost", 4: "ess-dip", 9: "recovered"}
+    steps: list[Step] = [("lost", [(found[k], "a")] if k in found else []) for k in range(1, 13)]
+    path = drawn(tmp_path / "a.rrd", steps, hold=8, failures=[Failure(LIGHTING, 2, 8, 3)])
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == [
+        (2, "cause: lighting"),
+        (6, "ess-dip"),
+        (9, "recovered"),
+    ]
+
+
+def test_a_live_run_shows_its_marks_at_once(tmp_path):
+    steps: list[Step] = [("localized", []), ("localized", [("ess-dip", "a")])]
+    path = drawn(tmp_path / "a.rrd", steps, live=True, finished=False)
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == [(2, "ess-dip")]
 
 
 def test_the_log_has_a_lane_that_one_run_draws(tmp_path):
