@@ -28,6 +28,8 @@ from .registry import Format
 TRUTH, PLACES, TURNS = "gt.txt", "odom_pose.txt", "odom_quaternion.txt"
 COLUMNS = {TRUTH: 3, PLACES: 2, TURNS: 2}
 SENSORS, PRINT = "sensor_*.txt", "map.png"
+# Rows are millimeters apart, and the errors of a movement are those of all its rows: more noise in each.
+MOTION = {"model": "odometry", "turn_from_turn": 0.08, "turn_from_way": 1.0, "way_from_way": 0.16}
 PERIOD_S = 1 / 3  # of the rows, which have no time
 PIXEL_M = 0.01
 JUMP_M, JUMP_RAD = 0.05, 0.5  # in a row, beyond what the wheels went: somebody carried the robot
@@ -102,7 +104,7 @@ def open_odometry_folder(path: Path, options: ReadingOptions | None = None) -> O
     odometry = np.column_stack([tables[PLACES], wrap(heading)])
     survey = path.resolve() if sensors and floor_print(path) is not None else None
     readings = {name: tables[file.name][:, 0] for name, file in sensors.items()}
-    info = SessionInfo(path.resolve().name, survey=survey)
+    info = SessionInfo(path.resolve().name, motion=dict(MOTION), survey=survey)
     return OdometryFolder(path, info, odometry, tables.get(TRUTH), readings)
 
 

@@ -23,6 +23,7 @@ from ..session import Frame
 NAME = "reflectance"
 SPOT_M = 0.006  # sd of the spot that a probe sees, and of the errors of its place and of the print
 OUTLIERS = 0.05  # share of readings that say nothing: dust, glare, a lifted robot
+SHARPNESS = 0.2  # of one reading: those a few millimeters apart err alike, and are not five looks but one
 LEVEL = 1.4  # blurs differ by at least this factor, so that few are kept
 LEAST_SD = 0.02  # of white minus black
 
@@ -68,13 +69,14 @@ class Reflectance:
     >>> frame = mcl.Frame(1, 0.0, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "", {"left": 880.0})
     >>> poses = np.array([[0.03, 0.01, 0], [0.15, 0.01, 0]], np.float32)
     >>> sensor.log_likelihood(sensor.read(frame), poses, np.zeros(2)).round(1).tolist()
-    [-5.0, -0.0]
+    [-1.0, -0.0]
     """
 
     floor: FloorImage
     probes: tuple[Probe, ...]
     outliers: float = OUTLIERS
     spot_m: float = SPOT_M
+    sharpness: float = SHARPNESS  # multiplies the nats of each reading
     said: str = ""  # how the levels came to be, for people
     _prints: dict[int, _Print] = field(default_factory=dict, repr=False)
 
@@ -159,7 +161,7 @@ class Reflectance:
         normal = np.sqrt(noise / spread) * np.exp(np.float32(-0.5) * (share - light) ** 2 / spread)
         # outliers are even over the levels and as far again, relative to the peak of the normal distribution
         even = np.float32(self.outliers / (1 - self.outliers) * probe.sd * math.sqrt(2 * math.pi) / 2)
-        return np.asarray(np.log((normal + even) / (1 + even)), np.float32)
+        return np.asarray(np.float32(self.sharpness) * np.log((normal + even) / (1 + even)), np.float32)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything as arrays, for a file."""
@@ -169,7 +171,7 @@ class Reflectance:
             "place": np.array([self.floor.resolution_m, *self.floor.origin]),
             "names": np.array([one.name for one in self.probes]),
             "probes": np.array(numbers),
-            "model": np.array([self.outliers, self.spot_m]),
+            "model": np.array([self.outliers, self.spot_m, self.sharpness]),
             "said": np.array(self.said),
         }
 
@@ -181,13 +183,13 @@ class Reflectance:
             if name not in arrays or arrays[name].ndim != axes:
                 raise ValueError(f"found no {name} of {axes} axes")
         names, numbers, place = arrays["names"], arrays["probes"], arrays["place"]
-        if numbers.shape != (len(names), 5) or place.shape != (4,) or arrays["model"].shape != (2,):
+        if numbers.shape != (len(names), 5) or place.shape != (4,) or arrays["model"].shape != (3,):
             raise ValueError("found arrays that do not fit together")
         floor = FloorImage(np.asarray(arrays["floor"], np.float32), float(place[0]), np.array(place[1:]))
         rows = zip(names, numbers.tolist(), strict=True)
         probes = tuple(Probe(str(name), *row) for name, row in rows)
-        outliers, spot_m = (float(v) for v in arrays["model"])
-        return cls(floor, probes, outliers, spot_m, str(arrays["said"]))
+        outliers, spot_m, sharpness = (float(v) for v in arrays["model"])
+        return cls(floor, probes, outliers, spot_m, sharpness, str(arrays["said"]))
 
 
 def _said(light: float) -> str:
