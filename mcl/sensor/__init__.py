@@ -5,5 +5,6 @@
 - `references`: which references a particle is compared with: lookup, interpolation, virtual references
 - `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
 - `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
+- `landmarks`: points of the library's pictures whose place in space is known, a pose sensor of its own
 - `left_out`: whether a library can tell its places apart, by leaving each place out
 """

@@ -1,0 +1,188 @@
+"""Landmarks of a library: found, matched, triangulated, adjusted together, and each with its record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import F32, F64, I32, U8
+from ...library import Library
+from ...session import Camera
+from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
+from .calibration import FOCAL_SD_KNOWN, first_guess, is_focal_known, nominal_camera, tolerance_of
+from .camera import PinholeCamera
+from .features import Keypoints, keypoints_of
+from .landmark_set import CameraFit, LandmarkSet
+from .matching import AGREES_PX, disagreement, overlapping, pairwise, tracks_of
+from .records import Records, records_of
+from .sensor import Landmarks
+
+Progress = Callable[[int, int, str], None]
+ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
+LEAST_REFERENCES = 8
+LEAST_LANDMARKS = 50
+MOST_LANDMARKS = 8000
+FARTHEST_SD_M = 0.25  # of a landmark along the line of sight: worse ones say little and are dropped
+
+
+@dataclass(frozen=True, slots=True)
+class NoLandmarks:
+    """Why a library has none."""
+
+    reason: str  # "found 3 references with pictures, expected 8 or more"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """All keypoints of all references, one after the other."""
+
+    pixels: F64  # (T, 2)
+    descriptors: F32  # (T, 128)
+    counts: NDArray[np.intp]  # (L,)
+    owner: NDArray[np.intp]  # (T,)
+
+
+def build_landmarks(
+    library: Library,
+    camera: Camera | None,
+    read: Callable[[int], U8 | None],
+    progress: Progress | None = None,
+) -> Landmarks | NoLandmarks:
+    """Build the landmark sensor of a library; `read` returns the picture of a reference by its number.
+
+    `camera` is what is known of it; None: nothing, then it is fitted. Pictures have to be of one size: others
+    than the first are left out.
+    """
+    keypoints, size = _keypoints(library.size, read, progress or (lambda done, total, what: None))
+    found = landmarks_of(keypoints, size or (0, 0), library.poses, camera)
+    return found if isinstance(found, NoLandmarks) else Landmarks(found)
+
+
+def landmarks_of(
+    keypoints: Sequence[Keypoints], size: tuple[int, int], poses: F64, camera: Camera | None
+) -> LandmarkSet | NoLandmarks:
+    """Find landmarks from the keypoints of references at poses (L, 3), in pictures of a size (H, W)."""
+    usable = sum(len(one.pixels) > 0 for one in keypoints)
+    if usable < LEAST_REFERENCES:
+        wanted = f"expected {LEAST_REFERENCES} or more in pictures of one size"
+        return NoLandmarks(f"found {usable} references with keypoints, {wanted}")
+    nominal = nominal_camera(camera, size[1], size[0])
+    known, tolerance = is_focal_known(camera), tolerance_of(camera)
+    edges, distances = pairwise(keypoints, overlapping(poses, nominal.yaw_rad))
+    if len(edges) < LEAST_LANDMARKS:
+        return NoLandmarks(f"found {len(edges)} matches between references: their views do not overlap")
+    one, other = (
+        np.array([keypoints[i].pixels[k] for i, k in edges[:, at]], np.float64) for at in ([0, 1], [2, 3])
+    )
+    start = first_guess(nominal, known, poses, edges, (one, other))
+    off = disagreement(start, poses, (one, other), (edges[:, 0], edges[:, 2]))
+    agrees = off < AGREES_PX
+    seen = _together(keypoints)
+    track = tracks_of(edges[agrees], distances[agrees], seen.counts)
+    if track.max(initial=-1) + 1 < LEAST_LANDMARKS:
+        return _too_few(track.max(initial=-1) + 1)
+    stated = replace(nominal, tilt_rad=start.tilt_rad) if known else start
+    return _adjusted(seen, track, start, Bundle(stated, poses, np.zeros((0, 3))), tolerance)
+
+
+def _too_few(count: int) -> NoLandmarks:
+    return NoLandmarks(f"found {count} landmarks that references agree on, expected {LEAST_LANDMARKS}")
+
+
+def _keypoints(
+    count: int, read: Callable[[int], U8 | None], progress: Progress
+) -> tuple[list[Keypoints], tuple[int, int] | None]:
+    """Return the keypoints of every reference, none where its picture is missing or of another size."""
+    found, size, none = [], None, keypoints_of(np.zeros((8, 8, 3), np.uint8))
+    for number in range(count):
+        image = read(number)
+        if image is not None and size is None:
+            size = image.shape[0], image.shape[1]
+        fits = image is not None and image.shape[:2] == size
+        found.append(keypoints_of(image) if fits and image is not None else none)
+        progress(number + 1, count, "landmarks")
+    return found, size
+
+
+def _together(keypoints: Sequence[Keypoints]) -> _Seen:
+    counts = np.array([len(one.pixels) for one in keypoints], np.intp)
+    pixels = np.concatenate([one.pixels for one in keypoints]).astype(np.float64)
+    descriptors = np.concatenate([one.descriptors for one in keypoints])
+    return _Seen(pixels, descriptors, counts, np.repeat(np.arange(len(counts)), counts))
+
+
+def _adjusted(
+    seen: _Seen, track: NDArray[np.intp], start: PinholeCamera, nominal: Bundle, tolerance: Tolerance
+) -> LandmarkSet | NoLandmarks:
+    """Triangulate tracks and adjust them, dropping what does not agree."""
+    at = np.flatnonzero(track >= 0)
+    views = Views(seen.owner[at], track[at], seen.pixels[at])
+    points = triangulate(start, nominal.poses, views, int(track.max()) + 1)
+    bundle, covariance = adjust(Bundle(start, nominal.poses, points), views, nominal, tolerance, 3)
+    for limit_px in ROUNDS_PX:
+        bundle, views, at = _pruned(bundle, views, at, limit_px)
+        if len(bundle.points) < LEAST_LANDMARKS:
+            return _too_few(len(bundle.points))
+        bundle, covariance = adjust(bundle, views, nominal, tolerance, 3)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0))
+    fit = CameraFit(bundle.camera, sd, tolerance.camera[0] <= FOCAL_SD_KNOWN)
+    return _landmark_set(bundle, views, records_of(bundle, views, seen.descriptors[at]), fit)
+
+
+def _pruned(
+    bundle: Bundle, views: Views, at: NDArray[np.intp], limit_px: float
+) -> tuple[Bundle, Views, NDArray[np.intp]]:
+    """Drop observations that are too far off, and points that fewer than two references see then."""
+    kept = errors_px(bundle, views) < limit_px
+    # one observation a reference and point
+    twice = np.bincount(views.point[kept], minlength=len(bundle.points)) >= 2
+    kept &= twice[views.point]
+    views, at = views.only(kept), at[kept]
+    number = np.cumsum(twice) - 1
+    views = Views(views.reference, number[views.point], views.pixels)
+    return Bundle(bundle.camera, bundle.poses, bundle.points[twice]), views, at
+
+
+def _landmark_set(bundle: Bundle, views: Views, records: Records, fit: CameraFit) -> LandmarkSet:
+    """Keep the best, with their records."""
+    error = errors_px(bundle, views)
+    # a point takes three of the equations of its n views; 1.1774 is the median of a Rayleigh distribution
+    views_of = records.seen[views.point].astype(np.float64)
+    pixel_sd = float(max(np.median(error * np.sqrt(2 * views_of / (2 * views_of - 3))) / 1.1774, 0.3))
+    sd_m = _deviations(bundle, views, records, pixel_sd)
+    good = (sd_m[:, 1] < FARTHEST_SD_M) & (records.farthest_m > 0)
+    order = np.argsort(-records.seen, kind="stable")
+    kept = np.sort(order[good[order]][:MOST_LANDMARKS])
+    could: I32 = np.maximum(records.could_see, records.seen)
+    return LandmarkSet(
+        fit=fit,
+        points=bundle.points[kept],
+        descriptors=records.descriptors[kept].astype(np.float16).astype(np.float32),
+        sd_m=sd_m[kept],
+        seen=records.seen[kept],
+        could_see=could[kept],
+        facing_rad=records.facing_rad[kept],
+        spread_rad=records.spread_rad[kept],
+        nearest_m=records.nearest_m[kept],
+        farthest_m=records.farthest_m[kept],
+        poses=bundle.poses,
+        pixel_sd=pixel_sd,
+        agreement_px=np.percentile(error, [50, 75, 90]),
+    )
+
+
+def _deviations(bundle: Bundle, views: Views, records: Records, pixel_sd: float) -> F32:
+    """Return the standard deviations (P, 2) of where points are: across the line of sight, and along it."""
+    by_point = bundle.seen(views).by_point
+    inner = np.zeros((len(bundle.points), 3, 3))
+    np.add.at(inner, views.point, np.swapaxes(by_point, 1, 2) @ by_point)
+    covariance = np.linalg.inv(inner + 1e-6 * np.eye(3)) * pixel_sd**2
+    c, s = np.cos(records.facing_rad), np.sin(records.facing_rad)
+    along = np.stack([c, s, np.zeros_like(c)], axis=1)
+    across = np.stack([-s, c, np.zeros_like(c)], axis=1)
+    variances = [np.einsum("pi,pij,pj->p", axis, covariance, axis) for axis in (across, along)]
+    deviations: F32 = np.sqrt(np.maximum(np.stack(variances, axis=1), 0)).astype(np.float32)
+    return deviations

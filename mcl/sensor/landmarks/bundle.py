@@ -1,0 +1,179 @@
+"""Where tracks are in space, and what the camera and the references' poses must be for views to agree.
+
+A bundle adjustment (Triggs et al. 2000): references may move within the surveyor's tolerance, which also
+keeps the map's frame; the points are eliminated (Schur complement), so that what is solved has three
+unknowns a reference and three of the camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from ...arrays import F64, Bool
+from .camera import Linearized, PinholeCamera, directions, linearize
+
+DENSE = 6000  # unknowns up to which a dense solution is faster
+STEPS = 6
+SOFT_PX = 1.5  # residuals beyond it count less and less (Cauchy)
+DAMPING = 1e-5
+FARTHEST_STEP_M = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Views:
+    """O observations: which reference saw which point, and where in its picture."""
+
+    reference: NDArray[np.intp]  # (O,)
+    point: NDArray[np.intp]  # (O,)
+    pixels: F64  # (O, 2)
+
+    def only(self, kept: Bool) -> Views:
+        """Return some of them."""
+        return Views(self.reference[kept], self.point[kept], self.pixels[kept])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tolerance:
+    """Standard deviations of what may be adjusted, from what was stated."""
+
+    place_m: float = 0.0127  # of a reference along x and y: half an inch
+    heading_rad: float = float(np.radians(2.0))
+    camera: tuple[float, float, float] = (1.0, 0.3, 0.1)  # log of the focal length, tilt, distortion
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bundle:
+    """All that views depend on."""
+
+    camera: PinholeCamera
+    poses: F64  # (L, 3)
+    points: F64  # (P, 3)
+
+    def seen(self, views: Views) -> Linearized:
+        """Project what was seen from where it was seen."""
+        return linearize(self.camera, self.poses[views.reference], self.points[views.point])
+
+
+def triangulate(camera: PinholeCamera, poses: F64, views: Views, count: int) -> F64:
+    """Return where points (count, 3) are: nearest to all lines of sight in the plane, then their height."""
+    angle, slope = directions(camera, views.pixels)
+    angle = angle + poses[views.reference, 2]
+    start = poses[views.reference, :2]
+    normal = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    offset = np.sum(normal * start, axis=1)
+    left = np.zeros((count, 2, 2))
+    right = np.zeros((count, 2))
+    np.add.at(left, views.point, normal[:, :, None] * normal[:, None, :])
+    np.add.at(right, views.point, normal * offset[:, None])
+    left += 1e-9 * np.eye(2)
+    middle = np.zeros((count, 2))
+    np.add.at(middle, views.point, start)
+    seen = np.maximum(np.bincount(views.point, minlength=count), 1)
+    right += 1e-9 * middle / seen[:, None]
+    places = np.linalg.solve(left, right[:, :, None])[:, :, 0]
+    range_m = np.hypot(*(places[views.point] - start).T)
+    height = np.bincount(views.point, range_m * slope, minlength=count) / seen
+    return np.column_stack([places, height + camera.height_m])
+
+
+def adjust(
+    bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance, steps: int = STEPS
+) -> tuple[Bundle, F64]:
+    """Adjust points, poses and camera until views agree; return them with the camera's covariance (3, 3).
+
+    `nominal` holds the poses and the camera as they were stated.
+    """
+    covariance = np.zeros((3, 3))
+    for _ in range(steps):
+        bundle, covariance = _step(bundle, views, nominal, tolerance)
+    return bundle, covariance
+
+
+def errors_px(bundle: Bundle, views: Views) -> F64:
+    """Return how far (O,) each observation is from where it should be; infinite behind the camera."""
+    seen = bundle.seen(views)
+    return np.where(seen.depth > 0.05, np.hypot(*(seen.pixels - views.pixels).T), np.inf)
+
+
+def weights_of(error_px: F64, soft_px: float = SOFT_PX) -> F64:
+    """Return the weights (O,) of residuals: 1, less and less beyond `soft_px`."""
+    return np.asarray(1 / (1 + (error_px / soft_px) ** 2))
+
+
+def _step(bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance) -> tuple[Bundle, F64]:
+    """One step of Gauss and Newton with a little damping."""
+    count, places = len(bundle.points), len(bundle.poses)
+    seen = bundle.seen(views)
+    off = views.pixels - seen.pixels
+    error = np.hypot(*off.T)
+    weight = np.where(seen.depth > 0.05, weights_of(error), 0.0)
+    root = np.sqrt(weight)[:, None]
+    off = (off * root).reshape(-1)
+    derivatives = seen.by_pose, seen.by_point, seen.by_camera
+    by_pose, by_point, by_camera = (d * root[:, :, None] for d in derivatives)
+    rows = np.arange(2 * len(error)).reshape(-1, 2)
+    of_camera = sparse.csr_matrix(by_camera.reshape(-1, 3))
+    wide = sparse.hstack([_blocks(rows, views.reference, by_pose, places), of_camera]).tocsr()
+    point = _blocks(rows, views.point, by_point, count)
+    inner = np.zeros((count, 3, 3))
+    np.add.at(inner, views.point, np.swapaxes(by_point, 1, 2) @ by_point)
+    inner += DAMPING * np.eye(3) * (1e-6 + np.trace(inner, axis1=1, axis2=2)[:, None, None])
+    inverse = _diagonal(np.asarray(np.linalg.inv(inner), np.float64))
+    between = (wide.T @ point).tocsr()
+    eliminated = between @ inverse
+    prior, pull = _prior(bundle, nominal, tolerance)
+    outer = (wide.T @ wide - eliminated @ between.T + sparse.diags(prior)).tocsc()
+    right = wide.T @ off + prior * pull - eliminated @ (point.T @ off)
+    change, covariance = _solve(outer, right)
+    points = inverse @ (point.T @ off - between.T @ change)
+    points = np.clip(points.reshape(-1, 3), -FARTHEST_STEP_M, FARTHEST_STEP_M)
+    moved = Bundle(
+        bundle.camera.with_values(bundle.camera.values + change[-3:]),
+        bundle.poses + change[:-3].reshape(-1, 3),
+        bundle.points + points,
+    )
+    freedom = max(2 * float(weight.sum()) - 3 * (count + places + 1), 0.1 * len(error))
+    variance = float(np.sum(off**2)) / freedom
+    return moved, covariance * max(variance, 1e-6)
+
+
+def _prior(bundle: Bundle, nominal: Bundle, tolerance: Tolerance) -> tuple[F64, F64]:
+    """Return the information of what was stated about poses and camera, and how far off they are."""
+    sd = np.array([tolerance.place_m, tolerance.place_m, tolerance.heading_rad])
+    informed = np.concatenate([np.tile(1 / sd**2, len(bundle.poses)), 1 / np.array(tolerance.camera) ** 2])
+    pull = [(nominal.poses - bundle.poses).ravel(), nominal.camera.values - bundle.camera.values]
+    return informed, np.concatenate(pull)
+
+
+def _solve(outer: sparse.csc_matrix, right: F64) -> tuple[F64, F64]:
+    """Solve for the change, and for the covariance of its last three."""
+    last = np.zeros((len(right), 3))
+    last[-3:] = np.eye(3)
+    wanted = np.column_stack([right, last])
+    if len(right) <= DENSE:
+        solved = np.linalg.solve(outer.toarray(), wanted)
+    else:
+        solved = np.asarray(spsolve(outer, wanted))
+    return solved[:, 0], solved[-3:, 1:]
+
+
+def _blocks(rows: NDArray[np.intp], columns: NDArray[np.intp], values: F64, count: int) -> sparse.csr_matrix:
+    """Return a sparse matrix of blocks (O, 2, 3), one in each pair of rows."""
+    at = 3 * columns[:, None, None] + np.arange(3)
+    across = np.broadcast_to(at, values.shape).ravel()
+    down = np.broadcast_to(rows[:, :, None], values.shape).ravel()
+    return sparse.csr_matrix((values.ravel(), (down, across)), shape=(rows.size, 3 * count))
+
+
+def _diagonal(blocks: F64) -> sparse.csr_matrix:
+    """Return a sparse matrix with blocks (P, 3, 3) on its diagonal."""
+    first = 3 * np.arange(len(blocks))[:, None, None]
+    down = np.broadcast_to(first + np.arange(3)[:, None], blocks.shape).ravel()
+    across = np.broadcast_to(first + np.arange(3), blocks.shape).ravel()
+    size = 3 * len(blocks)
+    return sparse.csr_matrix((blocks.ravel(), (down, across)), shape=(size, size))

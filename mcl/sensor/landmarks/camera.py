@@ -1,0 +1,138 @@
+"""A pinhole camera on a robot in the plane: where points fall in its picture, for many poses at once.
+
+Its height above the floor is not observable from pictures taken in one plane: points and camera could all
+be higher. It only moves the heights of landmarks, not the robot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import F32, F64
+
+NEAREST_M = 0.05  # a point nearer than this to the plane of the lens, or behind it, is not seen
+NOWHERE_PX = np.float32(1e4)  # where such a point is said to fall: far outside any picture
+
+
+@dataclass(frozen=True, slots=True)
+class PinholeCamera:
+    """Optics and mount of a camera; x right, y down, and a radial distortion 1 + k r^2."""
+
+    width_px: int
+    height_px: int
+    focal_px: float
+    tilt_rad: float = 0.0  # up
+    distortion: float = 0.0
+    yaw_rad: float = 0.0  # counter-clockwise from the robot's forward
+    height_m: float = 0.0  # of the camera; only differences to it are observable
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """The principal point: the middle of the picture."""
+        return self.width_px / 2 - 0.5, self.height_px / 2 - 0.5
+
+    def with_values(self, values: F64) -> PinholeCamera:
+        """Return the camera with other (3,) log of the focal length, tilt and distortion."""
+        log_focal, tilt, distortion = (float(v) for v in values)
+        return replace(self, focal_px=float(np.exp(log_focal)), tilt_rad=tilt, distortion=distortion)
+
+    @property
+    def values(self) -> F64:
+        """The log of the focal length, tilt and distortion: what is fitted."""
+        return np.array([np.log(self.focal_px), self.tilt_rad, self.distortion])
+
+
+def project(camera: PinholeCamera, poses: F32, points: F32) -> tuple[F32, F32]:
+    """Return where points (M, 3) fall for each pose (N, 3): pixels (2, N, M), and their depth (N, M).
+
+    Poses and points are relative to one origin. A point behind the camera falls far outside the picture.
+    """
+    heading = poses[:, 2] + np.float32(camera.yaw_rad)
+    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    # forward = c (X - x) + s (Y - y), right = s (X - x) - c (Y - y): two products over all pairs
+    x, y = poses[:, :1], poses[:, 1:2]
+    ahead = np.concatenate([c, s, -(c * x + s * y)], axis=1) @ _columns(points)
+    right = np.concatenate([s, -c, c * y - s * x], axis=1) @ _columns(points)
+    up = points[:, 2] - np.float32(camera.height_m)
+    cp, sp = np.float32(np.cos(camera.tilt_rad)), np.float32(np.sin(camera.tilt_rad))
+    depth = cp * ahead
+    depth += sp * up
+    down = sp * ahead
+    down -= cp * up
+    seen = depth > NEAREST_M
+    scale = np.float32(camera.focal_px) / np.where(seen, depth, 1)
+    right *= scale
+    down *= scale
+    if camera.distortion:
+        bent = np.float32(camera.distortion / camera.focal_px**2) * (right * right + down * down) + 1
+        right *= bent
+        down *= bent
+    right += np.float32(camera.middle[0])
+    down += np.float32(camera.middle[1])
+    right[~seen] = NOWHERE_PX
+    return np.stack([right, down]), depth
+
+
+def _columns(points: F32) -> F32:
+    return np.stack([points[:, 0], points[:, 1], np.ones(len(points), np.float32)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearized:
+    """Projections of O pairs of pose and point, with their derivatives."""
+
+    pixels: F64  # (O, 2)
+    depth: F64  # (O,)
+    by_pose: F64  # (O, 2, 3)
+    by_point: F64  # (O, 2, 3)
+    by_camera: F64  # (O, 2, 3) log of the focal length, tilt, distortion
+
+
+def linearize(camera: PinholeCamera, poses: F64, points: F64) -> Linearized:
+    """Project each point (O, 3) from its pose (O, 3), with derivatives by pose, point and camera."""
+    heading = poses[:, 2] + camera.yaw_rad
+    c, s = np.cos(heading), np.sin(heading)
+    dx, dy = points[:, 0] - poses[:, 0], points[:, 1] - poses[:, 1]
+    ahead, right, up = c * dx + s * dy, s * dx - c * dy, points[:, 2] - camera.height_m
+    cp, sp = np.cos(camera.tilt_rad), np.sin(camera.tilt_rad)
+    depth = cp * ahead + sp * up
+    down = sp * ahead - cp * up
+    inverse = 1 / np.where(np.abs(depth) < NEAREST_M, NEAREST_M, depth)
+    x, y = right * inverse, down * inverse
+    f, k, square = camera.focal_px, camera.distortion, x**2 + y**2
+    bent = 1 + k * square
+    pixels = np.stack([camera.middle[0] + f * x * bent, camera.middle[1] + f * y * bent], axis=1)
+    by_xy = f * _stack([[bent + 2 * k * x * x, 2 * k * x * y], [2 * k * x * y, bent + 2 * k * y * y]])
+    zero = np.zeros_like(x)
+    # of (x, y) by (ahead, right, up)
+    inner = _stack([[-x * cp, zero + 1, -x * sp], [sp - y * cp, zero, -cp - y * sp]]) * inverse[:, None, None]
+    by_local = by_xy @ inner
+    turn = _stack([[c, s, zero], [s, -c, zero], [zero, zero, zero + 1]])
+    by_point = by_local @ turn
+    by_heading = by_local @ np.stack([-right, ahead, zero], axis=1)[:, :, None]
+    by_tilt = by_xy @ np.stack([x * down * inverse, 1 + y * down * inverse], axis=1)[:, :, None]
+    by_focal = np.stack([f * x * bent, f * y * bent], axis=1)[:, :, None]
+    by_distortion = np.stack([f * x * square, f * y * square], axis=1)[:, :, None]
+    by_pose = np.concatenate([-by_point[:, :, :2], by_heading], axis=2)
+    return Linearized(pixels, depth, by_pose, by_point, np.dstack([by_focal, by_tilt, by_distortion]))
+
+
+def _stack(rows: list[list[F64]]) -> F64:
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+
+
+def directions(camera: PinholeCamera, pixels: F64) -> tuple[F64, F64]:
+    """Return where pixels (K, 2) look: the angle from the robot's forward, and the slope up.
+
+    The angle is counter-clockwise in the plane of the floor; the slope is height over distance there.
+    """
+    bent = (np.asarray(pixels, np.float64) - camera.middle) / camera.focal_px
+    straight = bent
+    for _ in range(5):
+        straight = bent / (1 + camera.distortion * np.sum(straight**2, axis=1, keepdims=True))
+    x, y = straight[:, 0], straight[:, 1]
+    cp, sp = np.cos(camera.tilt_rad), np.sin(camera.tilt_rad)
+    ahead, up = cp + sp * y, sp - cp * y
+    return np.arctan2(-x, ahead) + camera.yaw_rad, up / np.hypot(ahead, x)

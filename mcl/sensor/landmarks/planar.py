@@ -1,0 +1,166 @@
+"""Where a robot in the plane must be to see matched landmarks where it does: robust, and with its covariance.
+
+A camera of known tilt leaves three unknowns. With c and s the cosine and sine of the heading, and (a, b) the
+robot's place turned into its own frame, a match gives two equations that are linear in (c, s, a, b): its
+direction in the plane, and its slope. Two matches give a hypothesis; all are scored at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import F32, F64
+from ...geometry import wrap
+from .camera import PinholeCamera, directions, linearize, project
+
+HYPOTHESES = 400
+WIDE_PX = 4.0  # standard deviation that hypotheses are scored with, and refinement begins with
+REFINED = 8  # hypotheses
+STEPS = 8
+OFF_SCALE = 0.35  # by which c^2 + s^2 of a hypothesis may differ from one
+FARTHEST_STEP = 0.5  # meters or radians, of one step of refinement
+APART_M, APART_RAD = 0.15, 0.15  # modes nearer to each other are one
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matched:
+    """K matches of keypoints to landmarks."""
+
+    pixels: F64  # (K, 2)
+    points: F64  # (K, 3)
+    inlier: F64  # (K,) probability of being right, before anything is known of the pose
+    sd_px: F64  # (K,) of a right one, along one axis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mode:
+    """One pose that matches agree on."""
+
+    pose: F64  # (3,)
+    covariance: F64  # (3, 3)
+    score: float  # nats above no agreement at all
+    inliers: float  # expected number of right matches
+
+
+def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int = 4) -> list[Mode]:
+    """Return the poses that matches agree on, best first, at most `most`."""
+    if len(matched.pixels) < 3:
+        return []
+    hypotheses = hypotheses_of(camera, matched)
+    if not len(hypotheses):
+        return []
+    order = np.argsort(-scores(camera, matched, hypotheses, area_px), kind="stable")
+    chosen: list[F64] = []
+    for pose in hypotheses[order]:
+        if len(chosen) == REFINED:
+            break
+        if all(_apart(pose, other) for other in chosen):
+            chosen.append(pose)
+    found: list[Mode] = []
+    for mode in sorted(refined(camera, matched, np.array(chosen), area_px), key=lambda m: -m.score):
+        if all(_apart(mode.pose, other.pose) for other in found):
+            found.append(mode)
+    return found[:most]
+
+
+def _apart(pose: F64, other: F64) -> bool:
+    turned = abs(float(wrap(pose[2:] - other[2])[0]))
+    return float(np.hypot(*(pose[:2] - other[:2]))) > APART_M or turned > APART_RAD
+
+
+def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = HYPOTHESES) -> F64:
+    """Return poses (H, 3) of pairs of matches, drawn by their chance of being right; always the same."""
+    first, second = _pairs(matched.inlier, count)
+    angle, slope = directions(camera, matched.pixels)
+    c, s = np.cos(angle - camera.yaw_rad), np.sin(angle - camera.yaw_rad)
+    x, y, z = matched.points.T
+    zero, up = np.zeros_like(c), z - camera.height_m
+    # robot's frame: p = (cX + sY - a, -sX + cY - b); across: sin p_x = cos p_y; along: slope * |p| = up
+    across = np.stack([s * x - c * y, s * y + c * x, -s, c], axis=1)
+    along = slope[:, None] * np.stack([c * x + s * y, c * y - s * x, -c, -s], axis=1)
+    left = np.stack([across[first], along[first], across[second], along[second]], axis=1)
+    right = np.stack([zero[first], up[first], zero[second], up[second]], axis=1)
+    solvable = np.abs(np.linalg.det(left)) > 1e-9
+    solved = np.linalg.solve(left[solvable], right[solvable][:, :, None])[:, :, 0]
+    scale = np.hypot(solved[:, 0], solved[:, 1])
+    sane = np.abs(scale - 1) < OFF_SCALE
+    heading = np.arctan2(solved[sane, 1], solved[sane, 0])
+    a, b = solved[sane, 2], solved[sane, 3]
+    ch, sh = np.cos(heading), np.sin(heading)
+    return np.column_stack([ch * a - sh * b, sh * a + ch * b, wrap(heading - camera.yaw_rad)])
+
+
+def _pairs(chance: F64, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return numbers of pairs, the likeliest right first."""
+    first, second = np.triu_indices(len(chance), 1)
+    if len(first) > count:
+        rng = np.random.default_rng(0)
+        weight = chance[first] * chance[second]
+        kept = rng.choice(len(first), count, replace=False, p=weight / weight.sum())
+        first, second = first[kept], second[kept]
+    return first.astype(np.intp), second.astype(np.intp)
+
+
+def outlier_part(inlier: F64, sd_px: F64, area_px: float) -> F64:
+    """Return the density of wrong matches (K,) over that of right ones at their best."""
+    return (1 - inlier) / inlier * (2 * np.pi * sd_px**2 / area_px)
+
+
+def scores(camera: PinholeCamera, matched: Matched, poses: F64, area_px: float) -> F64:
+    """Return how many nats (H,) above no agreement poses (H, 3) are, with wide residuals."""
+    sd = np.hypot(matched.sd_px, WIDE_PX)
+    origin = poses[:1, :2].mean(axis=0)
+    near = (poses - [*origin, 0.0]).astype(np.float32)
+    pixels, _ = project(camera, near, (matched.points - [*origin, 0.0]).astype(np.float32))
+    off = pixels - matched.pixels.T[:, None, :].astype(np.float32)
+    agree: F32 = np.exp(-0.5 * (off[0] ** 2 + off[1] ** 2) / (sd**2).astype(np.float32))
+    wrong = outlier_part(matched.inlier, sd, area_px)
+    return np.asarray(np.log1p(agree / wrong.astype(np.float32)).sum(axis=1), np.float64)
+
+
+def refined(camera: PinholeCamera, matched: Matched, poses: F64, area_px: float) -> list[Mode]:
+    """Refine poses (H, 3) by expectation and maximization, from wide residuals to the true ones."""
+    for step in range(STEPS):
+        sd = np.hypot(matched.sd_px, WIDE_PX * 0.5**step)
+        agreed = _agreement(camera, matched, poses, sd, area_px)
+        change = np.linalg.solve(agreed.information, agreed.pull[:, :, None])[:, :, 0]
+        poses = poses + np.clip(change, -FARTHEST_STEP, FARTHEST_STEP)
+    agreed = _agreement(camera, matched, poses, matched.sd_px, area_px)
+    poses = np.column_stack([poses[:, :2], wrap(poses[:, 2])])
+    covariances = np.linalg.inv(agreed.information) * agreed.variance[:, None, None]
+    values = zip(poses, covariances, agreed.score.tolist(), agreed.inliers.tolist(), strict=True)
+    return [Mode(*value) for value in values]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Agreement:
+    """How matches agree with H poses."""
+
+    information: F64  # (H, 3, 3)
+    pull: F64  # (H, 3)
+    score: F64  # (H,)
+    inliers: F64  # (H,)
+    variance: F64  # (H,) of the residuals of right matches, over what was expected; at least 1
+
+
+def _agreement(camera: PinholeCamera, matched: Matched, poses: F64, sd: F64, area_px: float) -> _Agreement:
+    shape = len(poses), len(matched.points)
+    points = np.broadcast_to(matched.points, (*shape, 3)).reshape(-1, 3)
+    seen = linearize(camera, np.repeat(poses, shape[1], axis=0), points)
+    off = matched.pixels - seen.pixels.reshape(*shape, 2)
+    by_pose = seen.by_pose.reshape(*shape, 2, 3)
+    squared = np.sum(off**2, axis=2) / sd**2
+    agree = np.where(seen.depth.reshape(shape) > 0.05, np.exp(-0.5 * squared), 0.0)
+    wrong = outlier_part(matched.inlier, sd, area_px)
+    right = agree / (agree + wrong)
+    weighted = by_pose * (right / sd**2)[:, :, None, None]
+    flat = weighted.reshape(shape[0], -1, 3)
+    information = np.swapaxes(flat, 1, 2) @ by_pose.reshape(shape[0], -1, 3) + 1e-6 * np.eye(3)
+    pull = np.einsum("hnj,hn->hj", flat, off.reshape(shape[0], -1))
+    inliers = right.sum(axis=1)
+    variance = np.sum(right * squared, axis=1) / np.maximum(2 * inliers - 3, 1.0)
+    score = np.log1p(agree / wrong).sum(axis=1)
+    return _Agreement(information, pull, score, inliers, np.maximum(variance, 1.0))

@@ -1,0 +1,183 @@
+"""The landmark sensor: a picture's keypoints, matched to landmarks, say how likely any pose is.
+
+It needs no reference picture while it runs: only where landmarks are, what they look like, and how often
+each was found where it could have been.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import F32, F64, U8
+from ...pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
+from ...session import Frame
+from .camera import project
+from .features import Keypoints, keypoints_of
+from .landmark_set import LandmarkSet
+from .picture import shown_of
+from .planar import Matched, Mode, modes_of
+
+RATIO = 0.95  # of the second distance that the first has to stay under
+ELSEWHERE_M = 0.2  # a second landmark nearer to the first than this is the same thing
+# ratios of the two distances, and the share of right matches at them, on drives in fitting arenas
+RATIOS, RIGHT = (0.55, 0.65, 0.75, 0.85, 0.92, 0.95), (0.97, 0.85, 0.62, 0.27, 0.1, 0.07)
+INDEPENDENT = 4.0  # right matches that count in full: more share their errors; fitted on the same drives
+LEAST_MATCHES = 4
+LEAST_SCORE = 20.0  # nats of a proposal above no agreement at all
+LEAST_INLIERS = 3.5  # right matches of a proposal: two agree by construction
+COMPETES = 6.0  # nats below the best that another proposal may be
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LandmarkReading:
+    """The keypoints of one picture, and K matches to landmarks."""
+
+    image: U8 | None  # (H, W, 3), to be shown
+    keypoints: Keypoints
+    keypoint: NDArray[np.intp]  # (K,) numbers of keypoints
+    landmark: NDArray[np.intp]  # (K,) numbers of landmarks
+    inlier: F32  # (K,) probability of being right, before anything is known of the pose
+
+    @property
+    def pixels(self) -> F32:
+        """Where the matched keypoints are (K, 2)."""
+        return self.keypoints.pixels[self.keypoint]
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """A sensor model over landmarks; see `maurice_mcl.PoseSensor`."""
+
+    map: LandmarkSet
+
+    @property
+    def name(self) -> str:
+        """The key of `sensor.weights`."""
+        return "landmarks"
+
+    def read(self, frame: Frame) -> LandmarkReading | None:
+        """Find the keypoints of a picture and the landmarks that they may be; None: too few."""
+        camera = self.map.fit.camera
+        if frame.image.shape[:2] != (camera.height_px, camera.width_px):
+            return None
+        return self.matched(keypoints_of(frame.image), frame.image)
+
+    def matched(self, keypoints: Keypoints, image: U8 | None = None) -> LandmarkReading | None:
+        """Match keypoints to all landmarks; None: fewer than `LEAST_MATCHES`."""
+        if len(keypoints.pixels) < LEAST_MATCHES:
+            return None
+        product = keypoints.descriptors @ self.map.descriptors.T
+        rows, best = np.arange(len(product)), product.argmax(axis=1)
+        nearest = product[rows, best].copy()
+        following = np.full(len(rows), -1.0, np.float32)
+        product[rows, best] = -1
+        for _ in range(3):  # the next that is elsewhere
+            other = product.argmax(axis=1)
+            apart = np.linalg.norm(self.map.points[other] - self.map.points[best], axis=1) > ELSEWHERE_M
+            following = np.where((following < 0) & apart, product[rows, other], following)
+            product[rows, other] = -1
+        following = np.where(following < 0, product[rows, other], following)
+        near, far = (np.sqrt(np.maximum(2 - 2 * v, 1e-9)) for v in (nearest, following))
+        ratio = near / far
+        kept = np.flatnonzero(ratio < RATIO)
+        # one keypoint a landmark: the nearest
+        kept = kept[np.argsort(near[kept], kind="stable")]
+        kept = np.sort(kept[np.unique(best[kept], return_index=True)[1]])
+        if len(kept) < LEAST_MATCHES:
+            return None
+        inlier = np.interp(ratio[kept], RATIOS, RIGHT).astype(np.float32)
+        return LandmarkReading(image, keypoints, kept, best[kept], inlier)
+
+    def log_likelihood(
+        self, reading: LandmarkReading, poses: F32, origin: F64, spread: PoseSpread = EXACT
+    ) -> F32:
+        """Return the nats (N,) of poses (N, 3): 0 where all matches are where they should be, else below."""
+        camera, area = self.map.fit.camera, self._area_px
+        points = (self.map.points[reading.landmark] - [*origin, 0.0]).astype(np.float32)
+        pixels, depth = project(camera, poses, points)
+        off = pixels - reading.pixels.T[:, None, :]
+        squared = off[0] ** 2
+        squared += off[1] ** 2
+        turned = np.float32((camera.focal_px * spread.heading_rad) ** 2)
+        variance: Any = self._variance_px[reading.landmark] + turned
+        if spread.position_m:
+            near = np.maximum(depth, np.float32(self._nearest_m))
+            shifted = np.float32(camera.focal_px * spread.position_m) / near
+            variance = variance + shifted * shifted
+        squared /= -2 * variance
+        agree = np.exp(squared).astype(np.float32, copy=False)
+        agree *= self._faced(reading, poses, points)
+        odds = (1 - reading.inlier) / reading.inlier * np.float32(2 * np.pi / area)
+        wrong = odds * variance
+        nats = np.log((agree + wrong) / (1 + wrong)).sum(axis=1)
+        return np.asarray(nats * np.float32(self._share(reading)), np.float32)
+
+    def propose(self, reading: LandmarkReading) -> PoseProposal | None:
+        """Return where the matches alone put the robot; None where they agree on nothing."""
+        modes = [mode for mode in self.modes(reading) if _convinces(mode)]
+        modes = [mode for mode in modes if mode.score > modes[0].score - COMPETES]
+        if not modes:
+            return None
+        score = np.array([mode.score for mode in modes]) * self._share(reading)
+        weights = np.exp(score - score.max())
+        covariances = np.stack([mode.covariance for mode in modes]) / self._share(reading)
+        return PoseProposal(np.stack([mode.pose for mode in modes]), covariances, weights / weights.sum())
+
+    def modes(self, reading: LandmarkReading) -> list[Mode]:
+        """Return the poses that the matches agree on, best first."""
+        sd = np.sqrt(self._variance_px[reading.landmark].astype(np.float64))
+        points = self.map.points[reading.landmark]
+        inlier = reading.inlier.astype(np.float64)
+        matched = Matched(reading.pixels.astype(np.float64), points, inlier, sd)
+        return modes_of(self.map.fit.camera, matched, self._area_px)
+
+    def shown(self, reading: LandmarkReading, poses: Mapping[str, F64]) -> Shown:
+        """Return matches and reprojections in the picture, landmarks on the map, and how many agree."""
+        return shown_of(self.map, reading.image, reading.pixels, reading.landmark, poses)
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Return everything as arrays, for a file."""
+        return self.map.to_arrays()
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Landmarks:
+        """Return the sensor of `to_arrays`. ValueError for arrays that are not."""
+        return cls(LandmarkSet.from_arrays(arrays))
+
+    def _share(self, reading: LandmarkReading) -> float:
+        """Return what share of the matches' nats counts: many of them share their errors."""
+        return INDEPENDENT / max(INDEPENDENT, float(reading.inlier.sum()))
+
+    def _faced(self, reading: LandmarkReading, poses: F32, points: F32) -> F32:
+        """Return 1 where a pose is on the side of a landmark that it was seen from, else 0: (N, K)."""
+        facing = self.map.facing_rad[reading.landmark]
+        c, s = np.cos(facing), np.sin(facing)
+        line = np.stack([c, s, -(c * points[:, 0] + s * points[:, 1])])
+        places = np.column_stack([poses[:, :2], np.ones(len(poses), np.float32)])
+        return (places @ line > 0).astype(np.float32)
+
+    @cached_property
+    def _variance_px(self) -> F32:
+        """Variance (M,) of a reprojection along one axis: of the keypoint, and of the landmark itself."""
+        range_m = np.sqrt(np.maximum(self.map.nearest_m * self.map.farthest_m, 0.01))
+        own: F32 = self.map.fit.camera.focal_px * self.map.sd_m[:, 0] / range_m
+        deviation = np.hypot(own, np.float32(self.map.pixel_sd))
+        return np.asarray(deviation * deviation, np.float32)
+
+    @cached_property
+    def _nearest_m(self) -> float:
+        return max(float(np.percentile(self.map.nearest_m, 1)) / 2, 0.05)
+
+    @property
+    def _area_px(self) -> float:
+        return float(self.map.fit.camera.width_px * self.map.fit.camera.height_px)
+
+
+def _convinces(mode: Mode) -> bool:
+    return mode.score > LEAST_SCORE and mode.inliers > LEAST_INLIERS

@@ -1,0 +1,180 @@
+"""Landmarks of a synthetic room: where they are, what camera saw them, and how likely poses are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from maurice_mcl.pose_sensor import EXACT, PoseSpread
+from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
+from maurice_mcl.sensor.landmarks.sensor import Landmarks
+from maurice_mcl.session import Frame
+
+from .conftest import CAMERA, KNOWN, built
+
+POSE = np.array([1.3, 1.6, 0.4])
+ORIGIN = np.array([1.5, 1.5])
+
+
+def near(poses):
+    return (np.atleast_2d(poses) - [*ORIGIN, 0.0]).astype(np.float32)
+
+
+def frame_of(image):
+    return Frame(1, 0.0, np.zeros((0, 3)), image, "")
+
+
+@pytest.fixture(scope="module")
+def reading(landmarks, room):
+    found = landmarks.matched(room.keypoints(POSE, 0.5, 99))
+    assert found is not None
+    return found
+
+
+def test_landmarks_are_where_the_points_are(landmark_set, room):
+    apart = np.linalg.norm(landmark_set.points[:, None] - room.points, axis=2).min(axis=1)
+    assert len(apart) > 150
+    assert np.median(apart) < 0.01
+    assert np.percentile(apart, 95) < 0.06
+
+
+def test_references_come_nearer_to_where_they_really_were(landmark_set, references):
+    stated, true = references
+    before, after = (np.abs(poses - true)[:, 2].mean() for poses in (stated, landmark_set.poses))
+    assert after < before / 3
+
+
+def test_tilt_is_fitted(landmark_set):
+    assert landmark_set.fit.focal_known
+    assert landmark_set.fit.camera.tilt_rad == pytest.approx(CAMERA.tilt_rad, abs=0.003)
+
+
+def test_an_unknown_focal_length_is_within_its_interval(room, references):
+    fit = built(room, references, None).fit
+    low, high = fit.focal_interval_px
+    assert not fit.focal_known
+    assert abs(np.log(fit.camera.focal_px / CAMERA.focal_px)) < 4 * fit.sd[0]
+    assert low < fit.camera.focal_px < high
+    assert high / low < 1.05
+
+
+def test_a_record_has_no_more_seen_than_could_be(landmark_set):
+    assert (landmark_set.seen >= 2).all()
+    assert (landmark_set.seen <= landmark_set.could_see).all()
+
+
+def test_likelihood_is_zero_at_perfect_agreement_and_bounded(landmarks, room):
+    # keypoints exactly where the landmarks fall
+    keypoints = room.keypoints(POSE)
+    reading = landmarks.matched(keypoints)
+    fallen = landmarks.shown(reading, {"estimate": POSE}).marks[0].strips[:, 1]
+    keypoints.pixels[reading.keypoint] = fallen
+    poses = np.array([POSE, [1.4, 1.6, 0.4], [1.3, 1.6, 0.4 - np.pi], [90.0, -90.0, 1.0]])
+    nats = landmarks.log_likelihood(reading, near(poses), ORIGIN)
+    assert nats.dtype == np.float32
+    assert nats[0] == pytest.approx(0, abs=0.02)
+    assert (nats[1:] < -5).all()
+    assert np.isfinite(nats).all()
+    assert nats[2] == pytest.approx(nats[3], rel=0.05)
+
+
+def test_likelihood_is_highest_near_the_truth(landmarks, reading):
+    rng = np.random.default_rng(3)
+    poses = np.concatenate([POSE[None], POSE + rng.normal(0, 1, (300, 3)) * [0.3, 0.3, 0.3]])
+    nats = landmarks.log_likelihood(reading, near(poses), ORIGIN)
+    best = poses[nats.argmax()] - POSE
+    assert np.hypot(*best[:2]) < 0.05
+    assert (nats <= 0).all()
+
+
+def test_the_origin_does_not_matter(landmarks, reading):
+    one = landmarks.log_likelihood(reading, near(POSE), ORIGIN)
+    other = landmarks.log_likelihood(
+        reading, (POSE - [9.0, -7.0, 0])[None].astype(np.float32), np.array([9.0, -7.0])
+    )
+    assert one == pytest.approx(other, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", ["position_m", "heading_rad"])
+def test_a_wider_spread_forgives_more(landmarks, reading, kind):
+    poses = near(POSE + np.random.default_rng(4).normal(0, 0.1, (50, 3)))
+    last = landmarks.log_likelihood(reading, poses, ORIGIN, EXACT)
+    for width in (0.01, 0.05, 0.2, 1.0):
+        now = landmarks.log_likelihood(reading, poses, ORIGIN, PoseSpread(**{kind: width}))
+        assert (now >= last - 1e-4).all()
+        last = now
+    assert (last > -6).all()
+
+
+def test_a_picture_proposes_where_it_was_taken(landmarks, reading):
+    proposal = landmarks.propose(reading)
+    assert proposal.weights.sum() == pytest.approx(1)
+    off = proposal.poses[0] - POSE
+    assert np.hypot(*off[:2]) < 0.05
+    assert abs(off[2]) < 0.02
+    assert off @ np.linalg.solve(proposal.covariances[0], off) < 25
+
+
+def test_matches_by_chance_propose_nothing(landmarks, room):
+    keypoints = room.keypoints(POSE, 0.5, 5)
+    rng = np.random.default_rng(6)
+    keypoints.pixels[:] = rng.uniform(0, 1, keypoints.pixels.shape) * [176, 144]
+    assert landmarks.propose(landmarks.matched(keypoints)) is None
+
+
+def test_a_blank_picture_says_nothing(landmarks):
+    assert landmarks.read(frame_of(np.full((144, 176, 3), 90, np.uint8))) is None
+
+
+def test_a_picture_of_another_size_says_nothing(landmarks):
+    noise = np.random.default_rng(0).integers(0, 255, (72, 88, 3), np.uint8)
+    assert landmarks.read(frame_of(noise)) is None
+
+
+def test_arrays_hold_everything(landmarks, reading):
+    again = Landmarks.from_arrays(landmarks.to_arrays())
+    assert again.map.fit.camera == landmarks.map.fit.camera
+    poses = near(POSE + np.random.default_rng(4).normal(0, 0.1, (50, 3)))
+    np.testing.assert_array_equal(
+        again.log_likelihood(reading, poses, ORIGIN), landmarks.log_likelihood(reading, poses, ORIGIN)
+    )
+    np.testing.assert_array_equal(again.map.descriptors, landmarks.map.descriptors)
+
+
+@pytest.mark.parametrize("name", ["points", "camera", "seen"])
+def test_arrays_that_do_not_fit_are_named(landmarks, name):
+    arrays = landmarks.to_arrays()
+    del arrays[name]
+    with pytest.raises(ValueError, match=name):
+        Landmarks.from_arrays(arrays)
+    short = {**landmarks.to_arrays(), "seen": np.zeros(3, np.int32)}
+    with pytest.raises(ValueError, match="3 rows of 'seen'"):
+        Landmarks.from_arrays(short)
+
+
+def test_what_is_shown_counts_those_that_agree(landmarks, reading):
+    shown = landmarks.shown(reading, {"estimate": POSE, "truth": POSE})
+    count = len(reading.landmark)
+    agreeing = int(shown.marks[-1].agrees.sum())
+    assert agreeing > 0.8 * count
+    assert shown.words == f"{agreeing} of {count} matched landmarks agree"
+    assert {mark.view for mark in shown.marks} == {"landmarks", "map"}
+
+
+def test_references_that_see_nothing_have_no_landmarks(tiny, room, references):
+    blank = build_landmarks(tiny, None, lambda number: np.zeros((24, 32, 3), np.uint8))
+    assert blank == NoLandmarks(
+        "found 0 references with keypoints, expected 8 or more in pictures of one size"
+    )
+    missing = build_landmarks(tiny, None, lambda number: None)
+    assert isinstance(missing, NoLandmarks)
+    apart = [room.keypoints(pose) for pose in references[1]]
+    far = references[0] + np.arange(len(apart))[:, None] * [50.0, 0, 0]
+    assert isinstance(landmarks_of(apart, (144, 176), far, KNOWN), NoLandmarks)
+
+
+@pytest.fixture(scope="module")
+def tiny():
+    from maurice_mcl.examples import tiny_library
+
+    return tiny_library()
