@@ -13,6 +13,7 @@ from maurice_loaders.session_log.writer import SessionWriter
 
 from .planting import Planted
 
+MOTION = "motion"  # of the settings: what the session's header says of the robot
 SETTLED_S = 0.1  # between a picture and the next movement; the log has no more than that to say
 
 
@@ -32,7 +33,8 @@ def write_planted(planted: Planted, to: str | Path, *, force: bool = False) -> P
     with new_folder(folder, force=force) as filling:
         save_library(library, filling / "library")
         (filling / "filter.toml").write_text(_toml(planted), encoding="utf-8")
-        info = replace(held.info, arena=library.arena, survey=Path("library"))
+        motion = planting.settings.get(MOTION, held.info.motion)
+        info = replace(held.info, arena=library.arena, survey=Path("library"), motion=motion)
         with SessionWriter(filling / "session.log", info) as log:
             for moment in held.moments():
                 for motion in moment.frame.motions:
@@ -47,6 +49,8 @@ def _toml(planted: Planted) -> str:
     """Return the settings as a configuration file; the seed stands beside them in a comment."""
     lines = [f"# planted: {planted.kind} ({planted.planting.way}); run with --seed {planted.localizer.seed}"]
     for key, value in planted.planting.settings.items():
+        if key == MOTION:
+            continue
         if isinstance(value, dict):
             table = ", ".join(f"{name} = {entry!r}" for name, entry in value.items())
             lines.append(f"{key} = {{ {table} }}")
