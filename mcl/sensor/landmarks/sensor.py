@@ -160,7 +160,7 @@ class Landmarks:
         c, s = np.cos(facing), np.sin(facing)
         line = np.stack([c, s, -(c * points[:, 0] + s * points[:, 1])])
         places = np.column_stack([poses[:, :2], np.ones(len(poses), np.float32)])
-        return (places @ line > 0).astype(np.float32)
+        return np.asarray(places @ line > 0, np.float32)
 
     @cached_property
     def _variance_px(self) -> F32:
