@@ -77,7 +77,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "held_until": "weight at the true place until step",
     "died": "last particle there died at step",
     "nearest_m": "nearest particle",
-    "knows": "probability that the estimate was right",
+    "knows": "probability that it was not lost",
     "last": "until step",
     "cloud_nats": "evidence of the cloud",
     "usual_cloud_nats": "usual evidence of the cloud",

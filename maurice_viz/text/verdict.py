@@ -200,6 +200,10 @@ def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
     """Return what can be said of a run that no truth judges, as a clause."""
     share = f"{verdict.converged_share:.0%}"
     text = f"the cloud was converged in {share} of the updates, and there is no truth to judge it by"
+    if verdict.failures:
+        first, more = verdict.failures[0], len(verdict.failures) - 1
+        times = f", and {more} more time{'s' * (more > 1)}" if more else ""
+        text += f"; it was probably lost from {first.lost} to {first.last}{times}: {say_cause(first, scale)}"
     if any(one.alike for one in verdict.causes):
         text = f"{text}; in the dark all reference pictures score alike"
     before = _before(verdict, scale)

@@ -138,7 +138,11 @@ class RunVerdict:
             return self.found
         if self.sure_and_wrong is not None and self.found is None:
             return self.sure_and_wrong.step
-        return self.most_at if self.has_truth else (self.left_map[0] if self.left_map else self.first)
+        if self.has_truth:
+            return self.most_at
+        if self.failures:
+            return self.failures[0].first
+        return self.left_map[0] if self.left_map else self.first
 
     def _shown(self, trouble: Trouble) -> int:
         """Return the step at which a trouble is seen best."""

@@ -130,6 +130,16 @@ def test_runs_without_truth_are_told_by_name():
     assert verdict_line({"a": blind, "b": blind}, INCHES) == f"`a`: {line}; `b`: {line}."
 
 
+def test_without_truth_the_verdict_says_where_it_was_probably_lost_and_shows_that_step():
+    failures = tuple(Failure(KIDNAPPED, k, k + 9, k, truth_known=False) for k in (5, 20))
+    blind = RunVerdict(updates=40, converged_share=0.5, failures=failures, left_map=(30,))
+    assert (
+        "no truth to judge it by; it was probably lost from 5 to 14, and 1 more time: the pictures from 5 on "
+        "fit other places, as after a kidnapping (without ground truth)." in said(blind, INCHES)
+    )
+    assert blind.decisive == 5
+
+
 def test_bins_that_cost_most_have_names():
     evidence = {"behind_nats": 5.0, "channel": "color", "rank": 40, "references": 600, "pictures": 9}
     evidence |= {"of_pictures": 10, "elements": "1, 2, 28", "of_elements": 84, "elements_share": 0.413}
