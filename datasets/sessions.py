@@ -59,6 +59,7 @@ def simulate(
     slip_at: str = "",
     lights: str = "",
     moved: int = 0,
+    people: int = 0,
     gain: str = "fixed",
     half_resolution: bool = False,
     motion_from: str | Path | None = None,
@@ -70,7 +71,8 @@ def simulate(
     `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
     textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an
     update (default: halfway), `slip_at` an update or a range like 34-37 at which the wheels spin, `lights`
-    as in docs/conditions.md, `moved` a number of pieces of furniture, `gain` fixed or auto.
+    as in docs/conditions.md, `moved` a number of pieces of furniture, `people` the percentage of pictures
+    with people in view, `gain` fixed or auto.
     `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
 
     Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
@@ -92,6 +94,7 @@ def simulate(
         slip_at=slip_at,
         lights=lights,
         moved=moved,
+        people=people,
         gain=gain,
         half_resolution=half_resolution,
         recording=None if motion_from is None else Path(motion_from),

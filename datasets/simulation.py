@@ -42,6 +42,7 @@ class SimulationPlan:
     kidnap_at: int | None = None  # None: halfway
     lights: tuple[LightChange, ...] = ()
     moved: int = 0  # pieces of furniture moved after the survey
+    people: int = 0  # percent of the pictures in which people stand in view; the tier may have more
     gain: str = "fixed"
     recording: Path | None = None  # a recorded path to drive along
     slip_chance: float = SLIP_CHANCE
@@ -57,6 +58,8 @@ class SimulationPlan:
             raise ValueError(f"no gain called {self.gain!r}; there are {', '.join(GAINS)}")
         if self.updates < 1:
             raise ValueError(f"found {self.updates} updates, expected 1 or more")
+        if not 0 <= self.people <= 100:
+            raise ValueError(f"found people in {self.people} percent of the pictures, expected 0 to 100")
         self.task.kidnap_at(self.updates, self.kidnap_at)
         if self.slip_at and (self.recording is not None or self.slip_at[-1] > self.updates):
             why = f"of {self.updates}" if self.recording is None else "on a recorded path"
@@ -69,7 +72,8 @@ class SimulationPlan:
     def conditions(self) -> Conditions:
         """What changes during the session."""
         half, tier = self.half_resolution, TIERS[self.tier]
-        return conditions_for(tier, self.lights, gain=self.gain, half_resolution=half)
+        people = self.people / 100
+        return conditions_for(tier, self.lights, people=people, gain=self.gain, half_resolution=half)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .errors import InputError
     from .formats.registry import open_session
+    from .libraries.landmarks import with_landmarks
     from .libraries.store import build_library, open_library
     from .reading import ReadingOptions, read_reading, write_reading
     from .runs.store import open_run
@@ -39,6 +40,7 @@ __all__ = [
     "open_run",
     "open_session",
     "read_reading",
+    "with_landmarks",
     "write_reading",
 ]
 
@@ -51,6 +53,7 @@ _HOME = {
     "open_run": ".runs.store",
     "open_session": ".formats.registry",
     "read_reading": ".reading",
+    "with_landmarks": ".libraries.landmarks",
     "write_reading": ".reading",
 }
 

@@ -12,6 +12,7 @@ import numpy as np
 from .arrays import F32, F64
 from .map import Arena
 from .pose_sensor import PoseSensor
+from .session import Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,7 @@ class Library:
     arena: Arena
     display_units: str = "m"
     sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # besides the channels, by name
+    camera: Camera | None = None  # what is known of the one that took the pictures
 
     @property
     def size(self) -> int:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Protocol
 
 from .arrays import F32, F64, U8, Bool
@@ -106,12 +107,21 @@ class PoseSensor(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Sensed:
     """What one pose sensor read in a frame, and how well each of the library's L references agrees."""
 
-    name: str
+    sensor: PoseSensor
     reading: Any
     weight: float  # multiplies its nats
     cost: F32  # (L,) nats, >= 0, at weight 1, for the neighborhood of each reference
-    proposal: PoseProposal | None = None
+
+    @property
+    def name(self) -> str:
+        """The name of the sensor."""
+        return self.sensor.name
+
+    @cached_property
+    def proposal(self) -> PoseProposal | None:
+        """Where this reading alone would put the robot: found when a filter asks for it."""
+        return self.sensor.propose(self.reading)

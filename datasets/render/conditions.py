@@ -56,13 +56,18 @@ class Conditions:
 
 
 def conditions_for(
-    tier: Tier, lights: tuple[LightChange, ...] = (), *, gain: str = "fixed", half_resolution: bool = False
+    tier: Tier,
+    lights: tuple[LightChange, ...] = (),
+    *,
+    people: float = 0.0,
+    gain: str = "fixed",
+    half_resolution: bool = False,
 ) -> Conditions:
-    """Combine the conditions of a tier with those the user adds; the stronger drift counts."""
+    """Combine the conditions of a tier with those the user adds; of drift and people the more counts."""
     asked = max((change.amount or 0.0 for change in lights if change.kind == "drift"), default=0.0)
     others = tuple(change for change in lights if change.kind != "drift")
     drift, tint = max(tier.drift, asked), max(tier.tint, TINT_SHARE * asked)
-    return Conditions(others, drift, tint, tier.occluded, gain, half_resolution)
+    return Conditions(others, drift, tint, max(tier.occluded, people), gain, half_resolution)
 
 
 def parse_lights(text: str) -> tuple[LightChange, ...]:

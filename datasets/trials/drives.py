@@ -16,8 +16,9 @@ from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.analysis.metrics import FIRST_SCORED
 from maurice_mcl.arrays import F64
-from maurice_mcl.config.build import adapted, build_localizer
+from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.geometry import INCH_M
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
@@ -27,7 +28,7 @@ from ..robot.behaviors import BehaviorProposal
 from ..robot.drive import Robot
 from ..sessions import session_info, simulated_session, simulation_plan
 from ..simulation import SimulationPlan, stage
-from ..surveys import cached_survey
+from ..surveys import cached_survey, surveyed_world
 from ..tasks import SURVEY, TEST
 from ..worlds.build import load_world
 from ..worlds.world import World
@@ -45,6 +46,7 @@ class Bench:
     nearest: NearestReference
     _localizers: dict[str, Localizer] = field(default_factory=dict)
     _sensors: dict[str, Localizer] = field(default_factory=dict)
+    _libraries: dict[str, Library] = field(default_factory=dict)  # the same with landmarks
 
     @classmethod
     def of(cls, library: Library) -> Bench:
@@ -60,16 +62,27 @@ class Bench:
 
     def _made(self, settings: Settings) -> Localizer:
         try:
-            configuration = configuration_of(settings)
+            library = self._library(settings)
+            configuration = available(configuration_of(settings), library)[0]
             given = configuration.parameters
             like = self._sensors.get(repr((given.sensor, given.references)))
             if like is None:
-                chosen = adapted(configuration, self.library, self.nearest)[0].parameters
-                like = build_localizer(self.library, None, chosen, reference=self.nearest)
+                chosen = adapted(configuration, library, self.nearest)[0].parameters
+                like = build_localizer(library, None, chosen, reference=self.nearest)
                 self._sensors[repr((given.sensor, given.references))] = like
-            return build_localizer(self.library, None, given, reference=self.nearest, sensor=like.sensor)
+            return build_localizer(library, None, given, reference=self.nearest, sensor=like.sensor)
         except (KeyError, ValueError) as problem:
             raise InputError(None, str(problem)) from None
+
+    def _library(self, settings: Settings) -> Library:
+        """Return the library, with landmarks for a filter that asks for them."""
+        if "landmarks" not in configuration_of(settings).parameters.sensor.weights:
+            return self.library
+        if "landmarks" not in self._libraries:
+            from maurice_loaders.libraries.landmarks import with_landmarks
+
+            self._libraries["landmarks"] = with_landmarks(self.library)
+        return self._libraries["landmarks"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +132,7 @@ def _simulated(spec: SessionSpec, seed: int) -> Drive:
     cv2.setNumThreads(1)
     simulated = simulated_session(plan, _world(spec.world, plan.arena_seed, spec.tier))
     start = None if spec.start else simulated.info.start
-    bench = _bench(spec.world, plan.arena_seed, spec.tier)
+    bench = _bench(spec.world, plan.arena_seed, spec.tier, spec.spacing_in, spec.headings)
     return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
 
 
@@ -157,6 +170,7 @@ def _plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
         slip_at=spec.slip_at,
         lights=spec.lights,
         moved=spec.moved,
+        people=spec.people,
     )
 
 
@@ -167,9 +181,13 @@ def _world(world: str, arena: int, tier: str) -> World:
 
 
 @lru_cache(1)
-def _bench(world: str, arena: int, tier: str) -> Bench:
+def _bench(world: str, arena: int, tier: str, spacing_in: int = 0, headings: int = 0) -> Bench:
     """Return the library of a simulated arena, from the cache of surveys."""
-    return Bench.of(open_library(survey_log(world, arena, tier)))
+    if not spacing_in and not headings:
+        return Bench.of(open_library(survey_log(world, arena, tier)))
+    surveyed = surveyed_world(world, arena, tier, spacing_in * INCH_M or None, headings or None)
+    folder = cached_survey(surveyed, arena, lambda done, total, what: None)
+    return Bench.of(open_library(folder / SURVEY.name))
 
 
 def survey_log(world: str, arena: int, tier: str) -> Path:

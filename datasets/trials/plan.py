@@ -56,6 +56,9 @@ class SessionSpec:
     slip_at: str = ""
     lights: str = ""  # as in docs/conditions.md
     moved: int = 0
+    people: int = 0  # percent of the pictures in which people stand in view
+    spacing_in: int = 0  # between the places of the survey; 0: as the world has it
+    headings: int = 0  # at each place of the survey; 0: as the world has it
     arenas: int = 5  # run k drives in arena k modulo this number
     path: str = ""  # of a recorded session; the fields above are then not used
     library: str = ""  # of a recorded session; "": the one that its header names
@@ -339,6 +342,9 @@ def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
         wrong = f"tier: found {spec.tier!r}, expected one of {', '.join(TIERS)}"
     elif spec.start not in ("", "anywhere"):
         wrong = f"start: found {spec.start!r}, expected anywhere, or nothing for the header's"
+    elif not (spec.spacing_in == 0 or 4 <= spec.spacing_in <= 100) or not 0 <= spec.headings <= 36:
+        found = f"{spec.spacing_in} in and {spec.headings} headings"
+        wrong = f"spacing_in, headings: found {found}, expected 4 to 100 in, up to 36, or 0"
     elif not 1 <= spec.arenas <= MOST_DRIVES:
         wrong = f"arenas: found {spec.arenas}, expected 1 to {MOST_DRIVES}"
     elif not spec.path:
@@ -353,7 +359,7 @@ def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
 
 def _why_no_simulation(spec: SessionSpec) -> str:
     """Say why no session can be simulated so; "" where one can."""
-    names = ("tier", "updates", "kidnap_at", "slip_at", "lights", "moved")
+    names = ("tier", "updates", "kidnap_at", "slip_at", "lights", "moved", "people")
     try:
         simulation_plan(spec.task, **{name: getattr(spec, name) for name in names})
     except InputError as problem:

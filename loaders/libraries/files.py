@@ -12,23 +12,23 @@ import json
 import os
 import shutil
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.pose_sensor import PoseSensor
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
-from maurice_mcl.sensor.reflectance import Reflectance
+from maurice_mcl.session import Camera
 
 from ..errors import FieldError, InputError
 from ..files import MOST, items, mapping, new_folder, read_json, show, text, up_to
 from ..maps import check_span
-from ..session_log.header import arena_from_json, arena_to_json
+from ..session_log.header import arena_from_json, arena_to_json, camera_from_json, camera_to_json
 from .remembered import remembered
 
 FORMAT = "maurice-library"
@@ -67,6 +67,7 @@ def load_library(folder: Path) -> Library:
             arena=arena_from_json(read_json((folder / "map.json").read_bytes())),
             display_units=text(manifest.get("display_units"), "display_units"),
             sensors=_read_sensors(folder, manifest),
+            camera=_read_camera(manifest),
         )
     except DAMAGE as problem:
         reason = f"is a damaged library ({problem}); build it again from its survey"
@@ -140,6 +141,7 @@ def _manifest(
         "name": library.name,
         "display_units": library.display_units,
         "entries": library.size,
+        "camera": _camera_of(library),
         "channels": {
             name: {"file": files[name], "parameters": CHANNELS[name].parameters()} for name in files
         },
@@ -147,6 +149,18 @@ def _manifest(
         "warnings": list(warnings),
         "sha256": {part: hash_file(folder / part) for part in parts},
     }
+
+
+def _camera_of(library: Library) -> dict[str, Any] | None:
+    camera = library.camera
+    return None if camera is None else {"name": camera.name, **camera_to_json(camera)}
+
+
+def _read_camera(manifest: Mapping[str, Any]) -> Camera | None:
+    if manifest.get("camera") is None:
+        return None
+    found = mapping(manifest["camera"], "camera")
+    return camera_from_json(text(found.get("name"), "camera.name"), found)
 
 
 def hash_file(file: Path) -> str:
@@ -199,8 +213,10 @@ def _pictures_in(folder: Path) -> set[str]:
 
 # Pose sensors: what a library has besides channels, each a file of arrays.
 
-STORED: Mapping[str, Callable[[Mapping[str, NDArray[Any]]], PoseSensor]] = {
-    "reflectance": Reflectance.from_arrays,
+# name to where its class is, imported only for a library that holds one; it has `to_arrays`, `from_arrays`
+STORED: Mapping[str, tuple[str, str]] = {
+    "landmarks": ("maurice_mcl.sensor.landmarks.sensor", "Landmarks"),
+    "reflectance": ("maurice_mcl.sensor.reflectance", "Reflectance"),
 }
 
 
@@ -223,7 +239,7 @@ def _read_sensors(folder: Path, manifest: Mapping[str, Any]) -> dict[str, PoseSe
         if name not in STORED:
             continue  # of a newer version, or somebody else's: a run that asks for it says that it is missing
         with np.load(folder / file, allow_pickle=False) as arrays:
-            found[name] = STORED[name](dict(arrays))
+            found[name] = getattr(import_module(STORED[name][0]), STORED[name][1]).from_arrays(dict(arrays))
     return found
 
 

@@ -16,6 +16,7 @@ from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.sensor.descriptors.channel import Channel
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
+from maurice_mcl.session import Camera
 
 from ..errors import InputError, ReadingNotes
 from ..files import cache_root, discard
@@ -77,7 +78,8 @@ def build_library(
     given = log.info.arena if map_file is None else read_map(map_file, map_unit, poses)
     check_span(survey, poses, given)
     arena = given or open_arena(poses)
-    library = rows.library(log.info.name, arena, log.info.display_units)
+    camera = log.info.cameras[0] if log.info.cameras else None
+    library = rows.library(log.info.name, arena, log.info.display_units, camera)
     for text in [*rows.broken, *_warnings(log, library, rows.has_covered)]:
         (warn or silent)(text)
     return library
@@ -111,9 +113,10 @@ class _Rows:
             self.poses.append(picture.pose - [0.0, 0.0, self._yaw_rad])
             self._pictures.append(None if picture.path is None else picture.path.resolve())
 
-    def library(self, name: str, arena: Arena, display_units: str) -> Library:
+    def library(self, name: str, arena: Arena, display_units: str, camera: Camera | None) -> Library:
         index = {one: _index(self._references[one], self._covered[one]) for one in self._channels}
-        return Library(name, np.array(self.poses), tuple(self._pictures), index, arena, display_units)
+        pictures = tuple(self._pictures)
+        return Library(name, np.array(self.poses), pictures, index, arena, display_units, camera=camera)
 
     def _measured(self, name: str, channel: Channel, image: U8) -> F32 | None:
         if name in OUR_NAMES:
@@ -208,7 +211,7 @@ def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_goi
     walls, files = (
         (None, [*map(str, files_of_table(survey))]) if is_table(survey) else _walls_and_files(survey)
     )
-    made_by = [VERSION, keep_going, parameters, cv2.__version__, walls]
+    made_by = [VERSION, "with camera", keep_going, parameters, cv2.__version__, walls]
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
     digest.update(remembered("content", files, lambda: _content(files)).encode())
     return digest.hexdigest()[:32]

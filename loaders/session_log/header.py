@@ -62,7 +62,7 @@ def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any
     """Return the header of a log in `folder`: what is known; an absolute survey relative to it."""
     header: dict[str, Any] = {"format": FORMAT, "version": VERSION, "kind": kind, "name": info.name}
     header["robot"] = {"name": info.robot} | ({} if info.motion is None else {"motion": info.motion})
-    header["cameras"] = {camera.name: _camera_to_json(camera) for camera in info.cameras}
+    header["cameras"] = {camera.name: camera_to_json(camera) for camera in info.cameras}
     header["display_units"] = info.display_units
     if info.survey is not None:
         header["survey"] = _relative(info.survey, folder)
@@ -98,7 +98,7 @@ def _info(found: dict[str, Any], path: Path) -> SessionInfo:
         robot=text(robot.get("name", "robot"), "robot.name"),
         motion=None if motion is None else _motion(motion),
         cameras=tuple(
-            _camera(whole_characters(n, "cameras"), c)
+            camera_from_json(whole_characters(n, "cameras"), c)
             for n, c in mapping(found.get("cameras") or {}, "cameras").items()
         ),
         start=None if start is None else np.array(numbers(start, 3, "start")),
@@ -137,12 +137,14 @@ def _units(value: Any) -> str:
     return str(value)
 
 
-def _camera_to_json(camera: Camera) -> dict[str, Any]:
+def camera_to_json(camera: Camera) -> dict[str, Any]:
+    """Return what is known of a camera, without its name."""
     keys = ("width_px", "height_px", "horizontal_fov_rad", "yaw_rad", "height_m")
     return {key: getattr(camera, key) for key in keys if getattr(camera, key) is not None}
 
 
-def _camera(name: str, value: Any) -> Camera:
+def camera_from_json(name: str, value: Any) -> Camera:
+    """Read a camera. Raises FieldError."""
     found = mapping(value, f"cameras.{name}")
 
     def size(key: str) -> int | None:

@@ -54,6 +54,7 @@ def build_library(
     yaw_rad: float = 0.0,
     map_file: str | Path | None = None,
     map_unit: str = "mm",
+    landmarks: bool = False,
     options: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -64,7 +65,8 @@ def build_library(
     a survey log is taken whole). `add` are further surveys, whose references are added, such as those that
     `check_library` asked for. `yaw_rad` is the yaw of the robot's camera from the survey's camera, in
     radians, counter-clockwise. `map_file` replaces the survey's map: a ROS `map.yaml`, or wall segments
-    in `map_unit` ("mm" or "m"). Returns the library, and for a drive how much of the map it covers.
+    in `map_unit` ("mm" or "m"). With `landmarks`, those of the pictures are found and stored with it, if
+    there are any (docs/landmarks.md). Returns the library, and for a drive how much of the map it covers.
 
     Raises OptionError for a bad `every`, and InputError for a survey without poses or a folder that exists.
 
@@ -94,6 +96,10 @@ def build_library(
             map_unit=map_unit,
         )
         remark_open(built, listener)
+        if landmarks:
+            from maurice_loaders.libraries.landmarks import with_landmarks
+
+            built = with_landmarks(built, progress=listener.progress, warn=listener.warning)
         save_library(built, Path(to), force=force)
         return built, None if chosen is None else coverage_of(built, chosen.distance_m)
 

@@ -35,6 +35,7 @@ from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.places import places_said
 
+LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
 STARTS = "a start is tracking, truth, global or X,Y,HEADING"
 
@@ -230,6 +231,7 @@ def make_runs(
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
     configurations = [one.configuration() for one in specs]
+    library = _landmarked(configurations, session, library, listener)
     configurations = _available(configurations, session, library, listener)
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
@@ -257,6 +259,19 @@ def make_runs(
     labels = unique_labels([one.label for one in specs])
     parts = zip(labels, localizers, starts, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
+
+
+def _landmarked(
+    configurations: Sequence[Configuration], session: SourcedSession, library: Library, listener: Listener
+) -> Library:
+    """Return the library with landmarks where a run weighs particles by them."""
+    if all(LANDMARKS not in one.parameters.sensor.weights for one in configurations):
+        return library
+    from maurice_loaders.libraries.landmarks import with_landmarks
+
+    cameras = session.info.cameras
+    camera = library.camera or (cameras[0] if cameras else None)
+    return with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
 
 
 def _available(

@@ -80,6 +80,9 @@ def build(
     ] = None,
     map_file: opt.MapFile = None,
     map_unit: opt.MapUnit = "mm",
+    landmarks: Annotated[
+        bool, typer.Option("--landmarks", help="Also find landmarks, for --feature landmarks or all.")
+    ] = False,
     force: opt.Force = False,
     keep_going: opt.KeepGoing = False,
     reading: opt.Reading = None,
@@ -116,15 +119,22 @@ def build(
             yaw_rad=yaw_rad,
             map_file=map_file,
             map_unit=map_unit,
+            landmarks=landmarks,
             options=how,
             force=force,
             listener=listener,
         )
-    results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}", soft_wrap=True)
+    also = f", {sensor_facts(built)}" if built.sensors else ""
+    results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}{also}", soft_wrap=True)
     if covered is not None:
         scale = scale_for(built.display_units, built.arena)
         for line in (f"coverage: {_coverage(covered, scale)}", *_gap_lines(covered, scale)):
             results.print(line, soft_wrap=True)
+
+
+def sensor_facts(library: Library) -> str:
+    """Return one line on the pose sensors of a library: "landmarks: 2,134 of 624 references"."""
+    return "; ".join(f"{name}: {getattr(one, 'summary', 'there')}" for name, one in library.sensors.items())
 
 
 def show(path: LibraryArgument, json_output: opt.Json = False) -> None:
@@ -155,6 +165,7 @@ def _facts(found: Library) -> dict[str, object]:
         "obstacles": [region.name for region in found.arena.obstacles],
         "floors": list(dict.fromkeys(region.name for region in found.arena.floors)),
         "channels": {name: _channel_facts(name, index) for name, index in found.index.items()},
+        "sensors": {name: getattr(one, "summary", "there") for name, one in found.sensors.items()},
     }
 
 
@@ -187,6 +198,8 @@ def _facts_table(found: Library) -> Table:
             f"{channel['length']} numbers, noise floor up to {channel['noise_floor_peak']:.3g}, "
             f"relevance up to {channel['relevance_peak']:.3g} ({channel['unit']})",
         )
+    for name, one in found.sensors.items():
+        table.add_row(f"sensor {name}", getattr(one, "summary", "there"))
     return table
 
 

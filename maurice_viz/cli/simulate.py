@@ -59,6 +59,10 @@ def simulate(
         int,
         option("--moved", "Number of pieces of furniture moved after the survey.", WORLD, min=0, max=1000),
     ] = 0,
+    people: Annotated[
+        int,
+        option("--people", "Percentage of the pictures with people in view.", WORLD, min=0, max=100),
+    ] = 0,
     gain: Annotated[str, option("--gain", "The session's camera: fixed | auto.", WORLD)] = "fixed",
     half_resolution: Annotated[
         bool,
@@ -122,6 +126,7 @@ def simulate(
             slip_at=slip_at,
             lights=lights,
             moved=moved,
+            people=people,
             gain=gain,
             half_resolution=half_resolution,
             recording=motion_from,

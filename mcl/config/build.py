@@ -93,8 +93,9 @@ def make_localizer(
 def available(configuration: Configuration, library: Library) -> tuple[Configuration, tuple[str, ...]]:
     """Leave out pose sensors that a library does not hold; return the names of those, too.
 
-    Where nobody chose a feature, and the library has no channels, its pose sensors are used. InputError when
-    the library lacks a channel that is asked for, or nothing of what is asked for is there.
+    Where nobody chose a feature, and the library has no channels, its pose sensors are used. The preset
+    `robust` uses landmarks where the library holds them. InputError when the library lacks a channel that is
+    asked for, or nothing of what is asked for is there.
     """
     weights = configuration.parameters.sensor.weights
     origins = {setting.key: setting.origin for setting in configuration.settings}
@@ -102,6 +103,8 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         configuration = _without_camera(configuration, library)
         if origins["sensor.weights"] == "default":
             return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
+    if origins["sensor.weights"] == "preset robust" and "landmarks" in library.sensors:
+        return _with_weights(configuration, {**weights, "landmarks": 1.0}, library), ()
     holds = {**library.index, **library.sensors}
     missing = tuple(name for name in weights if name not in holds)
     kept = {name: weight for name, weight in weights.items() if name in holds}

@@ -117,6 +117,9 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 }
 # the same with regions that hold the truth as often as they say (docs/lost-signal.md, calibration of belief)
 PRESETS = {**PRESETS, "calibrated": {**PRESETS["robust"], "sensor.sharpness": 0.7}}
+# the same with landmarks, found in the library's pictures at the first run (docs/landmarks.md)
+PRECISE = {"sensor.weights": dict(FEATURES["all"]), "recovery.strategy": "mixture"}
+PRESETS = {**PRESETS, "precise": {**PRESETS["robust"], **PRECISE}}
 
 
 # Layers: defaults, preset, file, environment, command line; later ones override earlier ones.

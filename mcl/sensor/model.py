@@ -199,7 +199,7 @@ class SensorModel:
         poses[:, :2] -= origin
         cost = -sensor.log_likelihood(reading, poses.astype(np.float32), origin, self.spread)
         weight = self.parameters.weights.get(name, 1.0)
-        return Sensed(name, reading, weight, np.maximum(cost, np.float32(0)), sensor.propose(reading))
+        return Sensed(sensor, reading, weight, np.maximum(cost, np.float32(0)))
 
     def _compare_channels(self, descriptors: Mapping[str, F32]) -> Comparison:
         p, weights_of, entries = self.parameters, self.weights, self.library.size
@@ -239,7 +239,7 @@ class SensorModel:
         """Return the nats (N,) of all pose sensors at poses (N, 3); None if none of them said anything."""
         origin = self.library.origin
         found = [
-            np.float32(one.weight) * self.sensors[one.name].log_likelihood(one.reading, poses, origin)
+            np.float32(one.weight) * one.sensor.log_likelihood(one.reading, poses, origin)
             for one in comparison.sensed
         ]
         return np.sum(found, axis=0, dtype=np.float32) if found else None

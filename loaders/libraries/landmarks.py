@@ -1,0 +1,106 @@
+"""Landmarks of a library: found once in its pictures, and kept in the user's cache."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import U8
+from maurice_mcl.library import Library
+from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
+from maurice_mcl.sensor.landmarks.sensor import Landmarks
+from maurice_mcl.session import Camera
+
+from ..errors import InputError, PictureError
+from ..files import cache_root, write_whole
+from ..pictures import decode_picture
+from .files import hash_file
+from .remembered import remembered
+
+VERSION = 1  # of what landmarks are made of: another one makes them again
+LANDMARKS = "landmarks"
+
+Progress = Callable[[int, int, str], None]  # done, of how many, what
+Warn = Callable[[str], None]
+
+
+def with_landmarks(
+    library: Library,
+    *,
+    camera: Camera | None = None,
+    progress: Progress | None = None,
+    warn: Warn | None = None,
+) -> Library:
+    """Return a library with landmarks, if its pictures allow any; else the same, and `warn` is told why.
+
+    `camera` replaces what the library knows of its camera; what neither knows is fitted. They are kept in
+    the user's cache: finding those of 624 references takes half a minute the first time.
+
+        >>> from maurice_loaders import open_library, with_landmarks
+        >>> library = with_landmarks(open_library("survey.log", channels=["color"]))
+        >>> list(library.sensors)  # two references are too few
+        []
+    """
+    if LANDMARKS in library.sensors:
+        return library
+    known = camera or library.camera
+    kept = cache_root() / LANDMARKS / f"{_key(library, known)}.npz"
+    found = _from_cache(kept)
+    if found is None:
+        made = build_landmarks(library, known, lambda entry: _picture(library.pictures[entry]), progress)
+        if isinstance(made, NoLandmarks):
+            if warn:
+                warn(f"the library {library.name!r} has no landmarks: {made.reason}")
+            return library
+        found = made
+        _into_cache(found, kept)
+    return replace(library, sensors={**library.sensors, LANDMARKS: found})
+
+
+def _key(library: Library, camera: Camera | None) -> str:
+    """Name a library's landmarks by what they are made of: poses, pictures, camera."""
+    files = [str(path) for path in library.pictures if path is not None]
+    about = [VERSION, cv2.__version__, None if camera is None else asdict(camera), len(library.pictures)]
+    digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
+    digest.update(np.ascontiguousarray(library.poses).tobytes())
+    contents = remembered("landmarks", files, lambda: "".join(map(_hash, files)))
+    digest.update(contents.encode())
+    return digest.hexdigest()[:32]
+
+
+def _hash(file: str) -> str:
+    return hash_file(Path(file)) if Path(file).is_file() else "missing"
+
+
+def _picture(path: Path | None) -> U8 | None:
+    """Return a picture, or None where it is not kept, is gone or cannot be read."""
+    if path is None:
+        return None
+    try:
+        return decode_picture(path.read_bytes())
+    except (OSError, PictureError):
+        return None
+
+
+def _from_cache(kept: Path) -> Landmarks | None:
+    try:
+        with np.load(kept, allow_pickle=False) as arrays:
+            return Landmarks.from_arrays(dict(arrays))
+    except Exception:  # not there, damaged in any way: it is only a cache
+        return None
+
+
+def _into_cache(found: Landmarks, kept: Path) -> None:
+    data = io.BytesIO()
+    np.savez(data, allow_pickle=False, **found.to_arrays())
+    with suppress(InputError, OSError):
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(kept, data.getvalue(), force=True)
