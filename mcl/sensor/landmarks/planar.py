@@ -18,7 +18,8 @@ from .camera import PinholeCamera, directions, linearize, project
 
 HYPOTHESES = 400
 WIDE_PX = 4.0  # standard deviation that hypotheses are scored with, and refinement begins with
-REFINED = 8  # hypotheses
+REFINED = 8  # hypotheses, at most: those that are
+WORSE = 20.0  # nats below the best, or fewer
 STEPS = 8
 OFF_SCALE = 0.35  # by which c^2 + s^2 of a hypothesis may differ from one
 FARTHEST_STEP = 0.5  # meters or radians, of one step of refinement
@@ -52,23 +53,24 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int 
     hypotheses = hypotheses_of(camera, matched)
     if not len(hypotheses):
         return []
-    order = np.argsort(-scores(camera, matched, hypotheses, area_px), kind="stable")
-    chosen: list[F64] = []
-    for pose in hypotheses[order]:
-        if len(chosen) == REFINED:
-            break
-        if all(_apart(pose, other) for other in chosen):
-            chosen.append(pose)
-    found: list[Mode] = []
-    for mode in sorted(refined(camera, matched, np.array(chosen), area_px), key=lambda m: -m.score):
-        if all(_apart(mode.pose, other.pose) for other in found):
-            found.append(mode)
-    return found[:most]
+    score = scores(camera, matched, hypotheses, area_px)
+    order = np.argsort(-score, kind="stable")
+    order = order[score[order] > score.max() - WORSE]
+    chosen = hypotheses[order[_apart(hypotheses[order], REFINED)]]
+    found = sorted(refined(camera, matched, chosen, area_px), key=lambda mode: -mode.score)
+    return [found[k] for k in _apart(np.stack([mode.pose for mode in found]), most)]
 
 
-def _apart(pose: F64, other: F64) -> bool:
-    turned = abs(float(wrap(pose[2:] - other[2])[0]))
-    return float(np.hypot(*(pose[:2] - other[:2]))) > APART_M or turned > APART_RAD
+def _apart(poses: F64, most: int) -> list[int]:
+    """Return the numbers of the first poses (H, 3) that are apart from those before, at most `most`."""
+    left, kept = np.ones(len(poses), np.bool_), []
+    while left.any() and len(kept) < most:
+        k = int(left.argmax())
+        kept.append(k)
+        far = np.hypot(*(poses[:, :2] - poses[k, :2]).T) > APART_M
+        left &= far | (np.abs(wrap(poses[:, 2] - poses[k, 2])) > APART_RAD)
+        left[k] = False
+    return kept
 
 
 def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = HYPOTHESES) -> F64:
