@@ -63,7 +63,8 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int 
 
 def _apart(poses: F64, most: int) -> list[int]:
     """Return the numbers of the first poses (H, 3) that are apart from those before, at most `most`."""
-    left, kept = np.ones(len(poses), np.bool_), []
+    left = np.ones(len(poses), np.bool_)
+    kept: list[int] = []
     while left.any() and len(kept) < most:
         k = int(left.argmax())
         kept.append(k)
