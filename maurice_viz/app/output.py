@@ -54,8 +54,11 @@ def layout_of(
 
     `extra` are tabs before the usual ones.
     """
-    from ..layouts.registry import runs_blueprint
+    from ..layouts.registry import runs_blueprint, tabs_of
 
+    names = [*(extra or {}), *tabs_of(runs)[1]]
+    if first is not None and first not in names:
+        raise OptionError(f"--layout: found {first}, expected what these runs have: {', '.join(names)}")
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height, light)

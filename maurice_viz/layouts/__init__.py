@@ -3,6 +3,7 @@
 story               the first screen: what happened, where, what was seen, and when
 registry            all layouts of a recording, as tabs of one blueprint
 one_run             overview, inside-a-step and explain: one run at a glance, from the inside, and why
+sensors             what pose sensors read: the map with their marks, their pictures, their words
 several_runs        compare and traces: runs side by side, and one number per update over the session
 trials              many runs as curves, beside one of them
 drive               a drive by itself, without a filter: its panels and its screen
@@ -12,7 +13,7 @@ explanation_screen  one update explained at full size, as a recording of its own
 # names on their own: the command line lists them without importing Rerun
 from __future__ import annotations
 
-LAYOUT_NAMES = ("story", "overview", "inside-a-step", "explain", "compare", "traces")
+LAYOUT_NAMES = ("story", "overview", "inside-a-step", "explain", "sensors", "compare", "traces")
 LIGHT_NAMES = ("story", "traces")  # with --detail light: all of their panels are filled
 RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

@@ -59,6 +59,13 @@ def _fits(name: str, runs: Sequence[RunView]) -> bool:
     return name not in OF_CHANNELS or any(run.channels for run in runs)
 
 
+def tabs_of(runs: Sequence[RunView]) -> tuple[Mapping[str, Layout], list[str]]:
+    """Return the layouts that runs can have, and the names of those whose panels are filled."""
+    layouts = RECORDED if all(run.is_recorded for run in runs) else LAYOUTS
+    names = [name for name in layouts if name != "compare" or len(runs) > 1]
+    return layouts, [name for name in names if layouts is RECORDED or _fits(name, runs)]
+
+
 def runs_blueprint(
     runs: Sequence[RunView],
     scene: SceneInfo,
@@ -71,10 +78,7 @@ def runs_blueprint(
 
     `live` makes the viewer follow new updates. Raises ValueError if `first` is not one of the tabs.
     """
-    layouts = RECORDED if all(run.is_recorded for run in runs) else LAYOUTS
-    names = [name for name in layouts if name != "compare" or len(runs) > 1]
-    if layouts is LAYOUTS:
-        names = [name for name in names if _fits(name, runs)]
+    layouts, names = tabs_of(runs)
     if scene.is_light and layouts is LAYOUTS:
         names = [name for name in names if name in LIGHT_NAMES]
     layouts, names = {**(extra or {}), **layouts}, [*(extra or {}), *names]

@@ -14,7 +14,7 @@ from .landmark_set import LandmarkSet
 
 AGREES_PX = 4.0  # a match nearer than this to where it should be agrees
 FARTHEST_PX = 60.0  # lines longer than this to where a landmark should be are not drawn
-PICTURE = "landmarks"  # the title of the camera's picture
+PICTURE = "Keypoints that match landmarks: green agree with the estimate, red do not"
 
 
 def errors_at(landmarks: LandmarkSet, pixels: F32, matched: NDArray[np.intp], pose: F64) -> tuple[F32, F32]:

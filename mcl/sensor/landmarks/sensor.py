@@ -20,7 +20,7 @@ from ...session import Frame
 from .camera import project
 from .features import Keypoints, keypoints_of
 from .landmark_set import LandmarkSet
-from .picture import shown_of
+from .picture import PICTURE, shown_of
 from .planar import Matched, Mode, modes_of
 
 RATIO = 0.95  # of the second distance that the first has to stay under
@@ -60,6 +60,21 @@ class Landmarks:
     def name(self) -> str:
         """The key of `sensor.weights`."""
         return "landmarks"
+
+    @property
+    def pictures(self) -> tuple[str, ...]:
+        """The titles of the pictures it shows."""
+        return (PICTURE,)
+
+    @property
+    def summary(self) -> str:
+        """One line for tables."""
+        low, high = self.map.fit.focal_interval_px
+        focal = "stated" if self.map.fit.focal_known else f"fitted, {low:.1f} to {high:.1f}"
+        return (
+            f"{self.map.size} points, reprojection error {self.map.agreement_px[0]:.2f} px in the median, "
+            f"focal length {self.map.fit.camera.focal_px:.1f} px ({focal})"
+        )
 
     def read(self, frame: Frame) -> LandmarkReading | None:
         """Find the keypoints of a picture and the landmarks that they may be; None: too few."""
