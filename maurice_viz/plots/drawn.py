@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,13 +17,14 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import check_target, write_whole
 
 from .calibration import INK, expect_matplotlib, figure_bytes
-from .figures import FIGURES
+from .figures import FIGURES, OF_PICTURES
 from .material import Material, NothingToDraw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = ("png", "svg", "pdf")
+Work = Callable[[Sequence[int]], "list[RenderedFigure]"]
 FEW = 3  # figures that are not worth the start of processes
 
 
@@ -102,25 +104,41 @@ def rendered(
     """Yield figures as they are done, on all cores; those that the folder has no runs for say so."""
     work = partial(_render, folder, formats, titled, dpi)
     with _at_once(work, numbers) as found:
-        for done, one in enumerate(found):
+        for done, one in enumerate(chain.from_iterable(found)):
             if progress is not None:
                 progress(done, len(numbers))
             yield one
 
 
 @contextmanager
-def _at_once(
-    work: Callable[[int], RenderedFigure], numbers: Sequence[int]
-) -> Iterator[Iterator[RenderedFigure]]:
+def _at_once(work: Work, numbers: Sequence[int]) -> Iterator[Iterator[list[RenderedFigure]]]:
     workers = min(os.cpu_count() or 1, len(numbers) // FEW)
     if workers <= 1:
-        yield map(work, numbers)
+        yield map(work, ([number] for number in numbers))
         return
-    with in_processes(work, numbers, workers) as found:
+    with in_processes(work, shares(numbers, workers), workers) as found:
         yield found
 
 
+def shares(numbers: Sequence[int], workers: int) -> list[list[int]]:
+    """Return figures as the work of processes: those about pictures for half of them, the others one by one.
+
+    Figures about pictures need the same drives, which every process that draws any of them has to render.
+    """
+    about = {one.number for one in OF_PICTURES}
+    together = [number for number in numbers if number in about]
+    parts = max(workers // 2, 1)
+    shared = [together[part::parts] for part in range(parts)]
+    return [share for share in shared if share] + [[number] for number in numbers if number not in about]
+
+
 def _render(
+    folder: Path, formats: tuple[str, ...], titled: bool, dpi: int | None, numbers: Sequence[int]
+) -> list[RenderedFigure]:
+    return [_render_one(folder, formats, titled, dpi, number) for number in numbers]
+
+
+def _render_one(
     folder: Path, formats: tuple[str, ...], titled: bool, dpi: int | None, number: int
 ) -> RenderedFigure:
     one = next(one for one in FIGURES if one.number == number)

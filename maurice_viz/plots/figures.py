@@ -60,11 +60,10 @@ OVER_PARTICLES = (
         partial(counts.localized_median, features=("color",)),
     ),
 )
+OF_PICTURES = (*constants.FIGURES, *histograms_of_light.FIGURES, *matching.FIGURES)
 ALL = (
     *OVER_PARTICLES,
-    *constants.FIGURES,
-    *histograms_of_light.FIGURES,
-    *matching.FIGURES,
+    *OF_PICTURES,
     *clouds.FIGURES,
     *drives.FIGURES,
     *traces.FIGURES,

@@ -15,7 +15,7 @@ from maurice_datasets.trials.plan import read_plan
 from maurice_mcl.sensor.distances import DISTANCES
 from maurice_viz.plots import constants, histograms_of_light, matching
 from maurice_viz.plots.calibration import FIGURES as OF_MOTION
-from maurice_viz.plots.drawn import draw_figures
+from maurice_viz.plots.drawn import draw_figures, shares
 from maurice_viz.plots.example import DrivePictures, in_other_light, ranks_of, with_noise
 from maurice_viz.plots.figures import FIGURES
 from maurice_viz.plots.material import Material, ThesisFigure
@@ -156,3 +156,13 @@ def test_simulated_trials_make_every_figure(simulated: Path, tmp_path: Path) -> 
     material = Material(simulated)
     check(constants.FIGURES[8], next(one for one in OURS if one.number == 14).draw(material))
     assert [len(one.known) for one in material.several] == [6, 6]
+
+
+def test_figures_that_need_the_same_drives_are_the_work_of_one_process():
+    numbers, ours = [one.number for one in FIGURES], {one.number for one in OURS}
+    for workers, processes in ((2, 1), (3, 1), (4, 2), (8, 4)):
+        work = shares(numbers, workers)
+        assert all(set(share) <= ours for share in work[:processes])
+        assert all(len(share) == 1 and not set(share) & ours for share in work[processes:])
+        assert sorted(number for share in work for number in share) == sorted(numbers)
+    assert shares([26, 27, 28], 2) == [[26], [27], [28]]
