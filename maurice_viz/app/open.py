@@ -256,7 +256,7 @@ def make_runs(
         if motion is not None:
             raise InputError(motion, str(problem)) from None
         raise InputError(session.path, str(problem), 1) from None
-    labels = unique_labels([one.label for one in specs])
+    labels = unique_labels([_label(one, library) for one in specs])
     parts = zip(labels, localizers, starts, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
 
@@ -272,6 +272,12 @@ def _landmarked(
     cameras = session.info.cameras
     camera = library.camera or (cameras[0] if cameras else None)
     return with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
+
+
+def _label(spec: RunSpec, library: Library) -> str:
+    """Return a run's name; without a camera the default run is named after its sensors."""
+    blind = not library.index and library.sensors and not (spec.name or spec.preset or spec.config)
+    return "-".join(library.sensors) if blind and spec.feature is None else spec.label
 
 
 def _available(

@@ -63,19 +63,21 @@ def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
         words_view(paths),
         row_shares=[2.65, 1.0],
     )
-    maps = [*likelihood_views(paths, run.channels, scene), circles_view(paths, scene)]
+    maps = likelihood_views(paths, run.channels, scene)
+    maps += [circles_view(paths, scene)] if run.channels else []
     middle = rrb.Vertical(
         rrb.Tabs(*maps, active_tab=0),
-        rrb.Horizontal(headings_view(paths), camera_view()),
+        rrb.Horizontal(headings_view(paths), *([camera_view()] if run.channels else [])),
         ancestry_plot(paths),
         row_shares=[2, 1.25, 1],
     )
+    film = [filmstrip_view(paths, scene)] if run.channels else []
     right = rrb.Vertical(
-        filmstrip_view(paths, scene),
+        *film,
         modes_view(paths),
         evidence_plot(paths),
         evidence_key(paths),
-        row_shares=[1.12, 0.85, 1.1, key_share(run)],
+        row_shares=[*[1.12] * len(film), 0.85, 1.1, key_share(run)],
     )
     body = rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
     return over_events(body, [run], brief=False)

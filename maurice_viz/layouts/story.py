@@ -13,7 +13,9 @@ from ..panels.belief import belief_view
 from ..panels.camera import camera_view
 from ..panels.comparison import all_runs_view, camera_views
 from ..panels.events import events_view
+from ..panels.population import headings_view
 from ..panels.references import best_match_view
+from ..panels.sensors import sensor_words_view
 from ..panels.story import errors_plot, tour_view, verdict_view
 from ..scene import RunView, SceneInfo
 
@@ -47,7 +49,10 @@ def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     width, height = scene.arena.size_m
     wide = float(np.clip(width / height * MIDDLE / 16 + 0.06, 0.35, 0.7))
     if len(runs) == 1:
-        seen = rrb.Vertical(rrb.Horizontal(camera, *matches), tour_view(), row_shares=[2, 1])
+        paths = RunPaths(runs[0].label)
+        blind = [*(sensor_words_view(paths, name) for name in runs[0].sensors), headings_view(paths)]
+        views = [camera, *matches] if runs[0].channels else blind  # without a camera there is no picture
+        seen = rrb.Vertical(rrb.Horizontal(*views), tour_view(), row_shares=[2, 1])
     else:
         now = rrb.Horizontal(camera, tour_view(), column_shares=[SEES, 1 - SEES])
         seen = rrb.Vertical(now, rrb.Horizontal(*matches))

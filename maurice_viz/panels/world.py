@@ -11,6 +11,8 @@ from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
+from maurice_mcl.sensor.reflectance import NAME as REFLECTANCE
+from maurice_mcl.sensor.reflectance import Reflectance
 
 from .. import entities
 from ..drawing import keys
@@ -148,7 +150,8 @@ class TruthPanel(Panel):
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     """Log everything about the map, static."""
-    ground = draw_ground(library.arena, scale)
+    floor = library.sensors.get(REFLECTANCE)
+    ground = draw_ground(library.arena, scale, floor.floor if isinstance(floor, Reflectance) else None)
     left, top, width = ground.extent.left, ground.extent.top, ground.extent.width
     place_drawing(rec, entities.FLOORS, ground.image, (left, top), width / ground.image.shape[1], -10.0)
     inside = clipped(library.arena.walls, library.arena.bounds)

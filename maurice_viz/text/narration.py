@@ -150,7 +150,8 @@ def weighted(record: StepRecord, scale: Scale) -> str:
 
 def gains(record: StepRecord, scale: Scale) -> str:
     """Describe where particles more than doubled their weight, and where they lost more than half."""
-    gain = record.weighted.log_weights - record.predicted.log_weights
+    before, after = record.predicted.log_weights, record.weighted.log_weights
+    gain = np.subtract(after, before, out=np.zeros_like(after), where=np.isfinite(before))
     winners = _group(record, gain > np.log(2), scale)
     losers = _group(record, gain < -np.log(2), scale)
     groups = [f"{winners} more than doubled their weight"] if winners else []

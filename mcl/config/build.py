@@ -119,7 +119,7 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
 
 
 # One reading of a floor says far less than a picture: more particles, which stay apart.
-WITHOUT_CAMERA = {"particles": 5000, "resampling.when": "effective", "resampling.roughening": 0.2}
+WITHOUT_CAMERA = {"particles": 20000, "resampling.when": "effective", "resampling.roughening": 0.2}
 
 
 def _without_camera(configuration: Configuration, library: Library) -> Configuration:
