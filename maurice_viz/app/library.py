@@ -42,7 +42,15 @@ from maurice_mcl.sensor.reflectance import Reflectance
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
-from .open import as_recorded_session, default_said, library_at, open_session, remark_open, remark_skipped
+from .open import (
+    as_recorded_session,
+    default_said,
+    library_at,
+    open_session,
+    remark_open,
+    remark_skipped,
+    scales_said,
+)
 
 
 def build_library(
@@ -96,6 +104,8 @@ def build_library(
             map_unit=map_unit,
         )
         remark_open(built, listener)
+        for text in scales_said(built):
+            listener.warning(text)
         if landmarks:
             from maurice_loaders.libraries.landmarks import with_landmarks
 

@@ -22,7 +22,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import MadeOdometry
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, available, build_localizer
-from maurice_mcl.config.parameters import PRESETS, Configuration, configure
+from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
@@ -320,6 +320,15 @@ def default_said(library: Library) -> Iterator[str]:
         reference = nearest_reference(library.poses, library.arena)
         _, found = adapted(configure([]), library, reference)
         yield from places_said(library.name, FEATURES["blended"], found)
+
+
+def scales_said(library: Library) -> Iterator[str]:
+    """Yield what the library's own pictures show about the features that are mostly used with it."""
+    reference = nearest_reference(library.poses, library.arena)
+    for feature in ("blended", "best"):
+        weights = FEATURES[feature]
+        _, found = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
+        yield from places_said(library.name, weights, found)
 
 
 def _first_truth(session: SourcedSession) -> F64 | None:

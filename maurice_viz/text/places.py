@@ -25,6 +25,10 @@ def places_said(name: str, channels: Iterable[str], found: PlaceScore | None) ->
     by = ", ".join(channels)
     if found.worse_than_nothing:
         yield f"{name}: {WORSE} ({by}: {scores_of(found)}); {ADVICE}"
+    if found.stretched:
+        fitted = ", ".join(f"{channel} {factor:g} times ours" for channel, factor in found.stretched.items())
+        keep = "--set sensor.widening=1 keeps ours"
+        yield f"{name}: scales fitted on the library's own pictures, each place left out: {fitted}; {keep}"
     if found.widening != 1:
         why = "" if found.worse_than_nothing else f", as {found.places} places do not confirm them"
         keep = "--set sensor.widening=1 keeps the fitted ones"

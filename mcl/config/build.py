@@ -187,6 +187,9 @@ def adapted(
 ) -> tuple[Configuration, PlaceScore | None]:
     """Widen the scales where the library's own pictures show that they are overconfident there.
 
+    A channel whose own scale, fitted on places left out, is wider than on any simulated library gets that;
+    all are widened together where the sensor is then worse than knowing nothing.
+
     That is done only where nobody has set `sensor.widening` or `sensor.scales`, and for likelihoods that have
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
     """
@@ -197,11 +200,21 @@ def adapted(
     found = score_places(model)
     origins = {setting.key: setting.origin for setting in configuration.settings}
     chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
-    if chosen or (sensor.blend, sensor.likelihood) != ("calibrated", "exponential") or found.widening == 1:
-        return configuration, replace(found, widening=1.0)
-    made = Setting("sensor.widening", found.widening, f"library {library.name}")
-    settings = tuple(made if one.key == made.key else one for one in configuration.settings)
-    parameters = replace(configuration.parameters, sensor=replace(sensor, widening=found.widening))
+    ours = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
+    if chosen or not ours or (found.widening == 1 and not found.stretched):
+        return configuration, replace(found, widening=1.0, stretched={})
+    changed: dict[str, Any] = {"sensor.widening": found.widening}
+    if found.stretched:
+        scales = {name: sensor.scale_of(name) * factor for name, factor in found.stretched.items()}
+        score = score_places(SensorModel(library, nearest, replace(sensor, scales=scales)))
+        found = replace(score, stretched=found.stretched)
+        factors = {name: found.widening * factor for name, factor in found.stretched.items()}
+        scales = {name: sensor.scale_of(name) * factor for name, factor in factors.items()}
+        changed = {"sensor.widening": found.widening, "sensor.scales": scales}
+    made = {key: Setting(key, value, f"library {library.name}") for key, value in changed.items()}
+    settings = tuple(made.get(one.key, one) for one in configuration.settings)
+    widened = replace(sensor, widening=found.widening, scales=changed.get("sensor.scales", sensor.scales))
+    parameters = replace(configuration.parameters, sensor=widened)
     return replace(configuration, parameters=parameters, settings=settings), found
 
 

@@ -127,6 +127,10 @@ class SensorParameters:
         usual = SCALES.get(channel, {}).get(self.distance_of(channel), 1.0)
         return self.scales.get(channel, usual * self.widening)
 
+    def is_usual(self, channel: str) -> bool:
+        """Return whether a channel is compared as usual, by a scale of ours."""
+        return channel not in self.scales and self.distance_of(channel) == CHANNELS[channel].distance
+
     def check_names(self) -> None:
         """Raise KeyError for an unknown name now, instead of at the first picture."""
         for channel in self.weights:

@@ -140,3 +140,25 @@ def test_the_default_is_not_overconfident_there(monkeypatch):
     drive = Drive(library, monkeypatch)
     assert wrong_and_confident(library, drive, **{"sensor.widening": 1}) > 0.5
     assert wrong_and_confident(library, drive) == 0
+
+
+def coarse(stretch):
+    """A dense library whose color distances are all longer than in those that the scales were fitted on."""
+    library = dense()
+    index = library.index["color"]
+    return replace(library, index={"color": replace(index, references=index.references * stretch)})
+
+
+def test_a_library_of_many_places_gets_a_scale_of_its_own_where_it_asks_for_one():
+    library = coarse(100)
+    nearest = nearest_reference(library.poses, library.arena)
+    configuration = configure([Layer("settings", {"sensor.weights": {"color": 1.0}})])
+    fitted, found = adapted(configuration, library, nearest)
+    assert found.stretched["color"] > 2
+    sensor = fitted.parameters.sensor
+    assert sensor.scale_of("color") == pytest.approx(COLOR.scale_of("color") * found.stretched["color"])
+    assert found.score > scored(library).score
+    origins = {one.key: one.origin for one in fitted.settings}
+    assert origins["sensor.scales"] == "library made"
+    own = configure([Layer("settings", {"sensor.weights": {"color": 1.0}, "sensor.widening": 1})])
+    assert adapted(own, library, nearest)[0] is own
