@@ -101,7 +101,7 @@ def score_places(sensor: SensorModel) -> PlaceScore:
     found = PlaceScore(len(places), len(tested.costs), score, nothing, float(f"{widening:.3g}"))
     if len(places) < ENOUGH_PLACES:
         return found
-    usual = [(k, name) for k, name in enumerate(sensor.parameters.weights) if name in LEFT_OUT]
+    usual = [(k, name) for k, name in enumerate(sensor.weights) if name in LEFT_OUT]
     fits = {name: tested.stretch(k) for k, name in usual if sensor.parameters.is_usual(name)}
     wider = {name: float(f"{fit:.3g}") for name, fit in fits.items() if fit >= WIDER * LEFT_OUT[name]}
     return replace(found, stretched=wider)
