@@ -138,7 +138,10 @@ def _step(bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance) -
         bundle.points + points,
     )
     freedom = max(2 * float(weight.sum()) - 3 * (count + places + 1), 0.1 * len(error))
-    variance = float(np.sum(off**2)) / freedom
+    # of an M-estimator (Huber 1981, 7.6): the weighted residuals over how much they change with a residual
+    slope = (weight**2 * (1 - (error / SOFT_PX) ** 2) + weight) / 2
+    squared = float(weight @ (off.reshape(-1, 2) ** 2).sum(axis=1)) / freedom
+    variance = squared * float(weight.mean()) / max(float(slope.mean()), 0.1) ** 2
     return moved, covariance * max(variance, 1e-6)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from maurice_mcl.pose_sensor import EXACT, PoseSpread
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
+from maurice_mcl.sensor.landmarks.picture import PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.session import Frame
 
@@ -158,7 +159,7 @@ def test_what_is_shown_counts_those_that_agree(landmarks, reading):
     agreeing = int(shown.marks[-1].agrees.sum())
     assert agreeing > 0.8 * count
     assert shown.words == f"{agreeing} of {count} matched landmarks agree"
-    assert {mark.view for mark in shown.marks} == {"landmarks", "map"}
+    assert {mark.view for mark in shown.marks} == {PICTURE, "map"}
 
 
 def test_references_that_see_nothing_have_no_landmarks(tiny, room, references):
