@@ -260,7 +260,7 @@ def tune(
             raise InputError(path, f"{which}, and would flatter the result; score another drive")
     path = Path(library)
     opened = library_at(path, listener)
-    for text in default_said(opened):
+    for text in default_said(opened, fitted=False):
         listener.warning(text)
     tuning = _Tuning(path, opened, _wanted(path, opened, channels), keep_going, listener)
     result = _tuned(tuning, fit, test)

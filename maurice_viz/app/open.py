@@ -314,11 +314,13 @@ def _adapted(
     return result
 
 
-def default_said(library: Library) -> Iterator[str]:
-    """Yield what the library's own pictures show about the default filter."""
+def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
+    """Yield what the library's own pictures show about the default filter, with or without its own scales."""
     if library.size:
         reference = nearest_reference(library.poses, library.arena)
         _, found = adapted(configure([]), library, reference)
+        if found is not None and not fitted:
+            found = replace(found, stretched={})
         yield from places_said(library.name, FEATURES["blended"], found)
 
 
