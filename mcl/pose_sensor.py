@@ -61,8 +61,9 @@ class PoseSensor(Protocol):
     """A sensor model that gives any pose a log-likelihood.
 
     Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
-    reading may be any value: only the sensor itself looks into it. A sensor that shows pictures also has
-    `pictures`: their titles, a tuple.
+    reading may be any value: only the sensor itself looks into it. Three attributes may be
+    left out: `pictures`, the titles of the pictures it shows; `proposes`, true for one whose `propose`
+    returns poses; `summary`, one line for tables.
 
         >>> import numpy as np, maurice_mcl as mcl
         >>> class Beacon:

@@ -20,6 +20,7 @@ import numpy as np
 from ..arrays import F32, F64
 from ..errors import InputError
 from ..library import Library
+from ..map import spacing
 from ..radii import USUAL, Radii
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import (
@@ -47,7 +48,7 @@ from .proposal import (
 )
 from .recovery import Recovery, RecoveryStep
 from .resampling import Resampled, Resampling
-from .sensor_proposal import proposals_of
+from .sensor_proposal import can_propose, elsewhere, proposals_of
 
 RESAMPLED = "resampled"
 RESEEDED = "reseeded"
@@ -157,8 +158,12 @@ class Localizer:
             return ProposedParticles(predicted)
         rng = self._rng(frame.step, Purpose.MIXTURE)
         likely = comparison.log_likelihood
-        sensors = proposals_of(comparison)
-        return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, sensors)
+        proposals = proposals_of(comparison)
+        if can_propose(self.sensor.sensors.values()):
+            proposals = elsewhere(proposals, predicted, spacing(self.reference.places))
+            if not proposals:
+                return ProposedParticles(predicted)
+        return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, proposals)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
         if self.motion is None:

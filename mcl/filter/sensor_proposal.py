@@ -2,22 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ..arrays import F32, F64
 from ..geometry import wrap, wrap_angle
-from ..pose_sensor import PoseProposal
-from ..records import Comparison
+from ..pose_sensor import PoseProposal, PoseSensor
+from ..records import Belief, Comparison
 
 OF_SENSORS = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
+COVERED = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself
+NEAR_RAD = np.pi / 6
 SURE = 1e-6  # added to variances (m^2, rad^2), so that no covariance is singular
 
 
-def proposals_of(comparison: Comparison) -> tuple[PoseProposal, ...]:
+def proposals_of(comparison: Comparison) -> list[PoseProposal]:
     """Return what the pose sensors propose for a frame."""
-    return tuple(one.proposal for one in comparison.sensed if one.proposal is not None)
+    return [one.proposal for one in comparison.sensed if one.proposal is not None]
+
+
+def can_propose(sensors: Iterable[PoseSensor]) -> bool:
+    """Return whether one of the pose sensors proposes poses at all."""
+    return any(getattr(one, "proposes", False) for one in sensors)
+
+
+def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float) -> list[PoseProposal]:
+    """Return the parts of proposals where the predicted cloud is not.
+
+    A cloud that has a hundredth of its weight within `reach_m` and 30 degrees of a mode tracks it by itself,
+    and knows more of it than the sensor alone: the robot's past.
+    """
+    found = []
+    for one in proposals:
+        near = np.array([_held_near(pose, predicted, reach_m) for pose in one.poses])
+        kept = near < COVERED
+        if kept.any():
+            found.append(PoseProposal(one.poses[kept], one.covariances[kept], one.weights[kept]))
+    return found
+
+
+def _held_near(pose: F64, predicted: Belief, reach_m: float) -> float:
+    """Return the weight of the particles near a pose (3,) in the map's frame."""
+    x, y, heading = predicted.poses.T
+    away = np.hypot(x - (pose[0] - predicted.origin[0]), y - (pose[1] - predicted.origin[1]))
+    turned = np.abs(wrap_angle(heading - pose[2]))
+    return float(predicted.weights[(away < reach_m) & (turned < NEAR_RAD)].sum())
 
 
 def draw_poses(proposals: Sequence[PoseProposal], n: int, origin: F64, rng: np.random.Generator) -> F32:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,7 @@ class Landmarks:
     """A sensor model over landmarks; see `maurice_mcl.PoseSensor`."""
 
     map: LandmarkSet
+    proposes: ClassVar[bool] = True
 
     @property
     def name(self) -> str:
