@@ -20,7 +20,12 @@ POSE_SENSORS = ("landmarks", "reflectance")  # ours, as keys of `sensor.weights`
 
 @dataclass(frozen=True, slots=True)
 class PoseSpread:
-    """How far the poses that one pose stands for lie from it: standard deviations."""
+    """How far the poses that one pose stands for lie from it: standard deviations.
+
+    >>> from maurice_mcl import PoseSpread
+    >>> PoseSpread(position_m=0.05)
+    PoseSpread(position_m=0.05, heading_rad=0.0)
+    """
 
     position_m: float = 0.0  # along each axis
     heading_rad: float = 0.0
@@ -31,7 +36,14 @@ EXACT = PoseSpread()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseProposal:
-    """Where a sensor alone would put the robot: a mixture of K normal distributions."""
+    """Where a sensor alone would put the robot: a mixture of K normal distributions.
+
+    >>> import numpy as np
+    >>> from maurice_mcl import PoseProposal
+    >>> one = PoseProposal(np.array([[1.0, 2.0, 0.5]]), np.diag([0.01, 0.01, 0.003])[None], np.ones(1))
+    >>> one.covariances.shape
+    (1, 3, 3)
+    """
 
     poses: F64  # (K, 3) x_m, y_m, heading_rad in the map's frame
     covariances: F64  # (K, 3, 3)
@@ -40,7 +52,14 @@ class PoseProposal:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownMarks:
-    """Points, lines or paths in one of the views of `Shown`."""
+    """Points, lines or paths in one of the views of `Shown`.
+
+    >>> import numpy as np
+    >>> from maurice_mcl import ShownMarks
+    >>> beacon = ShownMarks("beacon", "map", np.array([[[2.0, 1.0]]], np.float32))  # a point: P = 1
+    >>> beacon.strips.shape
+    (1, 1, 2)
+    """
 
     name: str  # what they are: "matched landmarks"
     view: str  # the title of a picture of `Shown`, or "map"
@@ -50,7 +69,12 @@ class ShownMarks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """What a sensor wants people to see of one frame."""
+    """What a sensor wants people to see of one frame.
+
+    >>> from maurice_mcl import Shown
+    >>> Shown("the beacon is 1.20 m away").words
+    'the beacon is 1.20 m away'
+    """
 
     words: str  # a sentence: "14 of 60 landmarks agree"
     pictures: Mapping[str, U8] = field(default_factory=dict)  # title to (H, W, 3) RGB
