@@ -199,7 +199,7 @@ def test_a_cloud_that_would_leave_the_map_stays_and_only_turns(world):
 def test_a_channel_that_holds_nan_is_told_as_such_and_moves_no_particle(world):
     localizer = _localizer(world, particles=50)
     start, frame = localizer.initialize(world.start), world.drive.all_moments[0].frame
-    (compared,) = compare_picture([localizer.sensor], frame.image)
+    (compared,) = compare_picture([localizer.sensor], frame)
     broken = np.full_like(compared.comparison.log_likelihood, np.nan)
     spoiled = replace(compared, comparison=replace(compared.comparison, log_likelihood=broken))
     _, record = localizer.step(start, frame, spoiled)
@@ -298,13 +298,10 @@ class _Seeing:
     """The real sensor model, with a known descriptor in place of the picture's."""
 
     def __init__(self, model, descriptor):
-        self.model, self.descriptor = model, descriptor
+        self.model, self.descriptor, self.sensors = model, descriptor, model.sensors
 
-    def measure(self, image):
-        return {"color": self.descriptor}
-
-    def compare(self, descriptors):
-        return self.model.compare(descriptors)
+    def see(self, frame):
+        return self.model.compare({"color": self.descriptor})
 
     def at(self, comparison, poses):
         return self.model.at(comparison, poses)

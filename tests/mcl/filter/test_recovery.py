@@ -46,7 +46,8 @@ def _choosing(scheme="systematic", when=never, roughening=0.0, kld=None, strateg
     """A localizer of which only the last two stages are used."""
     resampling = Resampling(RESAMPLERS[scheme], when, roughening, kld)
     recovery = RecoveryStep(strategy, NEAREST, WHERE, draw_evenly)
-    return Localizer(None, NEAREST, WHERE, None, None, resampling, recovery)
+    sensor = SimpleNamespace(sensors={})
+    return Localizer(None, NEAREST, WHERE, None, sensor, resampling, recovery)
 
 
 def _comparison(seed=0, spread=1.0):
