@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check gate bench causes difficulty results lost-signal belief fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench causes difficulty results landmarks landmark-figures lost-signal belief fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -43,6 +43,16 @@ difficulty: .venv/installed-dev
 results: .venv/installed-dev
 	$(BIN)/maurice-replay trials results -o .results --resume
 	$(BIN)/python benchmarks/results.py .results
+
+# Landmarks on unseen arenas, and every channel beside them: hours, and they go on where they stopped.
+landmarks: .venv/installed-dev
+	$(BIN)/maurice-replay trials landmarks -o .landmarks --resume
+	$(BIN)/python benchmarks/results.py .landmarks
+
+landmark-figures: .venv/installed-dev
+	$(BIN)/maurice-replay trials channels -o .channels --resume
+	$(BIN)/maurice-replay trials landmarks-spacing -o .spacing --resume
+	$(BIN)/python benchmarks/landmark_figures.py .channels .spacing
 
 # The lost signal's false alarms and misses on unseen arenas: half an hour, and it goes on where it stopped.
 lost-signal: .venv/installed-dev

@@ -38,6 +38,8 @@ PAIRS = (
     ("best, 1,000", "best, 1,000, surveyed references only"),
     ("best, 1,000, motion constants +30 %", "best, 1,000"),
     ("robust, 1,000", "best, 1,000"),
+    ("precise, 1,000", "robust, 1,000"),
+    ("precise, 1,000", "landmarks, 1,000"),
 )
 
 
@@ -48,10 +50,11 @@ def main() -> None:
         print(row(some))
     print("\nerror of the first less the second on the same drives (in)\n")
     print("| | nominal | dim | hard |\n|---|---|---|---|")
-    tracking = rows.filter(pl.col("part") == "results-tracking")
+    tracking = rows.filter(pl.col("part").str.ends_with("-tracking"))
     for first, second in PAIRS:
         cells = [apart(tracking.filter(pl.col("tier") == tier), first, second) for tier in TIERS]
-        print(f"| {first} against {second} | {' | '.join(cells)} |")
+        if any(cells):
+            print(f"| {first} against {second} | {' | '.join(cells)} |")
 
 
 def row(rows: pl.DataFrame) -> str:
@@ -65,7 +68,7 @@ def row(rows: pl.DataFrame) -> str:
     of_oracle = Interval(*(value / oracle for value in (error.value, error.low, error.high)), error.count)
     cells = (
         f"{one['label']}{light}",
-        one["task"],
+        one["task"] if one["session"].startswith(one["task"]) else one["session"],
         one["tier"],
         str(len(rows)),
         _said(error, 1),
