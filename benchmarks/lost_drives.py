@@ -140,7 +140,7 @@ def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
         "converged": np.array([t.converged for t in traces]),
     }
     likelihoods, estimates = (
-        [one.explained.relative[0] for one in comparisons],
+        [one.explained_by_channels.relative[0] for one in comparisons],
         np.array([t.poses for t in traces]),
     )
     return found | second_opinions(localizer, [m.frame.motions for m in moments], likelihoods, estimates)

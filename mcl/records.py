@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -143,11 +143,25 @@ class Comparison:
         return EntryLikelihood.of(self.cost[None])
 
     @cached_property
+    def by_channels(self) -> Comparison:
+        """The same without pose sensors, which know every particle's own pose."""
+        if not self.sensed or self.of_channels is None:
+            return self
+        cost = np.maximum(self.cost - sum(one.weight * one.cost for one in self.sensed), np.float32(0))
+        quality = 1 - cost / max(float(cost.max(initial=0.0)), 1e-9)
+        return replace(
+            self,
+            cost=cost,
+            quality=np.asarray(quality, np.float32),
+            log_likelihood=self.of_channels,
+            sensed=(),
+            of_channels=None,
+        )
+
+    @cached_property
     def explained_by_channels(self) -> EntryLikelihood:
         """The same of all channels, without pose sensors: those know every particle's own pose."""
-        if not self.sensed:
-            return self.explained
-        return EntryLikelihood.of((self.cost - sum(one.weight * one.cost for one in self.sensed))[None])
+        return self.by_channels.explained
 
     @cached_property
     def channels_explained(self) -> EntryLikelihood:
@@ -156,11 +170,12 @@ class Comparison:
 
     @cached_property
     def library_evidence(self) -> LibraryEvidence | None:
-        """How well the library as a whole explains the picture; None without entries."""
-        if not len(self.cost):
+        """How well the library as a whole explains the picture, by channels; None without one, or entries."""
+        if not len(self.cost) or not self.channels:
             return None
-        top = float(self.explained.top[0])
-        return LibraryEvidence(top + float(np.log(self.explained.relative.mean())), top)
+        explained = self.explained_by_channels
+        top = float(explained.top[0])
+        return LibraryEvidence(top + float(np.log(explained.relative.mean())), top)
 
     def prepare(self) -> None:
         """Compute now what every filter asks for: on the thread that compares, ahead of them."""
@@ -197,7 +212,7 @@ class EntryLikelihood:
 
 @dataclass(frozen=True, slots=True)
 class LibraryEvidence:
-    """What a cloud's calibrated evidence is measured against: that of the library as a whole, in nats."""
+    """What a cloud's evidence by channels is measured against: that of the library as a whole, in nats."""
 
     mean: float  # of a cloud that is spread over all entries alike
     best: float  # of a cloud at the entry that explains the picture best

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..filter.estimate import entry_weights, log_mean_likelihood
 from ..records import StepRecord
 
 
@@ -23,7 +24,7 @@ from ..records import StepRecord
 class BeliefNumbers:
     """What the signal reads of one update: nothing of it depends on the truth."""
 
-    evidence: float  # nats, calibrated, of the predicted cloud; -inf: no particle was in free space
+    evidence: float  # nats, by channels, of the predicted cloud; -inf: no particle was in free space
     library_mean: float  # nats, of a cloud spread over the whole library
     library_best: float  # nats, of the entry that explains the picture best
     mass: float  # share of the weight in the heaviest mode
@@ -32,20 +33,37 @@ class BeliefNumbers:
 
     @classmethod
     def of(cls, record: StepRecord) -> BeliefNumbers | None:
-        """Read a record; None where it is not known how well the library explains the picture."""
+        """Read a record; None where it is not known how well the library explains it: without channels."""
         library = record.library_evidence
         if library is None:
             return None
         size, parents = record.belief.size, record.parents
         own = size if parents is None else int(np.count_nonzero(np.bincount(parents[parents >= 0])))
         return cls(
-            evidence=record.calibrated_evidence,
+            evidence=evidence_by_channels(record),
             library_mean=library.mean,
             library_best=library.best,
             mass=record.estimate.mass,
             spread=math.hypot(*record.mean_estimate.sd_m) / record.estimate.radii.right_m,
             survivors=own / size,
         )
+
+
+def evidence_by_channels(record: StepRecord) -> float:
+    """Return the calibrated evidence of the predicted cloud without what pose sensors say of it.
+
+    A pose sensor knows every particle's own pose, so that a cloud beats the library's references, which lie
+    beside the robot, by far or not at all: only channels compare the two alike.
+    """
+    sighting, comparison = record.sighting, record.sighting.comparison
+    if sighting.sensed is None:
+        return record.calibrated_evidence
+    inside = np.isfinite(sighting.log_likelihood)
+    if not np.isfinite(record.log_evidence) or not inside.any():
+        return -math.inf
+    before = record.weighted.log_weights[inside] - sighting.log_likelihood[inside] + record.log_evidence
+    held = entry_weights(np.exp(before), sighting.entries[inside], len(comparison.cost))
+    return float(log_mean_likelihood(comparison.explained_by_channels, held)[0])
 
 
 # What a running mean takes over of every update: the last three make up seven eighths of it.
@@ -64,7 +82,7 @@ WEIGHTS: Mapping[str, float] = {
     "survivors": -0.98,
 }
 PROBABLY_LOST_BELOW = 0.06  # the probability below which it is probably lost ...
-KNOWS_ABOVE = 0.5  # ... and above which it knows where it is, so that it can be lost
+KNOWS_ABOVE = 0.5  # ... and above which it knows where it is: it can be lost, or is so no longer
 
 
 @dataclass(slots=True)
@@ -104,7 +122,8 @@ class LostSignal:
     def _say(self, knows: float, lost_below: float) -> float:
         self.knows = knows
         self._knew |= knows > KNOWS_ABOVE
-        self.probably_lost = self._knew and knows < lost_below
+        still = self.probably_lost and knows <= KNOWS_ABOVE
+        self.probably_lost = self._knew and (knows < lost_below or still)
         return knows
 
     def features(self, now: BeliefNumbers) -> dict[str, float]:

@@ -63,7 +63,7 @@ class SecondFilter:
     >>> session, localizer = mcl.tiny_session(), mcl.make_localizer(mcl.tiny_library())
     >>> second = SecondFilter.of(localizer.of_session(session))
     >>> for _, record in mcl.run(localizer, session):
-    ...     second.see(record.frame.motions, record.sighting.comparison.explained.relative[0])
+    ...     second.see(record.frame.motions, record.sighting.comparison.explained_by_channels.relative[0])
     >>> 0 <= second.shares(record.estimate.pose).near <= 1
     True
     """
@@ -196,7 +196,7 @@ class SecondOpinion:
         numbers = BeliefNumbers.of(record)
         if numbers is None or not math.isfinite(numbers.library_mean):
             return None  # nothing to compare with, or a channel that gives no numbers
-        self.second.see(record.frame.motions, record.sighting.comparison.explained.relative[0])
+        self.second.see(record.frame.motions, record.sighting.comparison.explained_by_channels.relative[0])
         found = self._reader.features(numbers, self.second.shares(record.estimate.pose))
         odds = sum(weight * found[name] for name, weight in OPINION.items())
         self.not_lost = 1 / (1 + math.exp(-odds))

@@ -111,15 +111,22 @@ class Surroundings:
         return np.ascontiguousarray(self.sensor.library.poses.T)
 
     def fit(self, comparison: Comparison, truth: F64, estimate: F64) -> PlaceFit | None:
-        """Say how a picture fits the truth (3,); None where nothing near it was compared."""
+        """Say how a picture fits the truth (3,); None where nothing near it was compared.
+
+        References are judged by channels, truth and estimate by all sensors, which know their own poses.
+        """
+        whole, comparison = comparison, comparison.by_channels
         apart, likely = self._apart(truth), comparison.log_likelihood
         near = self._looking_alike(np.flatnonzero(apart <= (NEAR * self.spacing_m) ** 2), truth)
         others = np.flatnonzero(apart > self.lost_m**2)
         if not comparison.channels or not len(likely) or not len(near) or not len(others):
             return None
-        here, there = self._likelihoods(comparison, truth, estimate)
+        here, there = self._likelihoods(whole, truth, estimate)
         if not np.isfinite(here):
             return None
+        there -= here
+        if whole is not comparison:
+            here = self._likelihoods(comparison, truth)[0]
         entry = int(near[comparison.cost[near].argmin()])
         likely_there = likely[others]
         best = int(others[likely_there.argmax()])
@@ -130,7 +137,7 @@ class Surroundings:
             cost=float(comparison.cost[entry]),
             best_cost=float(comparison.cost.min()),
             behind=float(likely[best]) - here,
-            estimate_behind=0.0 if same or not np.isfinite(there) else there - here,
+            estimate_behind=0.0 if same or not np.isfinite(there) else there,
             rank=int((likely > likely[near].max()).sum()) + 1,
             references=len(likely),
             rivals=0 if same else self._places(others[likely_there >= here - ALIKE_NATS]),

@@ -16,6 +16,7 @@ TOLD_SD = 2.5  # where the log tells that the wheels slipped
 BEYOND_SUM_SD = 5.0  # and of the sum of several
 SUMMED = 3  # movements at least
 OUT_FOR = 2  # updates off the map
+LEAP = 2.0  # times as far as in any other update: no drive, but a robot that was carried
 
 # What befell the recording.
 
@@ -48,12 +49,21 @@ def stuck_pictures(story: Story) -> Failure | None:
 def carried(story: Story) -> Failure | None:
     """The truth moved much farther than odometry says, or the log tells of it."""
     for one in story.some(story.window, lambda one: one.moved_m is not None or one.kidnapped):
-        far = one.moved_m is not None and one.moved_m - one.driven_m > (one.lost_m)
-        if one.kidnapped or far:
+        if one.kidnapped or _jumped(one, story):
             told = "the log says so" if one.kidnapped else "the truth jumped"
             away = {} if one.moved_m is None else {"moved_m": one.moved_m, "driven_m": one.driven_m}
             return story.failure(KIDNAPPED, one.step, told=told, **away)
     return None
+
+
+def _jumped(one: UpdateEvidence, story: Story) -> bool:
+    """Return whether the truth moved much farther than odometry says, and than the robot ever drives."""
+    if one.moved_m is None:
+        return False
+    unseen_m = one.moved_m - one.driven_m
+    others = [other.moved_m for other in story.updates if other is not one and other.moved_m is not None]
+    leap = one.moved_m > LEAP * max(others, default=float("inf"))
+    return unseen_m > one.lost_m or (leap and unseen_m > one.lost_m / 2)
 
 
 def off_map(story: Story) -> Failure | None:

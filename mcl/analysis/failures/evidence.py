@@ -13,7 +13,7 @@ from ...geometry import compose_motions
 from ...records import StepRecord
 from ...session import Moment
 from ..events import is_kidnapping
-from ..lost_signal import LostSignal
+from ..lost_signal import LostSignal, evidence_by_channels
 from ..metrics import StepScore, score_step
 from .around import PlaceFit, Surroundings
 from .light import LightFit, layout_fit, mean_level
@@ -46,8 +46,8 @@ class UpdateEvidence:
     inside: int  # of them in free space
     ess: float  # effective sample size
     spread_nats: float  # log-likelihood from the library's middle reference to its best one
-    best: float  # nats: how well the best reference of the library explains the picture, at most 0
-    cloud: float  # nats: how well the cloud as a whole does
+    best: float  # nats: how well the library's best reference explains the picture, by channels
+    cloud: float  # nats: how well the cloud as a whole does, by channels
     gray: float  # mean level of the picture
     knows: float | None = None  # probability that the estimate is right, without truth
     probably_lost: bool = False  # whether the lost signal says so
@@ -90,7 +90,8 @@ class EvidenceFinder:
             self.around = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
         frame, truth = moment.frame, moment.truth
         floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
-        cost, likely = record.sighting.comparison.cost, record.sighting.comparison.log_likelihood
+        comparison = record.sighting.comparison
+        cost, likely = comparison.by_channels.cost, comparison.log_likelihood
         motions = frame.motions
         knows = self._signal.add(record)
         found = UpdateEvidence(
@@ -111,7 +112,7 @@ class EvidenceFinder:
             ess=record.effective_sample_size,
             spread_nats=float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
             best=-float(cost.min()) if len(cost) else float("nan"),
-            cloud=record.calibrated_evidence,
+            cloud=evidence_by_channels(record),
             gray=mean_level(frame.image),
             knows=knows,
             probably_lost=self._signal.probably_lost,

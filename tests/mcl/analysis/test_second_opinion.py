@@ -107,8 +107,14 @@ def test_the_lost_signal_is_the_second_opinion_where_a_record_has_one(localizer,
         assert not signal.probably_lost
     assert signal.add(replace(record, opinion=Opinion(0.4, LOST_BELOW))) == 0.4
     assert signal.probably_lost
-    assert signal.add(replace(record, opinion=Opinion(0.4, LOST_BELOW_ANY))) == 0.4
-    assert not signal.probably_lost
+
+
+def test_what_is_probably_lost_stays_so_until_it_knows_again(records):
+    signal, said = LostSignal(), []
+    for not_lost in (0.9, 0.3, 0.11, 0.3, 0.45, 0.11, 0.3, 0.6, 0.3):
+        signal.add(replace(records[0], opinion=Opinion(not_lost, LOST_BELOW_ANY)))
+        said.append(signal.probably_lost)
+    assert said == [False, False, True, True, True, True, True, False, False]
 
 
 def test_a_search_that_never_knew_where_it_was_is_not_lost(records):
