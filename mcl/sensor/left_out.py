@@ -99,7 +99,7 @@ def score_places(sensor: SensorModel) -> PlaceScore:
         widening = float(WIDENINGS[np.argmax([known(tested.gains(k)) for k in WIDENINGS.tolist()])])
     score = nothing + float(gains.mean())
     found = PlaceScore(len(places), len(tested.costs), score, nothing, float(f"{widening:.3g}"))
-    if len(places) < ENOUGH_PLACES:
+    if dense or len(places) < ENOUGH_PLACES:
         return found
     usual = [(k, name) for k, name in enumerate(sensor.weights) if name in LEFT_OUT]
     fits = {name: tested.stretch(k) for k, name in usual if sensor.parameters.is_usual(name)}

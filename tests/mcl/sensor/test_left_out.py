@@ -44,8 +44,8 @@ def sparse(seed=0):
     return library_of(SPOTS, lambda poses: pictured(poses, np.random.default_rng(seed)))
 
 
-def dense():
-    steps = (np.arange(8) + 0.5) * 0.4572
+def dense(across=8, spacing_m=0.4572):
+    steps = (np.arange(across) + 0.5) * spacing_m
     places = np.column_stack([axis.ravel() for axis in np.meshgrid(steps, steps)])
     turns = np.linspace(0, 2 * np.pi, 84)
 
@@ -142,14 +142,14 @@ def test_the_default_is_not_overconfident_there(monkeypatch):
     assert wrong_and_confident(library, drive) == 0
 
 
-def coarse(stretch):
-    """A dense library whose color distances are all longer than in those that the scales were fitted on."""
-    library = dense()
+def coarse(stretch, library=None):
+    """A library whose color distances are all longer than in those that the scales were fitted on."""
+    library = library or dense(5, 0.8)
     index = library.index["color"]
     return replace(library, index={"color": replace(index, references=index.references * stretch)})
 
 
-def test_a_library_of_many_places_gets_a_scale_of_its_own_where_it_asks_for_one():
+def test_a_library_of_many_places_far_apart_gets_a_scale_of_its_own_where_it_asks_for_one():
     library = coarse(100)
     nearest = nearest_reference(library.poses, library.arena)
     configuration = configure([Layer("settings", {"sensor.weights": {"color": 1.0}})])
@@ -157,7 +157,9 @@ def test_a_library_of_many_places_gets_a_scale_of_its_own_where_it_asks_for_one(
     assert found.stretched["color"] > 2
     sensor = fitted.parameters.sensor
     assert sensor.scale_of("color") == pytest.approx(COLOR.scale_of("color") * found.stretched["color"])
-    assert found.score > scored(library).score
+    assert found.score >= scored(library).score
+    assert not scored(coarse(100, dense())).stretched
+    assert not scored(coarse(100, dense(4, 0.9))).stretched
     origins = {one.key: one.origin for one in fitted.settings}
     assert origins["sensor.scales"] == "library made"
     own = configure([Layer("settings", {"sensor.weights": {"color": 1.0}, "sensor.widening": 1})])
