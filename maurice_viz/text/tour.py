@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, Cause
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause
 from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
@@ -24,11 +24,19 @@ NAMES = {
     BACK: "found again",
     ENDS: "the end",
 }
-BEFALLS = {CARRIED: "kidnapped", JUMPED: "the truth jumps", SLIPPED: "the wheels slip", DARK: "lights out"}
+BEFALLS = {
+    CARRIED: "kidnapped",
+    JUMPED: "the truth jumps",
+    SLIPPED: "the wheels slip",
+    OVERSTATED: "odometry too long",
+    DARK: "lights out",
+}
+WENT_ON = "Map: the dots (particles) moved as odometry says; the white disk (the truth) hardly moved."
 LOOKS = {
     CARRIED: "Map: the white disk (the truth) jumps. The dots (particles) do not: odometry has not seen it.",
     JUMPED: "Map: the white disk (the truth) jumps. The dots (particles) do not: odometry has not seen it.",
-    SLIPPED: "Map: the dots (particles) moved as odometry says; the white disk (the truth) hardly moved.",
+    SLIPPED: WENT_ON,
+    OVERSTATED: WENT_ON,
     DARK: "The camera, on the right, is dark. The best match below it can be any place now.",
 }
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from maurice_mcl.analysis.events import KIDNAPPED, SEARCHING
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED, TURNED, Cause
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, TURNED, Cause
 from maurice_mcl.analysis.failures.kinds import KIDNAPPED as WAS_KIDNAPPED
 from maurice_mcl.analysis.failures.kinds import LIGHTING, MOTION
 from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble
@@ -92,6 +92,8 @@ def befell(cause: Cause, scale: Scale) -> str:
     expected, actual = scale.say(cause.expected or 0.0), scale.say(cause.actual or 0.0)
     if cause.kind == SLIPPED:
         return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
+    if cause.kind == OVERSTATED:
+        return f"Odometry from pictures was too long at {at}: it says {expected}, the robot moved {actual}"
     if cause.kind == JUMPED:
         return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
     if cause.kind == CARRIED:

@@ -15,7 +15,7 @@ from helpers.commands import failure, maurice, run
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders import InputError
-from maurice_viz.app.understand.branch import BranchChange
+from maurice_viz.app.understand.branch import BranchChange, open_branch
 from maurice_viz.app.understand.remedies import BETTER, UNCLEAR, WORSE, Remedy, SeedResults, judged
 from maurice_viz.errors import OptionError
 
@@ -187,3 +187,18 @@ def test_by_chance_alone_hardly_any_set_of_remedies_holds_a_better_one():
     sets = [_tried(*(rng.random((11, 20)) < 0.5))[1:] for _ in range(40)]
     found = sum(any(one.verdict != UNCLEAR for one in some) for some in sets)
     assert found <= 40 * (0.05 + 4 * np.sqrt(0.05 * 0.95 / 40))
+
+
+def test_a_branch_with_another_feature_gets_new_scales_and_keeps_those_that_somebody_chose(folder, monkeypatch):
+    """Where the library fitted the run's scales, they are its own channels'."""
+    import maurice_mcl.sensor.left_out as left_out
+
+    monkeypatch.setattr(left_out, "FITTED_SPACING_M", 0.1)  # so that half a meter is far apart
+    session = folder / "session.log"
+    for name, settings in {"fitted": {}, "chosen": {"sensor.scales": {"edges": 0.1}}}.items():
+        mv.replay(session, feature="edges", particles=50, settings=settings, run=folder / name)
+        point = open_branch(folder / name)
+        assert point.run.configuration.parameters.sensor.scales
+        branch = point.localizer_with(BranchChange(feature="color"))
+        kept = point.run.configuration.parameters.sensor.scales
+        assert ("edges" in branch.sensor.parameters.scales) == (name == "chosen"), kept

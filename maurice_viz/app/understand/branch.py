@@ -70,10 +70,18 @@ class BranchChange:
         settings = [f"{key}={_short(value)}" for key, value in self.settings.items()]
         return (*given, *(word for setting in settings for word in ("--set", setting)))
 
-    def configuration(self, saved: Configuration) -> Configuration:
+    @property
+    def has_other_sensor(self) -> bool:
+        """Whether pictures are compared otherwise, so that scales have to be found again."""
+        return self.feature is not None or any(
+            key.startswith("sensor.") and key not in KEEPS_SCALES for key in self.settings
+        )
+
+    def configuration(self, saved: Configuration, fitted: Sequence[str] = ()) -> Configuration:
         """Return the settings from the branch on. OptionError for what is not known or out of range.
 
-        A preset is a whole filter: of the run's settings only motion parameters and particles stay.
+        A preset is a whole filter: of the run's settings only motion parameters and particles stay. Keys that
+        the library `fitted` to the run's own channels are left out where the branch has another sensor.
         """
         check_name(self.preset, PRESETS, "preset")
         check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
@@ -86,8 +94,8 @@ class BranchChange:
         if self.preset is not None:
             own = {key: value for key, value in kept.items() if key in ("motion", "particles")}
             kept = dict(PRESETS[self.preset]) | own
-        if any(key.startswith("sensor.") and key not in KEEPS_SCALES for key in given):
-            kept.pop("sensor.widening", None)  # it was found for the run's own channels
+        if self.has_other_sensor:
+            kept = {key: value for key, value in kept.items() if key not in fitted}
         try:
             return configure([Layer("run", kept), Layer("command line", given)])
         except ValueError as problem:
@@ -147,7 +155,9 @@ class BranchPoint:
         seed = own.seed if change.seed is None else change.seed
         if not replace(change, seed=None, anywhere=False).words:
             return replace(own, seed=seed)
-        found = change.configuration(self.run.configuration)
+        found = change.configuration(
+            self.run.configuration, self._fitted() if change.has_other_sensor else ()
+        )
         try:
             found = available(found, self.library)[0]
         except InputError as problem:
@@ -168,6 +178,16 @@ class BranchPoint:
             )
         except ValueError as problem:  # motion parameters
             raise OptionError(str(problem)) from None
+
+    def _fitted(self) -> tuple[str, ...]:
+        """Return the keys that the library set in the run, and nobody else: it sets them again."""
+        saved = self.run.configuration
+        given = {key: value for key, value in saved.values().items() if value is not None}
+        for keys in (("sensor.widening", "sensor.scales"), ("sensor.widening",)):
+            asked = configure([Layer("run", {key: given[key] for key in given if key not in keys})])
+            if adapted(asked, self.library, self.localizer.reference)[0].parameters == saved.parameters:
+                return keys
+        return ()
 
     def begin(
         self, localizer: Localizer, step: int, belief: Belief | None, past: Past, *, anywhere: bool = False

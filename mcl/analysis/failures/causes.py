@@ -23,6 +23,7 @@ from .light import mean_level
 CARRIED = "carried"  # the log says so: expected None, actual meters
 JUMPED = "jumped"  # the truth moved much farther than odometry says: expected and actual meters
 SLIPPED = "slipped"  # odometry went on while the robot did not: expected and actual meters
+OVERSTATED = "overstated"  # the same where odometry is made from pictures: no wheel slipped
 TURNED = "turned"  # the log tells of a slip: its words
 DARK = "dark"  # pictures darker than any before: expected and actual mean gray level, 0 to 255
 LIGHTS = "lights"  # the log tells of another light: its words
@@ -49,7 +50,7 @@ class Cause:
     @property
     def shown_at(self) -> int:
         """The step at which it is seen best: a slip at its end, all else at once."""
-        return self.last if self.kind == SLIPPED else self.step
+        return self.last if self.kind in (SLIPPED, OVERSTATED) else self.step
 
 
 @dataclass(slots=True)
@@ -57,6 +58,7 @@ class CauseFinder:
     """Follows the drive of one run update by update; keeps a few numbers."""
 
     found: tuple[Cause, ...] = ()
+    too_long: str = SLIPPED  # what a movement is called that odometry says is much longer than it was
     _truth: F64 | None = None  # of the update before
     _gray: list[float] = field(default_factory=list)  # of the last pictures before it got dark
     _scatter: list[float] = field(default_factory=list)  # of the references' likelihoods, of the same
@@ -97,11 +99,11 @@ class CauseFinder:
         if driven_m - moved_m <= max(slip_m, SLIP_SHARE * driven_m):
             return
         last = self.found[-1] if self.found else None
-        if last is not None and last.kind == SLIPPED and last.last == step - 1:
+        if last is not None and last.kind == self.too_long and last.last == step - 1:
             expected, actual = (last.expected or 0.0) + driven_m, (last.actual or 0.0) + moved_m
             self.found = (*self.found[:-1], replace(last, last=step, expected=expected, actual=actual))
         else:
-            self._add(Cause(SLIPPED, step, step, driven_m, moved_m))
+            self._add(Cause(self.too_long, step, step, driven_m, moved_m))
 
     def _look(self, step: int, record: StepRecord, told: bool) -> None:
         """Look whether the picture is darker than all before; not where none was compared."""

@@ -10,13 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 
 from ...filter.localizer import LEFT_MAP, Localizer
+from ...filter.motion import PictureMotion
 from ...radii import USUAL
 from ...records import StepRecord
 from ...session import Moment
 from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
 from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
-from .causes import CARRIED, DARK, JUMPED, SLIPPED, Cause, CauseFinder
+from .causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause, CauseFinder
 from .diagnosis import DiagnosisBuilder
 from .kinds import Failure
 from .near_truth import has_near
@@ -182,6 +183,8 @@ class VerdictBuilder:
 
     def __post_init__(self, localizer: Localizer | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer)
+        if localizer is not None and isinstance(localizer.motion, PictureMotion):
+            self._causes = CauseFinder(too_long=OVERSTATED)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
-from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, SLIPPED
+from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED
 from maurice_mcl.analysis.failures.kinds import PROPOSAL
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.filter.localizer import LEFT_MAP
@@ -56,9 +57,9 @@ def test_before_the_first_update_there_is_nothing_to_say():
     assert VerdictBuilder().result() == RunVerdict()
 
 
-def drive(steps, gray=None, cloud=HERE):
+def drive(steps, gray=None, cloud=HERE, localizer=None):
     """Judge a run along x: for each step how far odometry says, how far the robot went, and what is told."""
-    builder, x = VerdictBuilder(), 1.0
+    builder, x = VerdictBuilder(localizer), 1.0
     for step, (driven, moved, *told) in enumerate(steps, 1):
         x += moved
         image = np.full((2, 2, 3), 100 if gray is None else gray[step - 1], np.uint8)
@@ -72,6 +73,14 @@ def test_wheels_that_slip_are_one_cause_over_several_steps():
     (cause,) = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)]).causes
     assert (cause.kind, cause.step, cause.last) == (SLIPPED, 4, 5)
     assert (cause.expected, cause.actual) == (pytest.approx(0.6), pytest.approx(0.1))
+
+
+def test_no_wheel_slips_where_odometry_is_made_from_pictures():
+    pictures = mcl.make_localizer(mcl.tiny_library(), motion={"model": "pictures"})
+    found = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)], localizer=pictures)
+    (cause,) = found.causes
+    assert (cause.kind, cause.step, cause.last) == (OVERSTATED, 4, 5)
+    assert found.telling_causes == ()
 
 
 def test_a_small_slip_counts_only_where_the_log_tells_of_it():
