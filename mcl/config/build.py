@@ -20,7 +20,7 @@ from ..map import spacing
 from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
 from ..radii import Radii, radii_of
 from ..sensor.descriptors.registry import weights_of
-from ..sensor.left_out import PlaceScore, score_places
+from ..sensor.left_out import PlaceScore, is_sparse, score_places
 from ..sensor.model import SensorModel
 from ..sensor.references import (
     NearestReference,
@@ -187,8 +187,8 @@ def adapted(
 ) -> tuple[Configuration, PlaceScore | None]:
     """Widen the scales where the library's own pictures show that they are overconfident there.
 
-    A channel whose own scale, fitted on places left out, is wider than on any simulated library gets that;
-    all are widened together where the sensor is then worse than knowing nothing.
+    Where places are sparse, a channel whose own scale, fitted on places left out, is wider than on any
+    simulated library gets that. All are widened together where the sensor is then worse than knowing nothing.
 
     That is done only where nobody has set `sensor.widening` or `sensor.scales`, and for likelihoods that have
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
@@ -197,7 +197,7 @@ def adapted(
     model = SensorModel(library, nearest, sensor)
     if sensor.sharpness == 0 or not model.weights or any(name not in library.index for name in model.weights):
         return configuration, None
-    found = score_places(model)
+    found = score_places(model, fit=is_sparse(nearest))
     origins = {setting.key: setting.origin for setting in configuration.settings}
     chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
     ours = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")

@@ -18,7 +18,7 @@ from ..geometry import INCH_M, wrap_angle
 from ..library import Library
 from ..map import place_tree, spacing
 from .model import SensorModel
-from .references import crosses, distinct_places
+from .references import NearestReference, crosses, distinct_places
 
 LEAST_PROBABILITY = 1e-6  # so that one picture costs at most 13.8 nats
 NEIGHBORS = 9  # places tried, including itself, for one without a wall in between
@@ -32,6 +32,8 @@ MOST_COMPARED = 60_000  # entries in all, which bounds the time: about 0.1 s for
 ENOUGH_PLACES = 20  # with fewer, the gain over knowing nothing has to be significant
 FITTED_SPACING_M = 18 * INCH_M  # of the libraries that the scales were fitted on
 FAR_APART = 1.5  # times that
+MEAN_OF_GRID = 0.3826  # spacings from a point to the nearest node of a square grid, in the mean
+MOST_MEASURED = 5000  # cells of free space
 CONFIDENCE = 0.95
 WIDENINGS: F64 = np.geomspace(1, 100, 41)
 STRETCHES: F64 = np.geomspace(1, 32, 16)
@@ -85,8 +87,28 @@ class PlaceScore:
         }
 
 
-def score_places(sensor: SensorModel) -> PlaceScore:
-    """Compare some of the library's pictures with all other places, in bounded time for any library."""
+def even_spacing_m(nearest: NearestReference) -> float:
+    """Return the spacing of a square grid of places that the free space is as far from, in the mean."""
+    grid, cells = nearest.grid, np.flatnonzero(nearest.place_of_cell[:-1] >= 0)
+    if not len(cells):
+        return 0.0
+    cells = cells[np.linspace(0, len(cells) - 1, min(len(cells), MOST_MEASURED)).astype(int)]
+    row, column = np.divmod(cells, grid.shape[1])
+    centers = grid.corner + grid.cell_m * (np.column_stack([column, row]) + 0.5)
+    far_m = np.linalg.norm(centers - nearest.places[nearest.place_of_cell[cells]], axis=1)
+    return float(far_m.mean()) / MEAN_OF_GRID
+
+
+def is_sparse(nearest: NearestReference) -> bool:
+    """Whether free space is much farther from places than in the libraries that our scales were fitted on."""
+    return even_spacing_m(nearest) > FAR_APART * FITTED_SPACING_M
+
+
+def score_places(sensor: SensorModel, *, fit: bool = False) -> PlaceScore:
+    """Compare some of the library's pictures with all other places, in bounded time for any library.
+
+    With `fit`, the scale of each channel is fitted, too, which takes longest.
+    """
     places, place_of = clustered(sensor.library)
     tested = _left_out(replace(sensor, index={}), places, place_of)
     if not len(tested.groups) or tested.groups.max() < 1:
@@ -99,7 +121,7 @@ def score_places(sensor: SensorModel) -> PlaceScore:
         widening = float(WIDENINGS[np.argmax([known(tested.gains(k)) for k in WIDENINGS.tolist()])])
     score = nothing + float(gains.mean())
     found = PlaceScore(len(places), len(tested.costs), score, nothing, float(f"{widening:.3g}"))
-    if dense or len(places) < ENOUGH_PLACES:
+    if not fit or len(places) < ENOUGH_PLACES:
         return found
     usual = [(k, name) for k, name in enumerate(sensor.weights) if name in LEFT_OUT]
     fits = {name: tested.stretch(k) for k, name in usual if sensor.parameters.is_usual(name)}

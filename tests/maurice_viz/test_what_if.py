@@ -189,7 +189,7 @@ def test_by_chance_alone_hardly_any_set_of_remedies_holds_a_better_one():
     assert found <= 40 * (0.05 + 4 * np.sqrt(0.05 * 0.95 / 40))
 
 
-def test_a_branch_with_another_feature_gets_new_scales_and_keeps_those_that_somebody_chose(folder, monkeypatch):
+def test_a_branch_with_another_feature_gets_new_scales_and_keeps_chosen_ones(folder, monkeypatch):
     """Where the library fitted the run's scales, they are its own channels'."""
     import maurice_mcl.sensor.left_out as left_out
 
