@@ -7,7 +7,7 @@ Their nats add up with those of the channels (`sensor.model`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -15,6 +15,7 @@ from typing import Any, Protocol
 from .arrays import F32, F64, U8, Bool
 from .session import Frame
 
+BESIDE_GAP_PX = 6  # between two pictures
 POSE_SENSORS = ("landmarks", "reflectance")  # ours, as keys of `sensor.weights`
 
 
@@ -62,9 +63,36 @@ class ShownMarks:
     """
 
     name: str  # what they are: "matched landmarks"
-    view: str  # the title of a picture of `Shown`, or "map"
-    strips: F32  # (K, P, 2) pixels (right, down), or meters in the map's frame; P = 1: points
+    view: str  # the title of a picture of `Shown`, "map", or "space"
+    strips: (
+        F32  # (K, P, 2) pixels (right, down), or meters in the map's frame, (K, P, 3) in space; P = 1: points
+    )
     agrees: Bool | None = None  # (K,) which of them agree with the estimate; None: not judged
+    of: str | None = None  # whose they are, "truth" or "estimate": drawn in its color
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beside:
+    """A picture with that of a reference at its right, which whoever draws it reads.
+
+    Marks in the reference's picture are `right_px` to the right of where they are in it.
+    """
+
+    image: U8  # (H, W, 3) RGB
+    reference: int
+
+    @property
+    def right_px(self) -> int:
+        """The first column of the reference's picture."""
+        return int(self.image.shape[1]) + BESIDE_GAP_PX
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MovedThing:
+    """What a sensor saw elsewhere than the library has it: K points that agree with each other."""
+
+    places: F64  # (K, 2) x_m, y_m where the library has them
+    shift_m: F64  # (2,) by which they moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,18 +104,24 @@ class Shown:
     'the beacon is 1.20 m away'
     """
 
-    words: str  # a sentence: "14 of 60 landmarks agree"
-    pictures: Mapping[str, U8] = field(default_factory=dict)  # title to (H, W, 3) RGB
+    words: str  # a sentence: "14 of 60 landmarks agree"; with `lengths_m` each {} is one of them
+    pictures: Mapping[str, U8 | Beside] = field(default_factory=dict)  # title to (H, W, 3) RGB
     marks: tuple[ShownMarks, ...] = ()
+    lengths_m: tuple[float, ...] = ()  # written in the units that people read
+    moved: tuple[MovedThing, ...] = ()
+
+    def said(self, say: Callable[[float], str]) -> str:
+        """Return the words, with lengths written by `say`."""
+        return self.words.format(*map(say, self.lengths_m)) if self.lengths_m else self.words
 
 
 class PoseSensor(Protocol):
     """A sensor model that gives any pose a log-likelihood.
 
     Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
-    reading may be any value: only the sensor itself looks into it. Three attributes may be
-    left out: `pictures`, the titles of the pictures it shows; `proposes`, true for one whose `propose`
-    returns poses; `summary`, one line for tables.
+    reading may be any value: only the sensor itself looks into it. Four attributes may be
+    left out: `pictures`, the titles of the pictures it shows; `in_space`, true for one with marks in space;
+    `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables.
 
         >>> import numpy as np, maurice_mcl as mcl
         >>> class Beacon:

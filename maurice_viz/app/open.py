@@ -231,7 +231,7 @@ def make_runs(
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
     configurations = [one.configuration() for one in specs]
-    library = _landmarked(configurations, session, library, listener)
+    library = landmarked(configurations, session.info, library, listener)
     configurations = _available(configurations, session, library, listener)
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
@@ -261,16 +261,15 @@ def make_runs(
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
 
 
-def _landmarked(
-    configurations: Sequence[Configuration], session: SourcedSession, library: Library, listener: Listener
+def landmarked(
+    configurations: Sequence[Configuration], info: SessionInfo, library: Library, listener: Listener = SILENT
 ) -> Library:
     """Return the library with landmarks where a run weighs particles by them."""
     if all(LANDMARKS not in one.parameters.sensor.weights for one in configurations):
         return library
     from maurice_loaders.libraries.landmarks import with_landmarks
 
-    cameras = session.info.cameras
-    camera = library.camera or (cameras[0] if cameras else None)
+    camera = library.camera or (info.cameras[0] if info.cameras else None)
     return with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
 
 

@@ -41,7 +41,7 @@ from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun, ResultCollector, shared
 from ..scene import LIKELY, NEVER, RunView
 from .events import find_notes
-from .open import AnySession
+from .open import AnySession, landmarked
 from .output import DriveScene, OutputOptions
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
@@ -88,6 +88,7 @@ def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
 def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
     """Build the filter of a run again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
+    library = landmarked([run.configuration], session.info, library)
     try:
         return build_localizer(library, session, parameters, seed=run.manifest.seed, radii=run.manifest.radii)
     except (ValueError, KeyError) as problem:

@@ -39,6 +39,7 @@ from ..scene import SceneInfo
 from ..style import MISSING, PALE, RUN_COLORS, Scale
 from ..text.explanation import say_step
 from ..text.explanation_table import markdown_table, winner_first
+from ..text.sensors import say_sensors
 
 GRAY = (144, 176)  # rows and columns of the gray picture in place of a missing one
 WHO = {TRUTH: "Truth's", ESTIMATE: "Estimate's", WINNER: "Best match", ASKED: "Asked for"}
@@ -66,6 +67,11 @@ class ExplainedUpdate:
     scale: Scale
 
     @property
+    def of_sensors(self) -> list[str]:
+        """What the pose sensors say, a paragraph each."""
+        return say_sensors(self.record, self.moment.truth, self.library.arena, self.scale)
+
+    @property
     def has_truth(self) -> bool:
         """Whether the truth is known at this update."""
         return self.moment.truth is not None
@@ -88,7 +94,7 @@ def draw_explanation(rec: rr.RecordingStream, paths: RunPaths, update: Explained
     for explained in update.step.shown:
         _draw_pictures(rec, paths, explained, update.library)
     _draw_charts(rec, paths, update.step)
-    sentences = say_step(update.step, update.scale)
+    sentences = say_step(update.step, update.scale) + update.of_sensors
     words = "\n\n".join([f"## {headline(update.step)}", f"**Step {update.step.step}**", *sentences])
     rec.log(paths.explain("notes"), rr.TextDocument(NOTES, media_type=MARKDOWN))
     rec.log(paths.explain("words"), rr.TextDocument(words, media_type=MARKDOWN))

@@ -5,10 +5,18 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from ..entities import RunPaths
-from ..panels.sensors import sensor_map_view, sensor_picture_views, sensor_words_view
+from ..panels.sensors import (
+    in_space,
+    sensor_map_view,
+    sensor_picture_views,
+    sensor_space_view,
+    sensor_words_view,
+)
 from ..panels.traces import single_plots
 from ..scene import RunView, SceneInfo
 from .story import over_events
+
+WORDS, PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
 
 
 def sensors(run: RunView, scene: SceneInfo) -> rrb.Vertical:
@@ -16,7 +24,10 @@ def sensors(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     paths = RunPaths(run.label)
     blocks = [_of_sensor(run, paths, name) for name in run.sensors]
     right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
-    left = sensor_map_view(paths, scene, run.sensors)
+    views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
+    known = {} if run.sensor is None else run.sensor.sensors
+    views += [sensor_space_view(paths, scene, name) for name, one in known.items() if in_space(one)]
+    left = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
     distances = single_plots(paths, scene)[0]
     column = rrb.Vertical(left, distances, row_shares=[2.6, 1])
     return over_events(rrb.Horizontal(column, right, column_shares=[1, 1.1]), [run])
@@ -24,5 +35,5 @@ def sensors(run: RunView, scene: SceneInfo) -> rrb.Vertical:
 
 def _of_sensor(run: RunView, paths: RunPaths, name: str) -> rrb.Container:
     pictures = sensor_picture_views(run, paths, name)
-    views = [sensor_words_view(paths, name), *pictures]
-    return rrb.Vertical(*views, name=name, row_shares=[1, *[2.2] * len(pictures)])
+    shares = [WORDS, *(PICTURES * len(pictures))[: len(pictures)]]
+    return rrb.Vertical(sensor_words_view(paths, name), *pictures, name=name, row_shares=shares)

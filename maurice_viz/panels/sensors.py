@@ -8,29 +8,43 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.arrays import F32, F64
-from maurice_mcl.pose_sensor import PoseSensor, Shown, ShownMarks
+from maurice_mcl.arrays import F32, F64, U8
+from maurice_mcl.map import Arena
+from maurice_mcl.pose_sensor import Beside, PoseSensor, Shown, ShownMarks
 
 from .. import entities
 from ..drawing.arrow import row_of, text_of
-from ..drawing.canvas import jpeg
+from ..drawing.canvas import blank, jpeg
+from ..drawing.contact_sheet import read_picture
 from ..drawing.keys import WEIGHTS
 from ..entities import Phase, RunPaths
 from ..scene import RunView, SceneInfo
-from ..style import AGREES, DISAGREES, PALE, RGB, font_safe
+from ..style import AGREES, DISAGREES, GROUND, MISSING, OBSTACLE, PALE, RGB, TRUTH, WALL, Scale, font_safe
+from ..text.sensors import say_shown
 from .belief import run_key
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
 from .views import MAP, map_view
 
-ON_MAP = "map"  # the view of marks in the map's frame
-POINT, STROKE = 3.0, 1.25  # ui points
+ON_MAP, IN_SPACE = "map", "space"  # the views of marks in the map's frame
+POINT, SMALL, STROKE = 3.0, 1.5, 1.0  # ui points
 QUALITY = 88  # of a picture: small letters and thin lines are drawn over it
+NOTHING = np.full((3, 4, 3), MISSING, np.uint8)  # in place of a picture that a sensor did not show
+OBSTACLE_M = 0.5  # height that obstacles are drawn with in space: a map does not tell it
+Kind = type[rr.Points2D | rr.LineStrips2D | rr.Points3D | rr.LineStrips3D]
+# by whether they are points, and whether they are flat
+KINDS: dict[tuple[bool, bool], Kind] = {
+    (True, True): rr.Points2D,
+    (False, True): rr.LineStrips2D,
+    (True, False): rr.Points3D,
+    (False, False): rr.LineStrips3D,
+}
 
 
 class SensorsPanel(Panel):
@@ -38,12 +52,14 @@ class SensorsPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log the kinds of texts and pictures, static."""
-        self._marks = {name: DrawnMarks() for name in self._sensors}
+        self._marks = {name: DrawnMarks(self._run.color) for name in self._sensors}
         for name, sensor in self._sensors.items():
             text = rr.TextDocument.from_fields(media_type=MARKDOWN)
             rec.log(self._paths.sensor(name, "words"), text, static=True)
             for title in titles_of(sensor):
                 prepare_jpeg(rec, self._paths.sensor(name, slug(title)), order=-10.0)
+            if in_space(sensor):
+                draw_room(rec, self._paths.sensor(name, IN_SPACE), self._library.arena, self._scale)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log what the sensors read, against the estimate and, where known, the truth."""
@@ -69,15 +85,34 @@ class SensorsPanel(Panel):
         return {} if self._run.sensor is None else dict(self._run.sensor.sensors)
 
     def _draw(self, rec: rr.RecordingStream, name: str, shown: Shown) -> None:
-        self._draw_words(rec, name, shown.words)
-        for title, image in shown.pictures.items():
+        self._draw_words(rec, name, say_shown(shown, self._library.arena, self._scale))
+        for title in titles_of(self._sensors[name]):
+            image = self._image(shown.pictures.get(title, NOTHING))
             draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, QUALITY))
         marks: dict[str, tuple[ShownMarks, F32]] = {}
         for one in shown.marks:
             place = self._paths.sensor(name, slug(one.view), slug(one.name))
-            drawn = one.strips if one.view != ON_MAP else self._on_map(one.strips)
-            marks[place] = one, drawn
+            marks[place] = one, self._drawn(one)
         self._marks[name].draw(rec, marks)
+
+    def _image(self, picture: U8 | Beside) -> U8:
+        """Return a picture as it is drawn, with that of the reference that it is beside of."""
+        if not isinstance(picture, Beside):
+            return picture
+        path = self._library.pictures[picture.reference]
+        other = None if path is None else read_picture(path)
+        height, width = picture.image.shape[:2]
+        other = np.full_like(picture.image, MISSING) if other is None else other
+        rows = max(height, len(other))
+        both = blank(rows, picture.right_px + other.shape[1], GROUND)
+        both[:height, :width] = picture.image
+        both[: len(other), picture.right_px :] = other
+        return both
+
+    def _drawn(self, marks: ShownMarks) -> F32:
+        if marks.view == ON_MAP:
+            return self._on_map(marks.strips)
+        return marks.strips * np.float32(self._scale.length(1.0)) if marks.view == IN_SPACE else marks.strips
 
     def _draw_words(self, rec: rr.RecordingStream, name: str, words: str) -> None:
         text = text_of(font_safe(words))
@@ -92,34 +127,61 @@ class SensorsPanel(Panel):
 class DrawnMarks:
     """The marks of one sensor; those of the step before are emptied."""
 
-    _kinds: dict[str, bool] = field(default_factory=dict)  # by entity: whether they are points
+    color: RGB  # of the run's estimate
+    _kinds: dict[str, Kind] = field(default_factory=dict)  # by entity
 
     def draw(self, rec: rr.RecordingStream, marks: dict[str, tuple[ShownMarks, F32]]) -> None:
         """Log marks by entity, with their strips as drawn; empty those that are not among them."""
-        for path, is_points in self._kinds.items():
+        for path, kind in self._kinds.items():
             if path not in marks:
-                rec.log(path, rr.Points2D([]) if is_points else rr.LineStrips2D([]))
+                rec.log(path, kind([]))
         for path, (one, strips) in marks.items():
-            is_points = strips.shape[1] == 1
-            self._kinds[path] = is_points
-            colors = _colors(one)
-            if is_points:
-                radii = rr.components.Radius.ui_points(POINT)
-                rec.log(path, rr.Points2D(strips[:, 0], colors=colors, radii=radii, draw_order=30.0))
-            else:
-                radii = rr.components.Radius.ui_points(STROKE)
-                rec.log(path, rr.LineStrips2D(strips, colors=colors, radii=radii, draw_order=30.0))
+            is_points, is_flat = strips.shape[1] == 1, strips.shape[2] == 2
+            kind = KINDS[is_points, is_flat]
+            self._kinds[path] = kind
+            size = STROKE if not is_points else POINT if one.of is None else SMALL
+            look: dict[str, Any] = {
+                "colors": self._colors(one),
+                "radii": rr.components.Radius.ui_points(size),
+            }
+            if is_flat:
+                look["draw_order"] = 30.0 if one.of is None else 40.0
+            rec.log(path, kind(strips[:, 0] if is_points else strips, **look))
 
-
-def _colors(marks: ShownMarks) -> list[RGB]:
-    if marks.agrees is None:
-        return [PALE]
-    return [AGREES if agrees else DISAGREES for agrees in marks.agrees]
+    def _colors(self, marks: ShownMarks) -> list[RGB]:
+        if marks.agrees is not None:
+            return [AGREES if agrees else DISAGREES for agrees in marks.agrees]
+        return [{"truth": TRUTH, "estimate": self.color}.get(marks.of or "", PALE)]
 
 
 def slug(name: str) -> str:
     """Return a name as one part of an entity path."""
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+
+
+def in_space(sensor: PoseSensor) -> bool:
+    """Return whether a sensor shows marks in space."""
+    return bool(getattr(sensor, "in_space", False))
+
+
+def draw_room(rec: rr.RecordingStream, path: str, arena: Arena, scale: Scale) -> None:
+    """Log walls and obstacles in space, static, in display units and y pointing away."""
+    strips = [np.column_stack([w.reshape(2, 2), [0, 0]]) for w in arena.walls]
+    colors = [WALL] * len(strips)
+    for one in arena.obstacles:
+        ring = np.concatenate([one.polygon, one.polygon[:1]])
+        strips += [np.column_stack([ring, np.full(len(ring), z)]) for z in (0.0, OBSTACLE_M)]
+        colors += [OBSTACLE] * 2
+    radii = rr.components.Radius.ui_points(STROKE)
+    drawn = [strip * scale.length(1.0) for strip in strips]
+    rec.log(f"{path}/room", rr.LineStrips3D(drawn, colors=colors, radii=radii), static=True)
+    rec.log(path, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+
+def sensor_space_view(paths: RunPaths, scene: SceneInfo, name: str) -> rrb.Spatial3DView:
+    """Show what a sensor marks in space."""
+    title = f"{name} in space ({scene.scale.units.name})"
+    return rrb.Spatial3DView(name=title, origin=paths.sensor(name, IN_SPACE), background=GROUND)
 
 
 def titles_of(sensor: PoseSensor) -> tuple[str, ...]:
@@ -142,7 +204,7 @@ def sensor_words_view(paths: RunPaths, name: str) -> rrb.TextDocumentView:
 
 
 def sensor_picture_views(run: RunView, paths: RunPaths, name: str) -> list[rrb.Spatial2DView]:
-    """Show the pictures of a sensor, with its marks: green where they agree with the estimate, else red."""
+    """Show the pictures of a sensor, with its marks."""
     titles = () if run.sensor is None else titles_of(run.sensor.sensors[name])
     views = []
     for title in titles:

@@ -49,7 +49,8 @@ class Explanation:
     @property
     def text(self) -> str:
         """The explanation in sentences, paragraphs separated by blank lines."""
-        paragraphs = say_step(self.step, self.update.scale)
+        update = self.update
+        paragraphs = say_step(self.step, update.scale) + update.of_sensors
         return "\n\n".join([f"{self.label}, step {self.step.step}", *paragraphs])
 
     def __str__(self) -> str:

@@ -9,5 +9,6 @@
 - `building`: all of these, from a library to its landmarks
 - `landmark_set`: landmarks as plain values, and as arrays for a file
 - `planar`: where a robot in the plane must be to see matched landmarks where it does
+- `picture`, `moved`: what people are shown: what agrees, what disagrees, what moved
 - `sensor`: the pose sensor `Landmarks`
 """

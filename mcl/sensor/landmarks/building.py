@@ -157,6 +157,9 @@ def _landmark_set(bundle: Bundle, views: Views, records: Records, fit: CameraFit
     order = np.argsort(-records.seen, kind="stable")
     kept = np.sort(order[good[order]][:MOST_LANDMARKS])
     could: I32 = np.maximum(records.could_see, records.seen)
+    number = np.full(len(bundle.points), -1, np.int32)
+    number[kept] = np.arange(len(kept))
+    held = views.only(number[views.point] >= 0)
     return LandmarkSet(
         fit=fit,
         points=bundle.points[kept],
@@ -171,6 +174,8 @@ def _landmark_set(bundle: Bundle, views: Views, records: Records, fit: CameraFit
         poses=bundle.poses,
         pixel_sd=pixel_sd,
         agreement_px=np.percentile(error, [50, 75, 90]),
+        view_of=np.column_stack([held.reference, number[held.point]]).astype(np.int32),
+        view_px=held.pixels.astype(np.float32),
     )
 
 

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from ...arrays import F32, F64, I32
 from .camera import PinholeCamera
 
+OTHER_ROWS = ("poses", "pixel_sd", "agreement_px", "view_of", "view_px")  # not one a landmark
+# of libraries that were stored before views were kept
+NO_VIEWS = {"view_of": np.zeros((0, 2), np.int32), "view_px": np.zeros((0, 2), np.float32)}
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFit:
@@ -45,6 +49,8 @@ class LandmarkSet:
     poses: F64  # (L, 3) of the references, as adjusted
     pixel_sd: float  # of a reprojection along one axis
     agreement_px: F64  # (3,) median, 75 % and 90 % of the reprojection errors in the references
+    view_of: I32  # (O, 2) numbers of a reference and of a landmark that was seen in it
+    view_px: F32  # (O, 2) where
 
     @property
     def size(self) -> int:
@@ -66,6 +72,7 @@ class LandmarkSet:
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> LandmarkSet:
         """Return the landmarks of `to_arrays`. ValueError names what is missing or does not fit."""
         names = [field.name for field in fields(cls) if field.name != "fit"]
+        arrays = {**NO_VIEWS, **arrays}
         missing = [name for name in [*names, "camera", "camera_sd", "focal_known"] if name not in arrays]
         if missing:
             raise ValueError(f"found landmarks without {missing[0]!r}, expected it; build the library again")
@@ -75,7 +82,7 @@ class LandmarkSet:
         held: dict[str, Any] = {name: np.asarray(arrays[name]) for name in names}
         held["descriptors"] = held["descriptors"].astype(np.float32)
         held["pixel_sd"] = float(held["pixel_sd"])
-        rows = {name: len(held[name]) for name in names if name not in ("poses", "pixel_sd", "agreement_px")}
+        rows = {name: len(held[name]) for name in names if name not in OTHER_ROWS}
         odd = [name for name, count in rows.items() if count != rows["points"]]
         if odd:
             found = f"{rows[odd[0]]} rows of {odd[0]!r}"

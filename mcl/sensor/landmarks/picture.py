@@ -3,49 +3,128 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import F32, F64, U8, Bool
-from ...pose_sensor import Shown, ShownMarks
+from ...pose_sensor import Beside, PoseProposal, Shown, ShownMarks
 from .camera import project
 from .landmark_set import LandmarkSet
+from .moved import moved_things
 
 AGREES_PX = 4.0  # a match nearer than this to where it should be agrees
 FARTHEST_PX = 60.0  # lines longer than this to where a landmark should be are not drawn
-PICTURE = "Keypoints that match landmarks: green agree with the estimate, red do not"
+PICTURE = "Camera: green landmarks agree with the estimate, red do not; white: where the truth has them"
+BESIDE = "Camera beside the reference in which most of the green ones were seen"
+SPACE = "space"
+MOST_LINES = 60
+SIGHT_M = 0.25  # length of the line that shows where the camera looks
 
 
-def errors_at(landmarks: LandmarkSet, pixels: F32, matched: NDArray[np.intp], pose: F64) -> tuple[F32, F32]:
-    """Return where matched landmarks (K,) fall for a pose (3,): pixels (K, 2), and how far off (K,)."""
-    points = (landmarks.points[matched] - [pose[0], pose[1], 0.0]).astype(np.float32)
-    there, _ = project(landmarks.fit.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), points)
-    fallen = np.ascontiguousarray(there[:, 0].T)
-    return fallen, np.hypot(*(fallen - pixels).T).astype(np.float32)
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """The matches of one picture, and what they say of poses."""
 
+    landmarks: LandmarkSet
+    image: U8 | None  # (H, W, 3)
+    pixels: F32  # (K, 2)
+    matched: NDArray[np.intp]  # (K,) numbers of landmarks
+    chance: F32  # (K,) of being right, before anything is known of the pose
+    nats: Mapping[str, float]  # by the name of a pose
+    proposal: PoseProposal | None
 
-def shown_of(
-    landmarks: LandmarkSet,
-    image: U8 | None,
-    pixels: F32,
-    matched: NDArray[np.intp],
-    poses: Mapping[str, F64],
-) -> Shown:
-    """Return what to show of matches (K,) at pixels (K, 2), judged by the estimate."""
-    pictures = {} if image is None else {PICTURE: image}
-    places = landmarks.points[matched][:, None, :2].astype(np.float32)
-    agrees: Bool | None = None
-    words, marks = f"{len(matched)} keypoints match landmarks", []
-    for name, pose in poses.items():
-        fallen, off = errors_at(landmarks, pixels, matched, pose)
-        if name == "estimate":
-            agrees = off < AGREES_PX
-            words = f"{int(agrees.sum())} of {len(matched)} matched landmarks agree"
+    def errors_at(self, pose: F64) -> tuple[F32, F32]:
+        """Return where matched landmarks fall for a pose (3,): pixels (K, 2), and how far off (K,)."""
+        points = (self.landmarks.points[self.matched] - [pose[0], pose[1], 0.0]).astype(np.float32)
+        there, _ = project(self.landmarks.fit.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), points)
+        fallen = np.ascontiguousarray(there[:, 0].T)
+        return fallen, np.hypot(*(fallen - self.pixels).T).astype(np.float32)
+
+    def shown(self, poses: Mapping[str, F64]) -> Shown:
+        """Return what to show, judged by the estimate."""
+        estimate = poses["estimate"]
+        fallen, off = self.errors_at(estimate)
+        agrees = off < AGREES_PX
         near = off < FARTHEST_PX
-        lines = np.stack([pixels[near], fallen[near]], axis=1)
-        judged = None if agrees is None or name != "estimate" else agrees[near]
-        marks.append(ShownMarks(f"to where the {name} has them", PICTURE, lines, judged))
-    found = ShownMarks("matched keypoints", PICTURE, pixels[:, None, :], agrees)
-    marks += [found, ShownMarks("matched landmarks", "map", places, agrees)]
-    return Shown(words, pictures, tuple(marks))
+        lines = np.stack([self.pixels[near], fallen[near]], axis=1)
+        marks = [ShownMarks("to where the estimate has them", PICTURE, lines, agrees[near])]
+        if "truth" in poses:
+            there, away = self.errors_at(poses["truth"])
+            true = there[away < FARTHEST_PX][:, None, :]
+            marks.append(ShownMarks("where the truth has them", PICTURE, true, of="truth"))
+        marks.append(ShownMarks("matched keypoints", PICTURE, self.pixels[:, None, :], agrees))
+        places = self.landmarks.points[self.matched][:, None].astype(np.float32)
+        marks.append(ShownMarks("matched landmarks", "map", places[..., :2], agrees))
+        marks += self._in_space(places, agrees, estimate)
+        pictures: dict[str, U8 | Beside] = {} if self.image is None else {PICTURE: self.image}
+        beside = self._beside(agrees)
+        if beside is not None:
+            pictures[BESIDE] = beside[0]
+            marks += beside[1:]
+        wrong = self.matched[~agrees]
+        camera = self.landmarks.fit.camera
+        points, chance = self.landmarks.points[wrong], self.chance[~agrees]
+        moved = moved_things(camera, points, self.pixels[~agrees], chance, estimate)
+        words, lengths = self._words(agrees, off, estimate)
+        return Shown(words, pictures, tuple(marks), lengths, moved)
+
+    def _beside(self, agrees: Bool) -> tuple[Beside, ShownMarks, ShownMarks] | None:
+        """Put the picture beside that of the reference in which most agreeing landmarks were seen."""
+        view_of = self.landmarks.view_of
+        if self.image is None or not agrees.any():
+            return None
+        match = np.full(self.landmarks.size, -1)
+        match[self.matched] = np.arange(len(self.matched))
+        views = np.flatnonzero(match[view_of[:, 1]] >= 0)
+        if not len(views):
+            return None
+        of_match = match[view_of[views, 1]]
+        number = int(np.bincount(view_of[views, 0], 1e-3 + agrees[of_match]).argmax())
+        there = view_of[views, 0] == number
+        views, of_match = views[there], of_match[there]
+        order = np.argsort(~agrees[of_match], kind="stable")[:MOST_LINES]
+        views, of_match = views[order], of_match[order]
+        beside = Beside(self.image, number)
+        right = self.landmarks.view_px[views] + np.array([beside.right_px, 0], np.float32)
+        lines = np.stack([self.pixels[of_match], right], axis=1)
+        ends = lines.reshape(-1, 1, 2)
+        judged = agrees[of_match]
+        return (
+            beside,
+            ShownMarks("to the reference", BESIDE, lines, judged),
+            ShownMarks("in both", BESIDE, ends, np.repeat(judged, 2)),
+        )
+
+    def _in_space(self, places: F32, agrees: Bool, pose: F64) -> list[ShownMarks]:
+        """Return landmarks in space, lines of sight to those that agree, and where the camera looks."""
+        camera = self.landmarks.fit.camera
+        eye = np.array([pose[0], pose[1], camera.height_m], np.float32)
+        heading = pose[2] + camera.yaw_rad
+        flat, up = np.cos(camera.tilt_rad), np.sin(camera.tilt_rad)
+        ahead = np.array([flat * np.cos(heading), flat * np.sin(heading), up], np.float32)
+        sight = np.stack([eye, eye + np.float32(SIGHT_M) * ahead])[None]
+        seen = places[agrees, 0]
+        lines = np.stack([np.broadcast_to(eye, seen.shape), seen], axis=1)
+        return [
+            ShownMarks("matched landmarks", SPACE, places, agrees),
+            ShownMarks("lines of sight", SPACE, lines, np.ones(len(lines), np.bool_)),
+            ShownMarks("camera", SPACE, sight, of="estimate"),
+        ]
+
+    def _words(self, agrees: Bool, off: F32, estimate: F64) -> tuple[str, tuple[float, ...]]:
+        count, total = int(agrees.sum()), len(agrees)
+        words = f"{count} of {total} matched landmarks agree with the estimate"
+        words += f", {np.median(off[agrees]):.1f} px off in the median." if count else "."
+        said = [f"{nats:.1f} nats to the {name}" for name, nats in self.nats.items()]
+        words += f" They give {' and '.join(said)} (0: all agree)." if said else ""
+        if self.proposal is None:
+            return f"{words} Alone they do not tell where the robot is.", ()
+        best = self.proposal.poses[int(self.proposal.weights.argmax())]
+        turned = abs(float(np.degrees(np.angle(np.exp(1j * (best[2] - estimate[2]))))))
+        apart = float(np.hypot(*(best[:2] - estimate[:2])))
+        others = len(self.proposal.poses) - 1
+        also = f", or at one of {others} other places" if others else ""
+        words += f" Alone they put the robot {{}} and {turned:.1f} deg from the estimate{also}."
+        return words, (apart,)

@@ -20,7 +20,7 @@ from ...session import Frame
 from .camera import project
 from .features import Keypoints, keypoints_of
 from .landmark_set import LandmarkSet
-from .picture import PICTURE, shown_of
+from .picture import BESIDE, PICTURE, Judged
 from .planar import Matched, Mode, modes_of
 
 RATIO = 0.95  # of the second distance that the first has to stay under
@@ -56,6 +56,7 @@ class Landmarks:
 
     map: LandmarkSet
     proposes: ClassVar[bool] = True
+    in_space: ClassVar[bool] = True  # it shows marks in space
 
     @property
     def name(self) -> str:
@@ -65,7 +66,7 @@ class Landmarks:
     @property
     def pictures(self) -> tuple[str, ...]:
         """The titles of the pictures it shows."""
-        return (PICTURE,)
+        return PICTURE, BESIDE
 
     @property
     def summary(self) -> str:
@@ -155,7 +156,13 @@ class Landmarks:
 
     def shown(self, reading: LandmarkReading, poses: Mapping[str, F64]) -> Shown:
         """Return matches and reprojections in the picture, landmarks on the map, and how many agree."""
-        return shown_of(self.map, reading.image, reading.pixels, reading.landmark, poses)
+        nats = {}
+        for name, pose in poses.items():
+            here = np.array([[0.0, 0.0, pose[2]]], np.float32)
+            nats[name] = float(self.log_likelihood(reading, here, np.asarray(pose[:2], np.float64))[0])
+        proposal = self.propose(reading)
+        matches = reading.pixels, reading.landmark, reading.inlier
+        return Judged(self.map, reading.image, *matches, nats, proposal).shown(poses)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything as arrays, for a file."""

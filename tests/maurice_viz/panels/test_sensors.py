@@ -9,11 +9,14 @@ import pytest
 
 import maurice_mcl as mcl
 from helpers import viz_recordings as recordings
-from maurice_mcl.pose_sensor import EXACT, Shown, ShownMarks
+from maurice_loaders.pictures import decode_picture
+from maurice_mcl.map import Arena, Region
+from maurice_mcl.pose_sensor import BESIDE_GAP_PX, EXACT, Beside, MovedThing, Shown, ShownMarks
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import AGREES, DISAGREES, packed, scale_for
+from maurice_viz.style import AGREES, DISAGREES, RUN_COLORS, TRUTH, packed, scale_for
+from maurice_viz.text.sensors import say_moved, thing_at
 from maurice_viz.viewer import sinks
 
 
@@ -22,7 +25,8 @@ class Beacon:
     """A sensor that shows its picture at every second frame."""
 
     name: str = "beacon"
-    pictures: tuple[str, ...] = ("What the beacon sees",)
+    pictures: tuple[str, ...] = ("What the beacon sees", "Beside a reference")
+    in_space: bool = True
 
     def read(self, frame):
         return frame.image if frame.step % 2 else None
@@ -36,13 +40,18 @@ class Beacon:
     def shown(self, reading, poses):
         here = np.asarray(poses["estimate"][:2], np.float32)
         lines = np.array([[[1.0, 2.0], [5.0, 6.0]]] * 2, np.float32)
+        point = np.array([[[1.0, 2.0, 0.5]]], np.float32)
         return Shown(
-            "Two lines, one of them agrees.",
-            {self.pictures[0]: reading},
+            "Two lines, one of them agrees; {} away.",
+            {self.pictures[0]: reading, self.pictures[1]: Beside(reading, 3)},
             (
                 ShownMarks("lines", self.pictures[0], lines, np.array([True, False])),
+                ShownMarks("true", self.pictures[0], lines[:, :1], of="truth"),
                 ShownMarks("beacon", "map", np.stack([here])[None]),
+                ShownMarks("beacon", "space", point, of="estimate"),
             ),
+            (0.254,),
+            (MovedThing(np.array([[0.5, 0.5]] * 7), np.array([0.3, 0.4])),),
         )
 
 
@@ -72,7 +81,8 @@ def test_words_say_when_a_frame_holds_nothing(drawn):
     rows = recordings.rows(drawn[0], "/run/sensors/beacon/words")
     said = [row.values["TextDocument:text"][0] for row in rows]
     assert len(said) == 6
-    assert said[0::2] == ["Two lines, one of them agrees."] * 3
+    moved = "7 others agree with each other, 0.50 m from where the library has them."
+    assert said[0::2] == [f"Two lines, one of them agrees; 0.25 m away. {moved}"] * 3
     assert said[1::2] == ["Beacon: nothing in this frame."] * 3
 
 
@@ -92,3 +102,30 @@ def test_marks_on_the_map_are_drawn_in_display_units(drawn):
     estimate = recordings.rows(drawn[0], "/run/belief/estimate")
     first = next(row for row in estimate if row.values.get("Points2D:positions"))
     assert points[0].values["Points2D:positions"] == first.values["Points2D:positions"]
+
+
+def test_a_picture_stands_beside_the_reference_even_if_that_is_gone(drawn):
+    alone, beside = (
+        recordings.rows(drawn[0], f"/run/sensors/beacon/{name}")[0].values["EncodedImage:blob"]
+        for name in ("what_the_beacon_sees", "beside_a_reference")
+    )
+    one, both = (decode_picture(bytes(np.asarray(blob[0], np.uint8))) for blob in (alone, beside))
+    assert both.shape[1] == 2 * one.shape[1] + BESIDE_GAP_PX
+
+
+def test_marks_of_a_pose_have_its_color(drawn):
+    path = "/run/sensors/beacon"
+    true = recordings.rows(drawn[0], f"{path}/what_the_beacon_sees/true")[0]
+    assert true.values["Points2D:colors"][0] == packed(TRUTH)
+    own = recordings.rows(drawn[0], f"{path}/space/beacon")[0]
+    assert own.values["Points3D:colors"][0] == packed(RUN_COLORS[0])
+    assert own.values["Points3D:positions"][0] == pytest.approx([1.0, 2.0, 0.5])
+
+
+def test_a_thing_that_moved_has_the_name_of_the_obstacle_that_it_is():
+    sofa = Region("sofa", np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    arena = Arena((0.0, 0.0, 4.0, 4.0), np.zeros((0, 4)), (sofa,))
+    there = MovedThing(np.array([[1.1, 0.5], [0.9, 0.4], [3.0, 3.0]]), np.array([0.0, 0.254]))
+    said = say_moved(there, arena, scale_for("in", arena))
+    assert said == "3 others on the sofa agree with each other, 10.0 in from where the library has them."
+    assert thing_at(np.array([[3.0, 3.0], [3.1, 3.0]]), arena) is None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from maurice_mcl.pose_sensor import EXACT, PoseSpread
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
-from maurice_mcl.sensor.landmarks.picture import PICTURE
+from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.session import Frame
 
@@ -153,13 +155,48 @@ def test_arrays_that_do_not_fit_are_named(landmarks, name):
         Landmarks.from_arrays(short)
 
 
-def test_what_is_shown_counts_those_that_agree(landmarks, reading):
+def marks_of(shown):
+    return {(mark.view, mark.name): mark for mark in shown.marks}
+
+
+def test_what_is_shown_counts_those_that_agree(landmarks, room):
+    reading = landmarks.matched(room.keypoints(POSE, 0.5, 99), np.zeros((144, 176, 3), np.uint8))
     shown = landmarks.shown(reading, {"estimate": POSE, "truth": POSE})
-    count = len(reading.landmark)
-    agreeing = int(shown.marks[-1].agrees.sum())
+    marks, count = marks_of(shown), len(reading.landmark)
+    agreeing = int(marks["map", "matched landmarks"].agrees.sum())
     assert agreeing > 0.8 * count
-    assert shown.words == f"{agreeing} of {count} matched landmarks agree"
-    assert {mark.view for mark in shown.marks} == {PICTURE, "map"}
+    words = shown.said(lambda length: f"{length:.2f} m")
+    assert words.startswith(f"{agreeing} of {count} matched landmarks agree with the estimate, 0.")
+    assert "nats to the estimate and" in words
+    assert "Alone they put the robot 0.0" in words
+    assert {mark.view for mark in shown.marks} == {*landmarks.pictures, "map", "space"}
+    assert marks[PICTURE, "where the truth has them"].of == "truth"
+    assert not shown.moved
+
+
+def test_lines_lead_to_the_reference_that_saw_the_same(landmarks, room, references):
+    reading = landmarks.matched(room.keypoints(POSE, 0.5, 99), np.zeros((144, 176, 3), np.uint8))
+    shown = landmarks.shown(reading, {"estimate": POSE})
+    beside, lines = shown.pictures[BESIDE], marks_of(shown)[BESIDE, "to the reference"]
+    near = references[0][beside.reference]
+    assert abs(near[2] - POSE[2]) < 0.6  # it looks the same way
+    assert len(lines.strips) >= 8
+    assert lines.agrees.mean() > 0.9
+    ends = lines.strips[:, 1] - [beside.right_px, 0]
+    saw = room.keypoints(references[1][beside.reference], 0.5, beside.reference).pixels
+    assert np.hypot(*(ends[:, None] - saw).transpose(2, 0, 1)).min(axis=1).max() < 0.01
+
+
+def test_a_thing_that_moved_is_told_with_its_shift(landmarks, room):
+    shifted = room.points.copy()
+    thing = (room.points[:, 0] > 2.9) & (np.abs(room.points[:, 1] - 2.0) < 0.9)
+    shifted[thing] += [-0.3, 0.2, 0.0]
+    seen = replace(room, points=shifted).keypoints(POSE, 0.3, 7)
+    shown = landmarks.shown(landmarks.matched(seen), {"estimate": POSE})
+    [moved] = shown.moved
+    assert moved.shift_m == pytest.approx([-0.3, 0.2], abs=0.06)
+    assert len(moved.places) >= 5
+    assert (moved.places[:, 0] > 2.7).all()
 
 
 def test_references_that_see_nothing_have_no_landmarks(tiny, room, references):

@@ -1,0 +1,53 @@
+"""What pose sensors read, in sentences and in the units that people read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+
+from maurice_mcl.arrays import F64
+from maurice_mcl.map import Arena
+from maurice_mcl.pose_sensor import MovedThing, Shown
+from maurice_mcl.records import StepRecord
+
+from ..style import Scale
+
+ON_M = 0.15  # as far from an obstacle a point is still on it
+SHARE = 0.5  # of the points of a thing that have to be on an obstacle, so that it has its name
+
+
+def say_shown(shown: Shown, arena: Arena, scale: Scale) -> str:
+    """Return what a sensor says, and a sentence for each thing that moved."""
+    return " ".join([shown.said(scale.say), *(say_moved(one, arena, scale) for one in shown.moved)])
+
+
+def say_moved(moved: MovedThing, arena: Arena, scale: Scale) -> str:
+    """Describe a thing: "9 others on the wardrobe agree with each other, 11.0 in from where ..."."""
+    name = thing_at(moved.places, arena)
+    where = f" on the {name}" if name else ""
+    far = scale.say(float(np.hypot(*moved.shift_m)))
+    return f"{len(moved.places)} others{where} agree with each other, {far} from where the library has them."
+
+
+def thing_at(places: F64, arena: Arena) -> str | None:
+    """Return the name of the obstacle that at least half of some places (K, 2) are on."""
+    best, named = SHARE, None
+    for one in arena.obstacles:
+        outline = one.polygon.astype(np.float32).reshape(-1, 1, 2)
+        inside = [cv2.pointPolygonTest(outline, (float(x), float(y)), True) > -ON_M for x, y in places]
+        if np.mean(inside) >= best:
+            best, named = float(np.mean(inside)), one.name
+    return named
+
+
+def say_sensors(record: StepRecord, truth: F64 | None, arena: Arena, scale: Scale) -> list[str]:
+    """Return what the pose sensors of an update say, a paragraph each: "Landmarks: 14 of 60 ..."."""
+    poses: Mapping[str, F64] = {"estimate": record.estimate.pose}
+    poses = poses if truth is None else {**poses, "truth": truth}
+    found = []
+    for one in record.sighting.comparison.sensed:
+        words = say_shown(one.sensor.shown(one.reading, poses), arena, scale)
+        found.append(f"{one.name.capitalize()}: {words}")
+    return found

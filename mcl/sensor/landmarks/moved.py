@@ -1,0 +1,91 @@
+"""Things that moved since the survey: matches that disagree with a pose, and agree on one shift.
+
+A thing on the floor moves along it, so that two numbers tell where it is now. Every disagreeing match votes
+for the shifts that would bring its landmark to where it was seen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...arrays import F32, F64, Bool
+from ...pose_sensor import MovedThing
+from .camera import PinholeCamera, project
+
+FARTHEST_M, STEP_M = 1.2, 0.04  # of shifts that are tried, along each axis
+NEAREST_M = 0.12  # a smaller shift is an error of the pose
+TOLERANCE_PX = 4.0
+ACROSS_M = 1.0  # a thing is not larger than this on either side of its middle
+LEAST, LEAST_RIGHT = 5, 3.0  # matches, and the expected number of right ones among them
+ALIKE_M = 0.15  # shifts of one thing that turned
+MOST = 3  # things
+
+
+def moved_things(
+    camera: PinholeCamera, points: F64, pixels: F32, chance: F32, pose: F64
+) -> tuple[MovedThing, ...]:
+    """Return what moved, of disagreeing landmarks (K, 3) seen at pixels (K, 2) from a pose (3,).
+
+    `chance` (K,) is that of a match to be right, before anything is known of the pose.
+    """
+    left, found = np.ones(len(points), np.bool_), list[MovedThing]()
+    fits = _fits(camera, points, pixels, pose)
+    while left.sum() >= LEAST and len(found) < MOST:
+        chosen, shift = _largest(fits & left, points, chance)
+        if chosen.sum() < LEAST or chance[chosen].sum() < LEAST_RIGHT:
+            break
+        found = _joined(found, MovedThing(points[chosen, :2], shift))
+        left &= ~chosen
+    return tuple(found)
+
+
+def _joined(found: list[MovedThing], new: MovedThing) -> list[MovedThing]:
+    """Add a group, to one that it is a part of: a thing that turned moved its parts differently."""
+    for k, one in enumerate(found):
+        near = np.hypot(*(one.places.mean(axis=0) - new.places.mean(axis=0))) < ACROSS_M
+        if near and np.hypot(*(one.shift_m - new.shift_m)) < ALIKE_M:
+            both = MovedThing(np.concatenate([one.places, new.places]), one.shift_m)
+            return [*found[:k], both, *found[k + 1 :]]
+    return [*found, new]
+
+
+def _shifts() -> F64:
+    along = np.arange(-FARTHEST_M, FARTHEST_M + STEP_M / 2, STEP_M)
+    shifts = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
+    length = np.hypot(*shifts.T)
+    return np.asarray(shifts[(length >= NEAREST_M) & (length <= FARTHEST_M)])
+
+
+SHIFTS = _shifts()  # (S, 2)
+
+
+def _fits(camera: PinholeCamera, points: F64, pixels: F32, pose: F64) -> Bool:
+    """Tell for each shift and match whether the landmark, shifted, is where the keypoint is: (S, K)."""
+    # the robot moved the other way sees the same
+    poses = np.column_stack([-SHIFTS, np.full(len(SHIFTS), pose[2])]).astype(np.float32)
+    there, _ = project(camera, poses, (points - [pose[0], pose[1], 0.0]).astype(np.float32))
+    off = there - pixels.T[:, None, :]
+    return np.asarray(off[0] ** 2 + off[1] ** 2 < TOLERANCE_PX**2)
+
+
+def _largest(fits: Bool, points: F64, chance: F32) -> tuple[Bool, F64]:
+    """Return the group no larger than a thing that agrees on a shift, and is likeliest right; the shift."""
+    likely = fits @ chance
+    best, most = np.zeros(len(points), np.bool_), 0.0
+    for k in np.argsort(-likely, kind="stable"):
+        if likely[k] <= most or likely[k] < LEAST_RIGHT:
+            break
+        members = fits[k] & _together(points, np.flatnonzero(fits[k]))
+        if chance[members].sum() > most:
+            best, most = members, float(chance[members].sum())
+    if not best.any():
+        return best, SHIFTS[0]
+    return best, np.asarray(SHIFTS[fits[:, best].all(axis=1)].mean(axis=0))
+
+
+def _together(points: F64, which: NDArray[np.intp]) -> Bool:
+    """Tell which points (P,) are near the member that has most of the others near it."""
+    apart = np.hypot(*(points[which, None, :2] - points[None, which, :2]).T)
+    middle = which[int((apart < ACROSS_M).sum(axis=0).argmax())]
+    return np.asarray(np.hypot(*(points[:, :2] - points[middle, :2]).T) < ACROSS_M)
