@@ -11,6 +11,7 @@ import numpy as np
 from .arrays import F32, F64
 
 MOST_BLUR = 0.25  # of the longer side: a wider blur is all one gray
+MOST_WIDE = 256
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +59,8 @@ class FloorImage:
 
     def at(self, points: F64) -> F32:
         """Return how light the floor is (N,) at points (N, 2) of the map; NaN off it and where unknown."""
-        return bilinear(self.values, *self.pixels_of(points[:, 0], points[:, 1]), np.float32(np.nan))
+        column, row = self.pixels_of(points[:, 0], points[:, 1])
+        return bilinear(self.values, column, row, np.array([np.nan], np.float32))[:, 0]
 
     def blurred(self, sd_m: float) -> FloorImage:
         """Return the floor as a spot of this standard deviation sees it; unknown pixels count for nothing."""
@@ -69,19 +71,19 @@ class FloorImage:
         return replace(self, values=found)
 
 
-def bilinear(values: F32, column: F32, row: F32, outside: np.float32) -> F32:
-    """Return the values (N,) of an image between the centers of its pixels; `outside` off the image."""
-    height, width = values.shape
+def bilinear(values: F32, column: F32, row: F32, outside: F32) -> F32:
+    """Return the values (N, C) of an image (H, W, C) between the centers of its pixels, to 1/32 of a pixel.
+
+    `outside` (C,) is given off the image.
+    """
+    height, width = values.shape[:2]
     off = (column < -0.5) | (row < -0.5) | (column > width - 0.5) | (row > height - 0.5)
-    column, row = np.clip(column, 0, width - 1), np.clip(row, 0, height - 1)
-    left, low = column.astype(np.int32), row.astype(np.int32)
-    right, high = np.minimum(left + 1, width - 1), np.minimum(low + 1, height - 1)
-    across, up = column - left, row - low
-    flat = values.ravel()
-    low, high = low * width, high * width
-    below = flat.take(low + left) * (1 - across) + flat.take(low + right) * across
-    above = flat.take(high + left) * (1 - across) + flat.take(high + right) * across
-    found = below * (1 - up) + above * up
+    # OpenCV's pictures have a largest width: the points are laid out as a picture of many rows
+    laid = max(math.ceil(len(column) / MOST_WIDE), 1), MOST_WIDE
+    x = np.resize(np.clip(column, 0, width - 1), laid)
+    y = np.resize(np.clip(row, 0, height - 1), laid)
+    picture = cv2.remap(values, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    found = picture.reshape(MOST_WIDE * laid[0], -1)[: len(column)]
     found[off] = outside
     return np.asarray(found, np.float32)
 

@@ -264,11 +264,11 @@ def _renewed_rows(record: StepRecord) -> pl.DataFrame:
     )
 
 
-def moment_of(rows: StepRows, image: U8) -> Moment:
-    """Return the moment back, with a picture from elsewhere."""
+def moment_of(rows: StepRows, image: U8, readings: Mapping[str, float] | None = None) -> Moment:
+    """Return the moment back, with picture and readings from elsewhere."""
     row = rows.step
     motions = np.array(row["motions"], np.float64).reshape(-1, 3)
-    frame = Frame(row["step"], row["time_s"], motions, image, row["picture"])
+    frame = Frame(row["step"], row["time_s"], motions, image, row["picture"], readings or {})
     known = row["truth_x_m"] is not None
     truth = np.array([row[f"truth_{name}"] for name in _POSE]) if known else None
     return Moment(frame, truth, tuple(row["session_events"]))

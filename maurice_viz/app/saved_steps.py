@@ -34,6 +34,7 @@ class Pictures:
 
     session: Session | None = None
     warn: Callable[[str], None] = lambda text: None
+    readings: Mapping[str, float] = field(default_factory=dict)  # of the last step asked for
     _moments: Iterator[Moment] | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -44,7 +45,8 @@ class Pictures:
         if self._moments is None:
             return None
         try:
-            image = next(moment.frame.image for moment in self._moments)
+            frame = next(self._moments).frame
+            image, self.readings = frame.image, frame.readings
             problem = "is not the one that the run saw"
         except (InputError, StopIteration) as stop:
             image, problem = NO_PICTURE, f"is not there ({stop})"
@@ -91,7 +93,7 @@ def restored_together(
     """Go through saved runs of one session side by side, as far as the shortest goes."""
     for rows in zip(*(run.saved.steps() for run in runs), strict=False):
         image = pictures.of(rows[0])
-        moment = moment_of(rows[0], NO_PICTURE if image is None else image)
+        moment = moment_of(rows[0], NO_PICTURE if image is None else image, pictures.readings)
         parts = zip(runs, rows, strict=True)
         yield moment, {run.saved.manifest.label: run.record(row, moment, image) for run, row in parts}
 

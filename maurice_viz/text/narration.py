@@ -203,9 +203,10 @@ def reseeded(record: StepRecord) -> str:
     fresh = f"**{int(record.injected.sum())} fresh** of {record.belief.size} particles."
     if test:
         return f"Reseeded{why}: {fresh}"
+    what = "picture" if record.sighting.comparison.channels else "frame"
     if not np.isfinite(record.calibrated_evidence):
-        return f"Reseeded: {fresh} No particle was in free space, so that none explained this picture."
-    return f"Reseeded: {fresh} The cloud explained this picture with {record.calibrated_evidence:.1f} nats."
+        return f"Reseeded: {fresh} No particle was in free space, so that none explained this {what}."
+    return f"Reseeded: {fresh} The cloud explained this {what} with {record.calibrated_evidence:.1f} nats."
 
 
 def phase(moment: Moment, record: StepRecord, slot: Phase, scale: Scale) -> str:

@@ -51,7 +51,7 @@ RING = "**Ring**: a group of dots (mode); mode switch: another is heaviest now."
 DIP = "**ESS dip**: few dots hold most of the weight."
 SIGMA = "**2 sigma**: an oval around most dots"
 BEYOND = "; 3 sigma: the truth is far outside it"
-MATCH = "**q**: likeness of pictures, 0 to 1. **Fresh**: dots drawn anew (reseeded)."
+MATCH = "**q**: likeness to a reference, 0 to 1. **Fresh**: dots drawn anew (reseeded)."
 
 
 def words(runs: Sequence[RunView]) -> str:

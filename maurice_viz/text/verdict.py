@@ -129,12 +129,12 @@ def divided(one: Ambiguity, scale: Scale) -> str:
 
 
 def _fits(one: Ambiguity) -> str:
-    """Return how well the picture fitted both places: "; the picture fits both (q 0.81 and ...)"."""
+    """Return how well the picture fitted both places: "; both fit about as well (q 0.81 and ...)"."""
     if one.fits is None or one.usual is None or abs(one.fits[0] - one.fits[1]) > ALIKE_Q:
         return ""
     first, second = one.fits
     values = f"q {first:.2f} and {second:.2f}; a typical place {one.usual:.2f}"
-    return f"; the picture fits both about as well ({values})"
+    return f"; both fit about as well ({values})"
 
 
 def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:

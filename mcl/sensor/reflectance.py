@@ -54,9 +54,8 @@ class Reflectances:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Print:
-    light: F32  # (H, W) the print as a spot sees it
-    variance: F32  # (H, W) of the print within the spot
-    off: tuple[np.float32, np.float32]  # both where nothing is known
+    values: F32  # (H, W, 2) how light the print is as a spot sees it, and its variance within the spot
+    off: F32  # (2,) both where nothing is known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,8 +153,7 @@ class Reflectance:
 
     def _nats(self, probe: Probe, share: np.float32, found: _Print, column: F32, row: F32) -> F32:
         """Return log p(share) (N,) less that of a perfect reading on an even floor."""
-        light = bilinear(found.light, column, row, found.off[0])
-        variance = bilinear(found.variance, column, row, found.off[1])
+        light, variance = bilinear(found.values, column, row, found.off).T
         noise = np.float32(probe.sd**2)
         spread = noise + variance
         normal = np.sqrt(noise / spread) * np.exp(np.float32(-0.5) * (share - light) ** 2 / spread)
@@ -203,7 +201,8 @@ def _blurred(floor: FloorImage, sd_m: float) -> _Print:
     square = np.where(np.isnan(floor.values), np.float32(mean**2 + variance), light**2)
     sd = sd_m / floor.resolution_m
     light = blur(light, sd)
-    return _Print(light, np.maximum(blur(square, sd) - light**2, 0), (np.float32(mean), np.float32(variance)))
+    values = np.stack([light, np.maximum(blur(square, sd) - light**2, 0)], axis=-1)
+    return _Print(values, np.array([mean, variance], np.float32))
 
 
 # The levels of a probe, from what it read: two normal distributions, and an even one for the edges between.

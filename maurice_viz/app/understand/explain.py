@@ -141,6 +141,8 @@ def explain(
     moment, record = _update(opened, chosen, folder, step)
     if chosen.sensor is None or not len(record.sighting.comparison.quality):
         raise InputError(folder, "cannot be explained without its session and library; put them back")
+    if not record.sighting.comparison.channels:
+        raise InputError(folder, _of_readings(record, moment, library.origin))
     if entry is not None:
         _check_number("entry", entry, library.size)
     if particle is not None:
@@ -157,6 +159,23 @@ def explain(
     if to is not None:
         explanation.save(to, force=force)
     return explanation
+
+
+def _of_readings(record: StepRecord, moment: Moment, origin: F64) -> str:
+    """Return why an update that compared no picture is not explained, and what its sensors say of it."""
+    poses = {"estimate": record.estimate.pose}
+    if moment.truth is not None:
+        poses["truth"] = moment.truth
+    sensed, said = record.sighting.comparison.sensed, []
+    for one in sensed:
+        at = np.stack(list(poses.values())) - np.append(origin, 0)
+        nats = one.sensor.log_likelihood(one.reading, at.astype(np.float32), origin)
+        each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
+        said.append(f"{one.sensor.shown(one.reading, poses).words} (nats: {each})")
+    found = "; ".join(said) or "its sensors read nothing"
+    where = "the tab `sensors` shows it for every step"
+    why = f"step {record.frame.step} compared no picture with references, so none is explained"
+    return f"{why}; {found}; {where}"
 
 
 def show(explanation: Explanation, file: Path, *, force: bool = False, listener: Listener = SILENT) -> None:

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+import maurice_viz as mv
 from maurice_loaders import InputError, open_library, open_session
 from maurice_loaders.libraries.floor import read_probes
 from maurice_mcl.config.build import make_localizer
@@ -15,6 +16,7 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.geometry import compose
 from maurice_mcl.sensor.reflectance import Reflectance
 from maurice_viz.app.library import build_floor_library
+from maurice_viz.app.saved import open_saved
 
 PROBES = "[probes.left]\nx_m = 0.072\ny_m = 0.011\n[probes.right]\nx_m = 0.072\ny_m = -0.011\n"
 
@@ -112,3 +114,21 @@ def test_carrying_is_told_once(folder: Path, tmp_path: Path) -> None:
     moments = list(open_session(tmp_path).moments())
     assert [k for k, one in enumerate(moments) if "kidnapped" in one.events] == [100]
     assert len(moments) == len(truth)
+
+
+def test_a_saved_run_without_pictures_keeps_what_its_sensors_said(folder: Path, tmp_path: Path) -> None:
+    short = tmp_path / "short"
+    short.mkdir()
+    for file in folder.iterdir():
+        (short / file.name).write_text("".join(file.read_text().splitlines(keepends=True)[60:75]))
+    (short / "map.png").write_bytes((folder.parent / "map.png").read_bytes())
+    for name in ("left", "right"):  # both levels, which so few rows need not show
+        file = short / f"sensor_{name}.txt"
+        file.write_text("\n".join(["100", "800"] * 6 + file.read_text().split()[12:]) + "\n")
+    mv.replay(short, particles=100, run=tmp_path / "run")
+    assert [one.same for one in mv.verify(tmp_path / "run")] == [True]
+    restored = open_saved(tmp_path / "run").updates()
+    quality = [records["reflectance"].sighting.comparison.quality for _, records in restored]
+    assert all(len(one) and np.ptp(one) > 0 for one in quality)
+    with pytest.raises(InputError, match=r"step 9 compared no picture .* left reads .* at the truth is"):
+        mv.explain(tmp_path / "run", 9)

@@ -116,7 +116,7 @@ def test_two_places_that_look_alike_have_a_sentence_of_their_own():
     found = "found itself at 9 and stayed localized (2.0 in off at the end)"
     assert said(run, INCHES) == f"T{places}; the truth is in the second. The robot {found}."
     alike = replace(run, ambiguity=replace(TWINS, fits=(0.81, 0.82), usual=0.48))
-    fits = "; the picture fits both about as well (q 0.81 and 0.82; a typical place 0.48)"
+    fits = "; both fit about as well (q 0.81 and 0.82; a typical place 0.48)"
     assert fits in said(alike, INCHES)
     parted = replace(run, ambiguity=replace(TWINS, fits=(0.81, 0.62), usual=0.48))
     assert "about as well" not in said(parted, INCHES)
