@@ -32,6 +32,7 @@ from ..formats.odometry_folder import (
     sensor_files,
 )
 from ..recording import Readings, Recording
+from .orientation import misplaced
 
 PLACES_A_SIDE = 24  # of the lattice, along a side of the map's area
 MOST_APART_M = 0.45
@@ -187,4 +188,6 @@ def library_of_folder(path: Path) -> tuple[Library, str]:
         said.append(how)
     floor = FloorImage(light, PIXEL_M, np.zeros(3))
     sensor = Reflectance(floor, tuple(probes), said="; ".join(said))
-    return floor_library(path.resolve().name, sensor), sensor.said
+    if drive.truth is not None:
+        said = [*filter(None, [misplaced(floor, probes, drive.readings, drive.truth)]), *said]
+    return floor_library(path.resolve().name, sensor), "; ".join(said)
