@@ -237,5 +237,6 @@ def test_a_stopped_run_keeps_every_step_and_says_so(small_session, tmp_path):
     manifest = read_manifest(tmp_path / "kept")
     assert manifest.state == "stopped"
     again, err_again = maurice("kept", "--no-recording")
-    assert again.splitlines()[4:] == out.decode().splitlines()[4:]
+    # the table; above it the verdict of a few steps is wrapped to the width of each console
+    assert again[again.index("┏") :] == out.decode()[out.decode().index("┏") :]
     assert f"the run stopped; it holds {manifest.steps} of 14 steps" in " ".join(err_again.split())
