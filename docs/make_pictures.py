@@ -23,6 +23,7 @@ HERE = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 FOUND = 43  # step of the demo at which one of the two filters has found itself
 ASTRAY, BACK = 38, 56  # steps of `demo features` that docs/tutorial.md describes
+AGREED = 60  # a step of the demo at which some landmarks agree, of docs/landmarks.md
 PREDICT, WEIGHT, RESAMPLE = 0, 2, 3
 # of docs/layouts.md: which layout, where on which timeline
 LAYOUTS = (
@@ -109,6 +110,10 @@ def main() -> None:
         keep("explain.png", Path(explained).read_bytes())
         keep("diagnose.jpg", diagnosis(Path(name)).read_bytes())
         keep("ambiguity.png", ambiguity(Path(name)).read_bytes())
+        landmarks = str(Path(name) / "landmarks.rrd")
+        maurice("replay", session, "--preset", "precise", "--layout", "sensors", "--save", landmarks)
+        with headless_viewer(Path(landmarks)) as viewer:
+            keep("layout-sensors.jpg", viewer.picture("step", AGREED))
         with headless_viewer(as_recorded(kept, Path(name))) as viewer:
             keep("as-recorded.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(told)) as viewer:

@@ -23,6 +23,7 @@ from .sensor import Landmarks
 Progress = Callable[[int, int, str], None]
 ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
 LEAST_REFERENCES = 8
+FOCAL_WIDTHS = (0.4, 4.0)  # of a fitted focal length: views of 103 to 14 degrees
 LEAST_LANDMARKS = 50
 MOST_LANDMARKS = 8000
 FARTHEST_SD_M = 0.25  # of a landmark along the line of sight: worse ones say little and are dropped
@@ -85,7 +86,20 @@ def landmarks_of(
     if track.max(initial=-1) + 1 < LEAST_LANDMARKS:
         return _too_few(track.max(initial=-1) + 1)
     stated = replace(nominal, tilt_rad=start.tilt_rad) if known else start
-    return _adjusted(seen, track, start, Bundle(stated, poses, np.zeros((0, 3))), tolerance)
+    found = _adjusted(seen, track, start, Bundle(stated, poses, np.zeros((0, 3))), tolerance)
+    return found if known or isinstance(found, NoLandmarks) else _plausible(found)
+
+
+def _plausible(found: LandmarkSet) -> LandmarkSet | NoLandmarks:
+    """Refuse a fitted focal length that no usual lens has: few matches agree on anything, by chance."""
+    camera = found.fit.camera
+    low, high = (share * camera.width_px for share in FOCAL_WIDTHS)
+    if low <= camera.focal_px <= high:
+        return found
+    return NoLandmarks(
+        f"found a focal length of {camera.focal_px:.0f} px from {found.size} landmarks, expected "
+        f"{low:.0f} to {high:.0f}: they agree by chance"
+    )
 
 
 def _too_few(count: int) -> NoLandmarks:

@@ -47,12 +47,12 @@ class Judged:
         estimate = poses["estimate"]
         fallen, off = self.errors_at(estimate)
         agrees = off < AGREES_PX
-        near = off < FARTHEST_PX
+        near = (off < FARTHEST_PX) & self._inside(fallen)
         lines = np.stack([self.pixels[near], fallen[near]], axis=1)
         marks = [ShownMarks("to where the estimate has them", PICTURE, lines, agrees[near])]
         if "truth" in poses:
             there, away = self.errors_at(poses["truth"])
-            true = there[away < FARTHEST_PX][:, None, :]
+            true = there[(away < FARTHEST_PX) & self._inside(there)][:, None, :]
             marks.append(ShownMarks("where the truth has them", PICTURE, true, of="truth"))
         marks.append(ShownMarks("matched keypoints", PICTURE, self.pixels[:, None, :], agrees))
         places = self.landmarks.points[self.matched][:, None].astype(np.float32)
@@ -69,6 +69,11 @@ class Judged:
         moved = moved_things(camera, points, self.pixels[~agrees], chance, estimate)
         words, lengths = self._words(agrees, off, estimate)
         return Shown(words, pictures, tuple(marks), lengths, moved)
+
+    def _inside(self, pixels: F32) -> Bool:
+        camera = self.landmarks.fit.camera
+        last = np.array([camera.width_px - 1, camera.height_px - 1], np.float32)
+        return np.asarray(((pixels >= 0) & (pixels <= last)).all(axis=1))
 
     def _beside(self, agrees: Bool) -> tuple[Beside, ShownMarks, ShownMarks] | None:
         """Put the picture beside that of the reference in which most agreeing landmarks were seen."""

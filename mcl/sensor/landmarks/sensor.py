@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +24,7 @@ from .landmark_set import LandmarkSet
 from .picture import BESIDE, PICTURE, Judged
 from .planar import Matched, Mode, modes_of
 
+OTHER_SHAPE = 0.01  # of its width over its height: a picture of another camera
 RATIO = 0.95  # of the second distance that the first has to stay under
 ELSEWHERE_M = 0.2  # a second landmark nearer to the first than this is the same thing
 # ratios of the two distances, and the share of right matches at them, on drives in fitting arenas
@@ -79,11 +81,22 @@ class Landmarks:
         )
 
     def read(self, frame: Frame) -> LandmarkReading | None:
-        """Find the keypoints of a picture and the landmarks that they may be; None: too few."""
-        camera = self.map.fit.camera
-        if frame.image.shape[:2] != (camera.height_px, camera.width_px):
+        """Find the keypoints of a picture and the landmarks that they may be; None: too few.
+
+        A picture of another size and the same shape is resized to that of the library's; of another shape it
+        is another camera's, and says nothing.
+        """
+        image = self._resized(frame.image)
+        return None if image is None else self.matched(keypoints_of(image), image)
+
+    def _resized(self, image: U8) -> U8 | None:
+        width, height = self.map.fit.camera.width_px, self.map.fit.camera.height_px
+        if image.shape[:2] == (height, width):
+            return image
+        if abs(image.shape[1] * height - image.shape[0] * width) > OTHER_SHAPE * width * image.shape[0]:
             return None
-        return self.matched(keypoints_of(frame.image), frame.image)
+        finer = cv2.INTER_AREA if image.shape[1] > width else cv2.INTER_LINEAR
+        return np.asarray(cv2.resize(image, (width, height), interpolation=finer), np.uint8)
 
     def matched(self, keypoints: Keypoints, image: U8 | None = None) -> LandmarkReading | None:
         """Match keypoints to all landmarks; None: fewer than `LEAST_MATCHES`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -129,9 +130,31 @@ def test_a_blank_picture_says_nothing(landmarks):
     assert landmarks.read(frame_of(np.full((144, 176, 3), 90, np.uint8))) is None
 
 
-def test_a_picture_of_another_size_says_nothing(landmarks):
-    noise = np.random.default_rng(0).integers(0, 255, (72, 88, 3), np.uint8)
+def test_a_flat_picture_with_noise_says_nothing(landmarks):
+    noise = np.random.default_rng(0).normal(90, 2, (144, 176, 3)).clip(0, 255).astype(np.uint8)
     assert landmarks.read(frame_of(noise)) is None
+
+
+def test_a_blurred_picture_proposes_nothing(landmarks):
+    noise = np.random.default_rng(0).integers(0, 255, (144, 176, 3), np.uint8)
+    blurred = cv2.GaussianBlur(noise, (0, 0), 9)
+    reading = landmarks.read(frame_of(blurred))
+    assert reading is None or landmarks.propose(reading) is None
+
+
+def test_a_picture_of_another_shape_says_nothing(landmarks):
+    noise = np.random.default_rng(0).integers(0, 255, (144, 144, 3), np.uint8)
+    assert landmarks.read(frame_of(noise)) is None
+
+
+def test_a_larger_picture_of_the_same_shape_is_read_as_one_of_the_librarys_size(landmarks):
+    noise = np.random.default_rng(0).integers(0, 255, (72, 88, 3), np.uint8)
+    small = cv2.resize(noise, (176, 144), interpolation=cv2.INTER_CUBIC)
+    large = cv2.resize(small, (352, 288), interpolation=cv2.INTER_CUBIC)
+    one, other = (landmarks.read(frame_of(image)) for image in (small, large))
+    assert other.image.shape == (144, 176, 3)
+    apart = np.hypot(*(one.keypoints.pixels[:, None] - other.keypoints.pixels).transpose(2, 0, 1))
+    assert np.median(apart.min(axis=1)) < 0.3
 
 
 def test_arrays_hold_everything(landmarks, reading):
@@ -216,3 +239,13 @@ def tiny():
     from maurice_mcl.examples import tiny_library
 
     return tiny_library()
+
+
+def test_a_focal_length_that_no_lens_has_is_refused_in_words(room, references):
+    """Few references whose pictures are those of a view of 137 degrees: what is fitted is no camera."""
+    squeezed = [room.keypoints(pose, 0.5, k) for k, pose in enumerate(references[1])]
+    for one in squeezed:
+        one.pixels[:] = (one.pixels - [87.5, 71.5]) * 0.3 + [87.5, 71.5]
+    found = landmarks_of(squeezed, (144, 176), references[0], None)
+    assert isinstance(found, NoLandmarks)
+    assert "expected 70 to 704: they agree by chance" in found.reason
