@@ -187,8 +187,8 @@ def adapted(
 ) -> tuple[Configuration, PlaceScore | None]:
     """Widen the scales where the library's own pictures show that they are overconfident there.
 
-    Where places are sparse, a channel whose own scale, fitted on places left out, is wider than on any
-    simulated library gets that. All are widened together where the sensor is then worse than knowing nothing.
+    Where places are sparse, a channel gets its own scale, fitted on places left out and drawn toward ours, if
+    that is wider. All are widened together where the sensor is then worse than knowing nothing.
 
     That is done only where nobody has set `sensor.widening` or `sensor.scales`, and for likelihoods that have
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.

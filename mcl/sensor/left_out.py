@@ -37,24 +37,8 @@ MOST_MEASURED = 5000  # cells of free space
 CONFIDENCE = 0.95
 WIDENINGS: F64 = np.geomspace(1, 100, 41)
 STRETCHES: F64 = np.geomspace(1, 32, 16)
-# A stand-in is a whole spacing off, a drive's picture half of one: so even where our scales are right, those
-# fitted on places left out are wider: by at most these factors on simulated libraries, arena seeds 1 to 5.
-LEFT_OUT: Mapping[str, float] = {
-    "color": 1.78,
-    "edges": 2.24,
-    "smoothed": 1.78,
-    "blurred": 1.78,
-    "edge_color": 2.0,
-    "cumulative": 2.24,
-    "chromaticity": 2.24,
-    "color_layout": 2.83,
-    "gain_color": 2.24,
-    "color_grid": 1.41,
-    "tiny": 1.41,
-    "hog": 1.59,
-    "moments": 2.0,
-}
-WIDER = 1.25  # times that: such a library is not like those, and its own scale is taken
+PRIOR_PLACES = 20  # that our scales count as, so that few places say little
+SLIGHT = 1.05  # a factor below this is none
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +91,8 @@ def is_sparse(nearest: NearestReference) -> bool:
 def score_places(sensor: SensorModel, *, fit: bool = False) -> PlaceScore:
     """Compare some of the library's pictures with all other places, in bounded time for any library.
 
-    With `fit`, the scale of each channel is fitted, too, which takes longest.
+    With `fit`, the scale of each channel is fitted, too. A stand-in is a whole spacing off, a drive's picture
+    half of one, so the fit is too wide: its logarithm is drawn toward ours, less so with more places.
     """
     places, place_of = clustered(sensor.library)
     tested = _left_out(replace(sensor, index={}), places, place_of)
@@ -123,10 +108,10 @@ def score_places(sensor: SensorModel, *, fit: bool = False) -> PlaceScore:
     found = PlaceScore(len(places), len(tested.costs), score, nothing, float(f"{widening:.3g}"))
     if not fit or len(places) < ENOUGH_PLACES:
         return found
-    usual = [(k, name) for k, name in enumerate(sensor.weights) if name in LEFT_OUT]
-    fits = {name: tested.stretch(k) for k, name in usual if sensor.parameters.is_usual(name)}
-    wider = {name: float(f"{fit:.3g}") for name, fit in fits.items() if fit >= WIDER * LEFT_OUT[name]}
-    return replace(found, stretched=wider)
+    told = len(places) / (len(places) + PRIOR_PLACES)
+    usual = [(k, name) for k, name in enumerate(sensor.weights) if sensor.parameters.is_usual(name)]
+    factors = {name: float(f"{tested.stretch(k) ** told:.3g}") for k, name in usual}
+    return replace(found, stretched={name: factor for name, factor in factors.items() if factor > SLIGHT})
 
 
 def mean(values: F64) -> float:
