@@ -274,8 +274,7 @@ def serving(output: OutputOptions, listener: Listener) -> Iterator[None]:
     try:
         yield
         if output.web.is_serving:
-            listener.remark("serving it until Ctrl-C")
-            output.web.wait()
+            output.web.wait(listener.remark)
     finally:
         output.web.close()
 

@@ -78,11 +78,12 @@ class WebViewer:
         remark(f"in a browser: {self.url}")
         remark(f"from another machine, first type there, and leave it running: {self.tunnel}")
 
-    def wait(self) -> None:
-        """Serve until Ctrl-C; other requests to stop go on. SinkError when the server ends by itself."""
+    def wait(self, remark: Callable[[str], None]) -> None:
+        """Serve until Ctrl-C, and say so; other requests to stop go on. SinkError when the server ends."""
         if self._process is None:
             return
         try:
+            remark("serving it until Ctrl-C")
             self._process.wait()
         except KeyboardInterrupt as stop:
             if type(stop) is not KeyboardInterrupt:
