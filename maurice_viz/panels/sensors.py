@@ -7,7 +7,7 @@ pale.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -90,7 +90,8 @@ class SensorsPanel(Panel):
             image = self._image(shown.pictures.get(title, NOTHING))
             draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, QUALITY))
         marks: dict[str, tuple[ShownMarks, F32]] = {}
-        for one in shown.marks:
+        for mark in shown.marks:
+            one = self._inside(mark) if mark.view == ON_MAP else mark
             place = self._paths.sensor(name, slug(one.view), slug(one.name))
             marks[place] = one, self._drawn(one)
         self._marks[name].draw(rec, marks)
@@ -117,6 +118,14 @@ class SensorsPanel(Panel):
     def _draw_words(self, rec: rr.RecordingStream, name: str, words: str) -> None:
         text = text_of(font_safe(words))
         rec.log(self._paths.sensor(name, "words"), row_of(rr.TextDocument, text=text))
+
+    def _inside(self, marks: ShownMarks) -> ShownMarks:
+        """Leave out marks outside of the map: they would cover its key."""
+        x_min, y_min, x_max, y_max = self._library.arena.bounds
+        x, y = marks.strips[..., 0], marks.strips[..., 1]
+        kept = ((x >= x_min) & (x <= x_max) & (y >= y_min) & (y <= y_max)).all(axis=1)
+        agrees = None if marks.agrees is None else marks.agrees[kept]
+        return replace(marks, strips=marks.strips[kept], agrees=agrees)
 
     def _on_map(self, strips: F32) -> F32:
         flat = self._scale.screen(strips.reshape(-1, 2).astype(np.float64))
@@ -194,13 +203,13 @@ def sensor_map_view(paths: RunPaths, scene: SceneInfo, names: tuple[str, ...]) -
     contents = [*MAP, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
     contents += [f"{paths.sensor(name, ON_MAP)}/**" for name in names]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    title = f"Map, and what {' and '.join(names)} marks on it ({scene.scale.units.name})"
+    title = f"Map with marks of {' and '.join(names)} ({scene.scale.units.name})"
     return map_view(title, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
 
 
 def sensor_words_view(paths: RunPaths, name: str) -> rrb.TextDocumentView:
     """Show what a sensor says in words."""
-    return rrb.TextDocumentView(name=f"What {name} says", origin=paths.sensor(name, "words"))
+    return rrb.TextDocumentView(name=f"{name.capitalize()} in words", origin=paths.sensor(name, "words"))
 
 
 def sensor_picture_views(run: RunView, paths: RunPaths, name: str) -> list[rrb.Spatial2DView]:
