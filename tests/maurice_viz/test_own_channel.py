@@ -75,7 +75,7 @@ def test_one_that_fails_on_pictures_is_left_out_of_the_library(small_session, tm
     gave = "float64 (3,), expected float32 of one dimension"
     assert line == f"channel 'mychannel' gave {gave}; the library is built without it"
     wanted = _maurice(small_session, "--feature", "mychannel", *RUN, path=path, expect=1)
-    assert "mychannel is needed; build the library again" in wanted.stderr
+    assert "expected mychannel; build the library again" in wanted.stderr
     _install(tmp_path / "site", SOURCE.replace('"version": 1', '"version": 3'))
     fixed = _maurice(small_session, "--feature", "mychannel", *RUN, path=path)
     assert _labels(fixed) == ["mychannel"], "the cache is no reason to stay broken"
