@@ -265,7 +265,11 @@ def test_the_evidence_is_unbiased(outcomes, n):
     assert outcomes[n].evidence_off() < 4
 
 
-@pytest.mark.parametrize("resampler", sorted(RESAMPLERS))
+# the default is tested at every run, the others with the slow tests: ten seconds each
+EACH = [pytest.param(k, marks=() if k == "systematic" else pytest.mark.slow) for k in sorted(RESAMPLERS)]
+
+
+@pytest.mark.parametrize("resampler", EACH)
 def test_resampling_at_every_step_is_right_too(lattice, resampler):
     localizer = _resampling(lattice.localizer, scheme=RESAMPLERS[resampler], when=always)
     outcome = _many(lattice, localizer, 500)
