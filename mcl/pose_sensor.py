@@ -73,7 +73,7 @@ class ShownMarks:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Beside:
-    """A picture with that of a reference at its right, which whoever draws it reads.
+    """A picture with that of a reference to its right, which is read when both are drawn.
 
     Marks in the reference's picture are `right_px` to the right of where they are in it.
     """

@@ -102,7 +102,7 @@ class RecoveryTest:
     found: float  # nats; -inf if no particle was in free space
 
 
-# What is said of an estimate beside the filter.
+# A second opinion on an estimate, formed outside of the filter.
 
 
 @dataclass(frozen=True, slots=True)

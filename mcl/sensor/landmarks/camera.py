@@ -13,7 +13,7 @@ import numpy as np
 from ...arrays import F32, F64
 
 NEAREST_M = 0.05  # a point nearer than this to the plane of the lens, or behind it, is not seen
-NOWHERE_PX = np.float32(1e4)  # where such a point is said to fall: far outside any picture
+NOWHERE_PX = np.float32(1e4)  # the pixel of such a point: far outside of any picture
 
 
 @dataclass(frozen=True, slots=True)
