@@ -51,6 +51,7 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "error_median_m": (_NUMBER, "the same, median"),
     "final_error_m": (_NUMBER, "position error at the last update"),
     "heading_error_rad": (_NUMBER, "heading error, mean"),
+    "heading_error_median_rad": (_NUMBER, "heading error, median"),
     "relative_error_m": (_NUMBER, "relative pose error, median"),
     "lost": (_FLAG, "whether it was ever lost"),
     "lost_at_update": (_WHOLE, "when"),
@@ -84,7 +85,8 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
 }
 TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
 KEY = ("part", "session", "variant", "seed")
-LATER = ("right_m", "true_x_m", "true_y_m", "truth_rank")  # not in rows of earlier versions: null
+# not in rows of earlier versions: null
+LATER = ("right_m", "true_x_m", "true_y_m", "truth_rank", "heading_error_median_rad")
 MEASURED = ("took_s", "host")  # what may differ between two computations of the same run
 Key = tuple[str, str, int, int]
 

@@ -61,6 +61,7 @@ class RunFigures:
             "error_median_m": found.position_error_median_m,
             "final_error_m": found.position_error_final_m,
             "heading_error_rad": found.heading_error_mean_rad,
+            "heading_error_median_rad": found.heading_error_median_rad,
             "relative_error_m": None if found.relative is None else found.relative.position_median_m,
             "lost": found.lost,
             "lost_at_update": found.lost_at_update,

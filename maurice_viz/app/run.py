@@ -23,6 +23,7 @@ from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..scene import Detail, RunView
 from ..style import scale_for
+from ..text.sensors import say_other_shape
 from .open import AnySession, remark_skipped
 from .output import DriveScene, OutputOptions, drawing
 
@@ -154,7 +155,7 @@ def step_through(
     comparison, verdict = _comparison(playback, observers), _verdict(playback, observers)
     try:
         with stops_between() as stops:
-            for steps in playback.updates:
+            for steps in _warned(playback, listener):
                 with stops.wait():
                     pairs = collector.add_steps(steps)
                     for label, writer in writers.items():
@@ -173,6 +174,19 @@ def step_through(
             comparison.end(collector.results())
         if collector.updates:
             _conclude(collector.verdicts(), observers, writers, verdict)
+
+
+def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Step]]:
+    """Yield all updates; say once, at the first, what no sensor of a run can read."""
+    said: set[str] | None = None
+    for steps in playback.updates:
+        if said is None:
+            runs = [(steps[one.label][0].frame, one.localizer) for one in playback.views]
+            found = (say_other_shape(frame, one.sensor.sensors.values()) for frame, one in runs if one)
+            said = {text for text in found if text is not None}
+            for text in sorted(said):
+                listener.warning(text)
+        yield steps
 
 
 def _conclude(

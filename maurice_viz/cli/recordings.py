@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.doctor import Diagnosis, fixed_options
+from maurice_loaders.doctor import Diagnosis, fixed_options, odometry_advice
 from maurice_loaders.inspection import Inspection
 
 from ..app.understand.inspect import doctor as diagnose
@@ -122,6 +122,7 @@ def _json(found: Diagnosis, options: Options) -> dict[str, object]:
         "said": list(found.said),
         "checks": list(found.checks),
         "not_asked": list(found.not_asked),
+        "odometry_advice": list(odometry_advice(found)),
         "healthy": not found.findings,
         "findings": [
             {
@@ -150,6 +151,8 @@ def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> It
         yield f"could not check: {', '.join(found.not_asked)}"
     for text in found.said:
         yield f"the reader reports: {text}"
+    for text in odometry_advice(found):
+        yield f"no odometry: {text}"
     for number, (one, fixing) in enumerate(zip(found.findings, options, strict=False), 1):
         yield f"{number}. {describe(one)} [{one.code}]"
         yield f"   why: {evidence_for(one, found.display_units)}"

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import cv2
 import numpy as np
 
 from maurice_mcl.arrays import F64
 from maurice_mcl.map import Arena
-from maurice_mcl.pose_sensor import MovedThing, Shown
+from maurice_mcl.pose_sensor import MovedThing, PoseSensor, Shown
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.landmarks.sensor import OTHER_SHAPE, Landmarks
+from maurice_mcl.session import Frame
 
 from ..style import Scale
 
@@ -51,3 +53,17 @@ def say_sensors(record: StepRecord, truth: F64 | None, arena: Arena, scale: Scal
         words = say_shown(one.sensor.shown(one.reading, poses), arena, scale)
         found.append(f"{one.name.capitalize()}: {words}")
     return found
+
+
+def say_other_shape(frame: Frame, sensors: Iterable[PoseSensor]) -> str | None:
+    """Return what to tell where landmarks cannot read a picture, as it is of another camera; else None."""
+    height, width = frame.image.shape[:2]
+    for sensor in sensors:
+        if isinstance(sensor, Landmarks):
+            camera = sensor.map.fit.camera
+            apart = abs(width * camera.height_px - height * camera.width_px)
+            if apart > OTHER_SHAPE * camera.width_px * height:
+                theirs = f"found pictures of {width} x {height}, and the landmarks are of pictures of "
+                theirs += f"{camera.width_px} x {camera.height_px}: another shape, so landmarks say nothing"
+                return f"{theirs}; build the library with this camera, or leave landmarks out"
+    return None

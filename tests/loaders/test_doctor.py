@@ -18,7 +18,7 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.calibration import read_aligned
-from maurice_loaders.doctor import Diagnosis, diagnose
+from maurice_loaders.doctor import Diagnosis, diagnose, odometry_advice
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import build_library
@@ -194,6 +194,21 @@ def test_a_motion_model_that_nobody_knows_is_one_line(
 def test_what_is_lacking_for_a_comparison_is_named(known: str, lacking: str, write_log: WriteLog) -> None:
     found = diagnose(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), ReadingOptions(), None)
     assert f"{lacking}: there is none" in found.not_asked
+
+
+def test_without_odometry_it_says_how_some_is_made(write_log: WriteLog, pixel: dict[str, Any]) -> None:
+    pictures = [{"t": t, "image": pixel} for t in range(3)]
+    truth = [{"t": t, "truth": [0.1 * t, 0, 0]} for t in range(3)]
+    odometry = [{"t": t, "odometry": [0.1, 0, 0]} for t in range(3)]
+
+    def said(*records: dict[str, Any]) -> list[str]:
+        ordered = sorted(records, key=lambda one: float(one["t"]))
+        advice = odometry_advice(diagnose(write_log(*ordered), ReadingOptions(), None))
+        return [one.split("=")[0] for one in advice]
+
+    made = ["--reading odometry_from_truth", "--reading odometry_from_pictures"]
+    assert said(*pictures, *truth) == made
+    assert (said(*truth), said(*pictures), said(*pictures, *odometry)) == (made[:1], made[1:], [])
 
 
 SIZES = st.floats(allow_nan=False, allow_infinity=False)

@@ -69,7 +69,9 @@ def test_evidence_has_lengths_in_the_units_of_the_session(small_session, units, 
 def test_a_recording_without_pictures_is_not_asked_for_a_library(tmp_path):
     path = tmp_path / "path.txt"
     path.write_text("".join(f"{k} {k} 0 0 0 0 0 1\n" for k in range(5)))
-    assert "pictures: there are none" in run("doctor", path).stdout
+    said = run("doctor", path).stdout
+    assert "pictures: there are none" in said
+    assert "no odometry: --reading odometry_from_truth=true makes some from the truth" in said
 
 
 def test_what_it_says_is_a_command_that_mends(small_session, tmp_path):
