@@ -14,7 +14,7 @@ import numpy as np
 from maurice_loaders.files import cache_root, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import wrap
-from maurice_mcl.session import Moment
+from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..sessions import SimulatedSession, session_info
 from ..simulation import SimulationPlan, stage
@@ -24,6 +24,8 @@ from .places import Ground
 
 UPDATES = 40
 VERSION = 2  # raise it whenever the same kind and number give another run
+# the fields of what is kept: a drive from before one was added has none of it
+KEPT = tuple((kind.__name__, *kind.__dataclass_fields__) for kind in (Frame, Moment, SessionInfo, Held))
 Picture = Callable[[U8], U8]
 
 
@@ -33,7 +35,7 @@ def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) 
     `changes` are fields of a `SimulationPlan`. Wheels slip only where they are asked to. Drives are kept in
     the user's cache: rendering one takes longer than anything else.
     """
-    name = repr((VERSION, ground.name, ground.arena_seed, seed, task, sorted(changes.items())))
+    name = repr((VERSION, KEPT, ground.name, ground.arena_seed, seed, task, sorted(changes.items())))
     file = cache_root() / "planted" / "drives" / hashlib.sha256(name.encode()).hexdigest()[:20]
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -263,18 +263,23 @@ def _and(channel: str, cost: float) -> str:
 
 
 def _weighed(step: StepExplanation) -> str:
-    """Compare the log-likelihood of a particle at each pose with that of its nearest reference alone."""
-    parts = []
+    """Say what a particle at each pose gets, and what its nearest reference or each sensor gives alone."""
+    parts, sensors = [], dict[str, None]()
     for explained in step.shown:
         weight, entry = explained.weighed, explained.entry
         if weight is None or entry is None or explained.who == WINNER:
             continue
-        at = f"on {PLACES[explained.who]} gets {weight:.1f} nats"
-        parts.append(f"{at} (its nearest reference alone: {entry.log_likelihood:.1f})")
+        of = f"its nearest reference alone: {entry.log_likelihood:.1f}"
+        if explained.sensed:
+            sensors.update(dict.fromkeys(explained.sensed))
+            each = {**explained.sensed, "references": weight - sum(explained.sensed.values())}
+            of = ", ".join(f"{name} {nats:.1f}" for name, nats in each.items())
+        parts.append(f"on {PLACES[explained.who]} gets {weight:.1f} nats ({of})")
     if not parts:
         return ""
     start = "Particles are weighted by the references around them, including virtual ones"
-    return f"{start}: one {', one '.join(parts)}."
+    at_own = f", and at their own poses by {' and '.join(sensors)}" if sensors else ""
+    return f"{start}{at_own}: one {', one '.join(parts)}."
 
 
 def say_offset(offset: PoseOffset, scale: Scale) -> str:

@@ -75,6 +75,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "particles": "of how many particles",
     "ever": "any weight at the true place, ever",
     "held_until": "weight at the true place until step",
+    "came": "first weight at the true place at step",
     "died": "last particle there died at step",
     "nearest_m": "nearest particle",
     "knows": "probability that it was not lost",
@@ -231,6 +232,9 @@ def _bins(e: Mapping[str, Any]) -> str:
 
 def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     at = f"{scale.say(e['rival_x_m'])}, {scale.say(e['rival_y_m'])}"
+    if "places" not in e:
+        alike = f"another place looks like the true one in {e['pictures']} pictures, at {at}"
+        return f"{alike}: the cloud never decided"
     return f"{e['places']:.0f} places look alike in {e['pictures']} pictures, another is at {at}"
 
 
@@ -243,6 +247,8 @@ def _impoverished(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     nearest = f"the nearest of {e['particles']} was {scale.say(e['nearest_m'])} away"
     if e["ever"] == "no":
         return f"no particle with any weight was ever at the true place ({nearest})"
+    if e["ever"] == "late":
+        return f"no particle with any weight was at the true place before {e['came']}"
     return f"the last particle at the true place died at {e['died']}, and no other came there"
 
 

@@ -6,8 +6,8 @@ descriptor, so that all parts add up to what the filter used, in nats.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -84,6 +84,7 @@ class Explained:
     weighed: float | None  # log-likelihood of a particle at that pose; -inf outside; None: not requested
     from_truth: PoseOffset | None  # of the pose; None: the truth is not known
     from_estimate: PoseOffset  # of the pose
+    sensed: Mapping[str, float] = field(default_factory=dict)  # of `weighed`, the nats of each pose sensor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,9 +163,11 @@ def explain_step(
         nearest[ASKED] = asked.entry  # the nearest reference may be another of the same pose
     nearest[WINNER] = int(comparison.quality.argmax())
     weighed: list[float | None] = [None] * len(poses)
+    sensed: list[dict[str, float]] = [{}] * len(poses)
     if weigh:
         at = _relative(sensor, np.stack(list(poses.values())))
         weighed = list(sensor.at(comparison, at).log_likelihood.astype(float).tolist())
+        sensed = [_sensed(comparison, sensor, pose[None]) for pose in at]
     different = sorted({entry for entry in nearest.values() if entry >= 0})
     found = dict(zip(different, explain_all(comparison, sensor, different), strict=True))
     shown = tuple(
@@ -175,10 +178,20 @@ def explain_step(
             weighed=weight,
             from_truth=None if truth is None else offset(pose, truth),
             from_estimate=offset(pose, record.estimate.pose),
+            sensed=nats,
         )
-        for (who, pose), weight in zip(poses.items(), weighed, strict=True)
+        for (who, pose), weight, nats in zip(poses.items(), weighed, sensed, strict=True)
     )
     return StepExplanation(record.frame.step, comparison.channels, shown)
+
+
+def _sensed(comparison: Comparison, sensor: SensorModel, pose: F32) -> dict[str, float]:
+    """Return the nats that each pose sensor gives a pose (1, 3) relative to the origin, as it is weighed."""
+    origin, sharpness = sensor.library.origin, sensor.parameters.sharpness
+    return {
+        one.name: sharpness * one.weight * float(one.sensor.log_likelihood(one.reading, pose, origin)[0])
+        for one in comparison.sensed
+    }
 
 
 def nearest_entries(sensor: SensorModel, poses: F64) -> I32:

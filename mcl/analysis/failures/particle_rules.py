@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .evidence import UpdateEvidence
 from .kinds import NUMERIC, PROPOSAL, RESAMPLING, Failure
 from .story import Story
 
@@ -36,7 +37,7 @@ def unlucky(story: Story) -> Failure | None:
     known = [k for k in range(story.since, story.end + 1) if story.updates[k].near is not None]
     kept = [k for k in known if (near := story.updates[k].near) and near.shares[2] > 0]
     after = [story.updates[k] for k in known if not kept or k > kept[-1]]
-    counted = [one for one in after if one.near and one.near.shares[1] * one.size >= A_COPY]
+    counted = [one for one in after if _counts(one)]
     if not counted or (one := counted[0]).near is None:
         return None
     share = one.near.shares[1]
@@ -45,16 +46,30 @@ def unlucky(story: Story) -> Failure | None:
 
 
 def no_particle(story: Story) -> Failure | None:
-    """No particle was at the true place: none ever was, or the last one went."""
+    """No particle was at the true place: none ever was, none for long, or the last one went."""
     known = story.some(range(story.since, story.end + 1), lambda one: one.near is not None)
     if not known:
         return None
     nearest = min(one.near.nearest_m for one in known if one.near)
-    counted = [one for one in known if one.near and one.near.shares[1] * one.size >= A_COPY]
+    counted = [one for one in known if _counts(one)]
     size = {"nearest_m": nearest, "particles": known[0].size}
     if not counted:
         return story.failure(PROPOSAL, known[0].step, ever="no", **size)
-    until = [one for one in counted if one.step < story.updates[story.lost].step] or counted
-    after = [one for one in known if one.step > until[-1].step and one.near and not one.near.particles]
-    died = after[0].step if after else story.updates[story.lost].step
+    lost = story.updates[story.lost].step
+    before = [one for one in counted if one.step < lost]
+    if not before and len(counted) >= MOSTLY * len(known):
+        return None  # a search that had them nearly all the time
+    since = before[-1] if before else counted[0]
+    later = [one for one in known if one.step > since.step and one.near]
+    gone = [one for one in later if one.near and not one.near.particles]
+    gone = gone or [one for one in later if not before and not _counts(one)]
+    if not gone and not before:
+        return story.failure(PROPOSAL, known[0].step, ever="late", came=since.step, **size)
+    died = gone[0].step if gone else lost
+    until = [one for one in counted if one.step < died] or [since]
     return story.failure(PROPOSAL, died, ever="yes", held_until=until[-1].step, died=died, **size)
+
+
+def _counts(one: UpdateEvidence) -> bool:
+    """Return whether particles at the true place had weight for a copy or more."""
+    return one.near is not None and one.near.shares[1] * one.size >= A_COPY

@@ -97,21 +97,29 @@ def ambiguity(story: Story) -> Failure | None:
     wrong = story.some(lost, lambda one: one.score.correct is False and one.fit is not None)
     away = [one for one in wrong if one.fit and one.fit.estimate_behind]
     if len(away) < max(MOSTLY * len(wrong), OUT_FOR):
-        return None
+        return _divided(story)
     behind = float(np.median([one.fit.estimate_behind for one in away if one.fit]))
     if story.fits_truth or abs(behind) > ALIKE_NATS:
         return None
     rivals = float(np.median([one.fit.rivals for one in away if one.fit]))
-    x, y = away[0].fit.rival if away[0].fit else (0.0, 0.0)
-    return story.failure(
-        AMBIGUITY,
-        away[0].step,
-        behind_nats=behind,
-        places=1 + rivals,
-        rival_x_m=x,
-        rival_y_m=y,
-        pictures=len(away),
-    )
+    return _alike_places(story, away, behind_nats=behind, places=1 + rivals)
+
+
+def _divided(story: Story) -> Failure | None:
+    """The estimate was mostly right and the cloud never decided, as another place fits as well."""
+    lost = range(story.lost, story.end + 1)
+    right = story.some(lost, lambda one: one.score.correct is True and one.fit is not None)
+    unsure = [one for one in right if one.score.localized is False and one.held * one.size >= 1]
+    if len(unsure) < max(MOSTLY * len(lost), OUT_FOR):
+        return None
+    behind = float(np.median([one.fit.behind for one in unsure if one.fit]))
+    return None if behind < -ALIKE_NATS else _alike_places(story, unsure, behind_nats=behind)
+
+
+def _alike_places(story: Story, some: list[UpdateEvidence], **evidence: Value) -> Failure:
+    x, y = some[0].fit.rival if some[0].fit else (0.0, 0.0)
+    where: dict[str, Value] = {"rival_x_m": x, "rival_y_m": y, "pictures": len(some)}
+    return story.failure(AMBIGUITY, some[0].step, **evidence, **where)
 
 
 def _is_bad(one: UpdateEvidence, story: Story) -> bool:

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_datasets.planted.drives import frozen, gap, odometry_changed, plain_drive
+from maurice_datasets.planted import drives
+from maurice_datasets.planted.drives import drive, frozen, gap, odometry_changed, plain_drive
 from maurice_datasets.planted.harm import is_harm, localizer_of, outcome_of, steps_of
 from maurice_datasets.planted.places import SETS, Ground, ground_of, part_of, twin_of
 from maurice_datasets.planted.planting import Planted, planting_of
@@ -72,6 +73,17 @@ def test_every_kind_of_cause_is_planted_and_no_seed_is_in_both_sets() -> None:
     assert SETS["unseen"].first in TEST
     assert SETS["develop"].first in FITTING
     assert not {*SETS["unseen"].places} & {*SETS["develop"].places}
+
+
+def test_a_drive_that_was_kept_before_a_frame_had_another_field_is_driven_again(
+    ground: Ground, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held = drive(ground, 1)
+    monkeypatch.setattr(drives, "_rendered", lambda *_: pytest.fail("driven again"))
+    assert len(drive(ground, 1).all_moments) == len(held.all_moments)
+    monkeypatch.setattr(drives, "KEPT", ("Frame", "step"))
+    with pytest.raises(pytest.fail.Exception, match="driven again"):
+        drive(ground, 1)
 
 
 @pytest.mark.parametrize(("kind", "number"), [("left_map", 1), ("healthy", 0)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,6 +87,15 @@ def test_the_sentences_name_winner_truth_and_estimate(library):
         assert words in text
         assert found.entry is None or str(found.entry.rank) in text
     assert "Particles are weighted by the references around them" in text
+
+
+def test_what_pose_sensors_give_is_told_beside_the_references(library):
+    step = explained(library)
+    shown = [replace(one, weighed=-3.0, sensed={"position": -1.25}) for one in step.shown]
+    says = say_step(replace(step, shown=tuple(shown)), scale_for("in", library.arena))[-1]
+    assert ", and at their own poses by position: one on the" in says
+    assert "gets -3.0 nats (position -1.2, references -1.8)" in says
+    assert "alone" not in says
 
 
 def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.kinds import KIDNAPPED, PROPOSAL, SENSOR, Failure
+from maurice_mcl.analysis.failures.kinds import AMBIGUITY, KIDNAPPED, PROPOSAL, SENSOR, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.failure import say_cause
@@ -99,6 +99,23 @@ def test_the_cause_of_a_failure_is_the_why_of_the_verdict():
     says = "the last particle at the true place died at 10, and no other came there"
     assert f"(81.0 in off at the end). Why: {says}." in said(run, INCHES)
     assert f"(81.0 in off at the end) ({says})" in verdict_line({"a": run, "b": GOOD}, INCHES)
+
+
+@pytest.mark.parametrize(
+    ("kind", "evidence", "says"),
+    [
+        (PROPOSAL, {"ever": "late", "came": 9}, "no particle with any weight was at the true place before 9"),
+        (
+            AMBIGUITY,
+            {"rival_x_m": 0.0, "rival_y_m": 1.0, "pictures": 9},
+            "another place looks like the true one in 9 pictures, at 0.0 in, 39.4 in: "
+            "the cloud never decided",
+        ),
+    ],
+)
+def test_a_search_without_an_end_is_explained(kind, evidence, says):
+    failure = Failure(kind, 1, 90, 1, {"nearest_m": 1.0, "particles": 150, **evidence})
+    assert say_cause(failure, INCHES) == says
 
 
 def test_what_befell_the_robot_is_not_told_twice():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
+from maurice_mcl.analysis.explanation import Asked, explain_step
 from maurice_mcl.analysis.failures.around import Surroundings
 from maurice_mcl.analysis.failures.diagnosis import diagnose_run
 from maurice_mcl.analysis.lost_signal import BeliefNumbers, LostSignal, SignalCollector
@@ -99,3 +100,16 @@ def test_references_are_judged_by_channels_and_poses_by_all(drive, sensor):
     assert (both.cost, both.behind) == pytest.approx((alone.cost, alone.behind), abs=1e-4)
     assert (both.rank, both.rivals) == (alone.rank, alone.rivals)
     assert both.estimate_behind < alone.estimate_behind - 1
+
+
+def test_an_explanation_says_what_a_pose_sensor_gives_of_a_weight(drive, sensor):
+    moment = next(drive.moments())
+    alone, both = made([], drive), made([sensor], drive)
+    steps = []
+    for localizer in (alone, both):
+        record = localizer.step(localizer.initialize(None), moment.frame)[1]
+        asked = Asked(pose=moment.truth + np.array([0.1, 0.0, 0.0]))
+        steps.append(explain_step(record, localizer.sensor, moment.truth, asked, weigh=True).shown[0])
+    assert steps[0].sensed == {}
+    assert steps[1].sensed["position"] == pytest.approx(-2.0 * both.sensor.parameters.sharpness, abs=1e-3)
+    assert steps[1].weighed - steps[1].sensed["position"] == pytest.approx(steps[0].weighed, abs=1e-3)

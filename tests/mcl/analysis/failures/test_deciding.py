@@ -19,6 +19,7 @@ from maurice_mcl.analysis.failures.suspicion import suspected
 from maurice_mcl.analysis.metrics import StepScore
 
 RIGHT = StepScore(0.1, 0.0, True, True, False)
+UNSURE = StepScore(0.1, 0.0, False, True, False)
 OFF = StepScore(2.0, 0.0, True, False, True)
 FITS = PlaceFit(0.8, 0.7, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
 POOR = replace(FITS, cost=4.0, behind=5.0, estimate_behind=4.0, rank=200, costliest="tiny", costs=3.0)
@@ -147,6 +148,28 @@ def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_
     assert troubled(run(searching)) == []
     assert troubled(run(OFF)) == [(0, 11, 0)]
     assert troubled(run(searching)[:12]) == [(0, 11, 0)]
+
+
+def searched(near, fit=FITS, score=UNSURE):
+    """Diagnose a search that never was sure, with particles at the true place as told by step."""
+    updates = [replace(healthy(step), near=near(step), fit=fit, score=score) for step in range(1, UPDATES)]
+    (times,) = troubled(updates)
+    return decide(Story(updates, *times, 0.45, USUAL))
+
+
+def test_a_search_that_kept_the_true_place_to_the_end_is_ambiguous_only_where_another_fits_as_well():
+    half = NearTruth(400, (0.4, 0.5, 0.5), 0.02)
+    assert searched(lambda step: half, replace(FITS, behind=-0.1)).kind == "ambiguity"
+    assert searched(lambda step: half, replace(FITS, behind=-3.0)).kind == "unknown"
+
+
+def test_in_a_search_the_last_particle_died_when_none_was_left_not_at_the_first_step():
+    wrong = StepScore(2.0, 0.0, False, False, True)
+    some, none = NearTruth(4, (0.004, 0.004, 0.004), 0.02), NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+    found = searched(lambda step: some if step < 5 else none, score=wrong)
+    assert (found.kind, found.evidence["held_until"], found.evidence["died"]) == ("impoverished", 4, 5)
+    late = searched(lambda step: none if step < 15 else some, score=wrong)
+    assert (late.kind, late.evidence["ever"], late.evidence["came"]) == ("impoverished", "late", 15)
 
 
 def test_the_elements_that_cost_most_are_named_of_the_pictures_that_blame_their_channel():
