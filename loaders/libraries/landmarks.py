@@ -62,6 +62,7 @@ def with_landmarks(
             return library
         found = made
         _into_cache(found, kept)
+    found = replace(found, obstacles=library.arena.obstacles)
     return replace(library, sensors={**library.sensors, LANDMARKS: found})
 
 

@@ -43,7 +43,12 @@ class Mode:
     pose: F64  # (3,)
     covariance: F64  # (3, 3)
     score: float  # nats above no agreement at all
-    inliers: float  # expected number of right matches
+    right: F64  # (K,) probability of each match to be right, at this pose
+
+    @property
+    def inliers(self) -> float:
+        """Expected number of right matches."""
+        return float(self.right.sum())
 
 
 def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int = 4) -> list[Mode]:
@@ -134,7 +139,7 @@ def refined(camera: PinholeCamera, matched: Matched, poses: F64, area_px: float)
     agreed = _agreement(camera, matched, poses, matched.sd_px, area_px)
     poses = np.column_stack([poses[:, :2], wrap(poses[:, 2])])
     covariances = np.linalg.inv(agreed.information) * agreed.variance[:, None, None]
-    values = zip(poses, covariances, agreed.score.tolist(), agreed.inliers.tolist(), strict=True)
+    values = zip(poses, covariances, agreed.score.tolist(), agreed.right, strict=True)
     return [Mode(*value) for value in values]
 
 
@@ -145,7 +150,7 @@ class _Agreement:
     information: F64  # (H, 3, 3)
     pull: F64  # (H, 3)
     score: F64  # (H,)
-    inliers: F64  # (H,)
+    right: F64  # (H, K) probability of each match to be right
     variance: F64  # (H,) of the residuals of right matches, over what was expected; at least 1
 
 
@@ -163,7 +168,6 @@ def _agreement(camera: PinholeCamera, matched: Matched, poses: F64, sd: F64, are
     flat = weighted.reshape(shape[0], -1, 3)
     information = np.swapaxes(flat, 1, 2) @ by_pose.reshape(shape[0], -1, 3) + 1e-6 * np.eye(3)
     pull = np.einsum("hnj,hn->hj", flat, off.reshape(shape[0], -1))
-    inliers = right.sum(axis=1)
-    variance = np.sum(right * squared, axis=1) / np.maximum(2 * inliers - 3, 1.0)
+    variance = np.sum(right * squared, axis=1) / np.maximum(2 * right.sum(axis=1) - 3, 1.0)
     score = np.log1p(agree / wrong).sum(axis=1)
-    return _Agreement(information, pull, score, inliers, np.maximum(variance, 1.0))
+    return _Agreement(information, pull, score, right, np.maximum(variance, 1.0))

@@ -15,7 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, U8
+from ...arrays import F32, F64, I32, U8
+from ...map import Region
 from ...pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
 from ...session import Frame
 from .camera import project
@@ -23,6 +24,7 @@ from .features import Keypoints, keypoints_of
 from .landmark_set import LandmarkSet
 from .picture import BESIDE, PICTURE, Judged
 from .planar import Matched, Mode, modes_of
+from .things import besides_one_thing, things_of
 
 OTHER_SHAPE = 0.01  # of its width over its height: a picture of another camera
 RATIO = 0.95  # of the second distance that the first has to stay under
@@ -33,6 +35,7 @@ INDEPENDENT = 4.0  # right matches that count in full: more share their errors; 
 LEAST_MATCHES = 4
 LEAST_SCORE = 20.0  # nats of a proposal above no agreement at all
 LEAST_INLIERS = 3.5  # right matches of a proposal: two agree by construction
+LEAST_BESIDES = 2.0  # of them that are not on one thing alone: it may have been moved
 COMPETES = 6.0  # nats below the best that another proposal may be
 
 
@@ -57,6 +60,7 @@ class Landmarks:
     """A sensor model over landmarks; see `maurice_mcl.PoseSensor`."""
 
     map: LandmarkSet
+    obstacles: tuple[Region, ...] = ()  # of the map: things that can be moved
     proposes: ClassVar[bool] = True
     in_space: ClassVar[bool] = True  # it shows marks in space
 
@@ -149,9 +153,14 @@ class Landmarks:
         return np.asarray(nats * np.float32(self._share(reading)), np.float32)
 
     def propose(self, reading: LandmarkReading) -> PoseProposal | None:
-        """Return where the matches alone put the robot; None where they agree on nothing."""
+        """Return where the matches alone put the robot; None where they agree on nothing.
+
+        A pose that only one thing speaks for is not proposed: if that thing was moved, the robot was not.
+        """
         modes = [mode for mode in self.modes(reading) if _convinces(mode)]
         modes = [mode for mode in modes if mode.score > modes[0].score - COMPETES]
+        thing = self._thing[reading.landmark]
+        modes = [mode for mode in modes if besides_one_thing(mode.right, thing) >= LEAST_BESIDES]
         if not modes:
             return None
         score = np.array([mode.score for mode in modes]) * self._share(reading)
@@ -197,6 +206,10 @@ class Landmarks:
         line = np.stack([c, s, -(c * points[:, 0] + s * points[:, 1])])
         places = np.column_stack([poses[:, :2], np.ones(len(poses), np.float32)])
         return np.asarray(places @ line > 0, np.float32)
+
+    @cached_property
+    def _thing(self) -> I32:
+        return things_of(self.map.points, self.obstacles)
 
     @cached_property
     def _variance_px(self) -> F32:

@@ -8,10 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
+from maurice_mcl.map import Region
 from maurice_mcl.pose_sensor import EXACT, PoseSpread
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
 from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
+from maurice_mcl.sensor.landmarks.things import besides_one_thing, things_of
 from maurice_mcl.session import Frame
 
 from .conftest import CAMERA, KNOWN, built
@@ -117,6 +119,31 @@ def test_a_picture_proposes_where_it_was_taken(landmarks, reading):
     assert np.hypot(*off[:2]) < 0.05
     assert abs(off[2]) < 0.02
     assert off @ np.linalg.solve(proposal.covariances[0], off) < 25
+
+
+def square(name, low, high):
+    (x1, y1), (x2, y2) = low, high
+    return Region(name, np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]], np.float64))
+
+
+def test_a_pose_that_one_thing_alone_speaks_for_is_not_proposed(landmarks, reading):
+    points = landmarks.map.points[reading.landmark]
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    all_of_them = replace(landmarks, obstacles=(square("bookcase", low, high),))
+    assert all_of_them.propose(reading) is None
+    middle = np.array([high[0], np.median(points[:, 1])])
+    half = replace(landmarks, obstacles=(square("bookcase", low, middle),))
+    np.testing.assert_array_equal(half.propose(reading).poses, landmarks.propose(reading).poses)
+
+
+def test_landmarks_are_on_the_obstacle_that_they_are_in_or_near():
+    box, table = square("box", (0, 0), (1, 1)), square("table", (3, 0), (4, 1))
+    points = np.array([[0.5, 0.5, 0.2], [1.1, 0.5, 0.2], [1.2, 0.5, 0.2], [2.95, 0.9, 1.0], [9, 9, 0]])
+    assert things_of(points, (box, table)).tolist() == [0, 0, -1, 1, -1]
+    assert things_of(points, ()).tolist() == [-1] * 5
+    right = np.array([0.9, 0.8, 0.7, 0.6, 0.5])
+    assert besides_one_thing(right, things_of(points, (box, table))) == pytest.approx(1.8)
+    assert besides_one_thing(right, things_of(points, ())) == pytest.approx(3.5)
 
 
 def test_matches_by_chance_propose_nothing(landmarks, room):
