@@ -11,6 +11,7 @@ import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from operator import le
 from pathlib import Path
 from typing import Any
 
@@ -109,13 +110,15 @@ class RowStore:
         if not resume and file.exists():
             raise InputError(folder, "holds trials; --resume goes on with them, or choose another folder")
         if file.exists():
-            _expect_same(file, plan)
+            new = not _is_as_held(file, plan)
         elif folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise InputError(folder, "found something else, expected a new folder or one with trials")
+        else:
+            new = True
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
-        if not file.exists():
+        if new:
             held = {"format": FORMAT, "hash": plan.hash, "plan": plan.to_json()}
-            write_whole(file, json.dumps(held, indent=1).encode())
+            write_whole(file, json.dumps(held, indent=1).encode(), force=True)
         store = cls(folder)
         store._read()
         return store
@@ -152,14 +155,25 @@ class RowStore:
             self._open, self._number = self._open.clear(), self._number + 1
 
 
-def _expect_same(file: Path, plan: Plan) -> None:
+def _is_as_held(file: Path, plan: Plan) -> bool:
+    """Return whether a folder's plan is this one; False: this one has more seeds. InputError for others."""
     held = _manifest(file)
-    if held["hash"] != plan.hash:
-        name = held["plan"].get("name", "?")
-        raise InputError(
-            file,
-            f"found trials of the plan {name} as it was then, and {plan.name} differs; choose another folder",
-        )
+    if held["hash"] == plan.hash:
+        return True
+    before, after = held["plan"], plan.to_json()
+    if _seedless(before) == _seedless(after) and all(map(le, _seeds(before), _seeds(after))):
+        return False
+    name = held["plan"].get("name", "?")
+    what = f"found trials of the plan {name} as it was then, and {plan.name} differs in more than more seeds"
+    raise InputError(file, f"{what}; choose another folder")
+
+
+def _seeds(plan: Mapping[str, Any]) -> list[int]:
+    return [part["seeds"] for part in plan["parts"]]
+
+
+def _seedless(plan: Mapping[str, Any]) -> dict[str, Any]:
+    return {**plan, "parts": [{**part, "seeds": 0} for part in plan["parts"]]}
 
 
 def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFrame:

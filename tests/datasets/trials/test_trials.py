@@ -184,8 +184,19 @@ def test_nothing_is_computed_twice(plan_file: Path, tmp_path: Path) -> None:
     assert run_plan(plan, tmp_path / "out", resume=True).made == 0
     with pytest.raises(InputError, match="--resume"):
         run_plan(plan, tmp_path / "out")
-    with pytest.raises(InputError, match="differs"):
-        run_plan(plan.with_seeds(5), tmp_path / "out", resume=True)
+    with pytest.raises(InputError, match="differs in more than more seeds"):
+        run_plan(plan.with_seeds(2), tmp_path / "out", resume=True)
+
+
+def test_more_seeds_go_on_where_fewer_ended(plan_file: Path, tmp_path: Path) -> None:
+    plan = read_plan(plan_file)
+    run_plan(plan.with_seeds(2), tmp_path / "out")
+    assert run_plan(plan, tmp_path / "out", resume=True).made == 4
+    run_plan(plan, tmp_path / "at once")
+    grown, whole = (read_rows(tmp_path / name, ["error_m"]) for name in ("out", "at once"))
+    assert grown.equals(whole)
+    assert len(grown) == 12
+    assert run_plan(plan, tmp_path / "out", resume=True).made == 0
 
 
 def test_a_failing_run_is_a_row_and_is_tried_again(plan_file: Path, tmp_path: Path) -> None:
