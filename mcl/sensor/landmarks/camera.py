@@ -123,6 +123,33 @@ def _stack(rows: list[list[F64]]) -> F64:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
 
 
+def linearize_poses(camera: PinholeCamera, poses: F64, points: F64) -> tuple[F64, F64, F64]:
+    """Project all points (K, 3) from all poses (H, 3): pixels (H, 2, K), depth (H, K), by pose (H, 2, K, 3).
+
+    The same as `linearize` of all pairs, by poses alone and several times faster for a few thousand pairs.
+    """
+    heading = poses[:, 2:] + camera.yaw_rad
+    c, s = np.cos(heading), np.sin(heading)
+    dx, dy = points[:, 0] - poses[:, :1], points[:, 1] - poses[:, 1:2]
+    ahead, right, up = c * dx + s * dy, s * dx - c * dy, points[:, 2] - camera.height_m
+    cp, sp = np.cos(camera.tilt_rad), np.sin(camera.tilt_rad)
+    depth = cp * ahead + sp * up
+    inverse = 1 / np.where(np.abs(depth) < NEAREST_M, NEAREST_M, depth)
+    x, y = right * inverse, (sp * ahead - cp * up) * inverse
+    f, k = camera.focal_px, camera.distortion
+    bent = 1 + k * (x**2 + y**2)
+    pixels = np.stack([camera.middle[0] + f * x * bent, camera.middle[1] + f * y * bent], axis=1)
+    scale = f * inverse
+    by_x, by_y, mixed = (bent + 2 * k * x * x) * scale, (bent + 2 * k * y * y) * scale, 2 * k * x * y * scale
+    by_pose = np.empty((len(poses), 2, len(points), 3))
+    # how far a point moves ahead and right, by x and y of the pose and by its heading
+    for column, (da, dr) in enumerate(((-c, -s), (-s, c), (-right, ahead))):
+        in_x, in_y = dr - x * cp * da, (sp - y * cp) * da
+        by_pose[:, 0, :, column] = by_x * in_x + mixed * in_y
+        by_pose[:, 1, :, column] = mixed * in_x + by_y * in_y
+    return pixels, depth, by_pose
+
+
 def directions(camera: PinholeCamera, pixels: F64) -> tuple[F64, F64]:
     """Return where pixels (K, 2) look: the angle from the robot's forward, and the slope up.
 

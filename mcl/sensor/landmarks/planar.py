@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...arrays import F32, F64
 from ...geometry import wrap
-from .camera import PinholeCamera, directions, linearize, project
+from .camera import PinholeCamera, directions, linearize_poses, project
 
 HYPOTHESES = 400
 WIDE_PX = 4.0  # standard deviation that hypotheses are scored with, and refinement begins with
@@ -155,19 +155,16 @@ class _Agreement:
 
 
 def _agreement(camera: PinholeCamera, matched: Matched, poses: F64, sd: F64, area_px: float) -> _Agreement:
-    shape = len(poses), len(matched.points)
-    points = np.broadcast_to(matched.points, (*shape, 3)).reshape(-1, 3)
-    seen = linearize(camera, np.repeat(poses, shape[1], axis=0), points)
-    off = matched.pixels - seen.pixels.reshape(*shape, 2)
-    by_pose = seen.by_pose.reshape(*shape, 2, 3)
-    squared = np.sum(off**2, axis=2) / sd**2
-    agree = np.where(seen.depth.reshape(shape) > 0.05, np.exp(-0.5 * squared), 0.0)
+    pixels, depth, by_pose = linearize_poses(camera, poses, matched.points)
+    off = matched.pixels.T - pixels
+    squared = (off[:, 0] ** 2 + off[:, 1] ** 2) / sd**2
+    agree = np.where(depth > 0.05, np.exp(-0.5 * squared), 0.0)
     wrong = outlier_part(matched.inlier, sd, area_px)
     right = agree / (agree + wrong)
-    weighted = by_pose * (right / sd**2)[:, :, None, None]
-    flat = weighted.reshape(shape[0], -1, 3)
-    information = np.swapaxes(flat, 1, 2) @ by_pose.reshape(shape[0], -1, 3) + 1e-6 * np.eye(3)
-    pull = np.einsum("hnj,hn->hj", flat, off.reshape(shape[0], -1))
+    weighted = by_pose * (right / sd**2)[:, None, :, None]
+    rows = len(poses), -1, 3
+    information = np.swapaxes(weighted.reshape(rows), 1, 2) @ by_pose.reshape(rows) + 1e-6 * np.eye(3)
+    pull = (off.reshape(len(poses), 1, -1) @ weighted.reshape(rows))[:, 0]
     variance = np.sum(right * squared, axis=1) / np.maximum(2 * right.sum(axis=1) - 3, 1.0)
     score = np.log1p(agree / wrong).sum(axis=1)
     return _Agreement(information, pull, score, right, np.maximum(variance, 1.0))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from maurice_mcl.sensor.landmarks.bundle import Bundle, Views, triangulate
-from maurice_mcl.sensor.landmarks.camera import PinholeCamera, directions, linearize, project
+from maurice_mcl.sensor.landmarks.camera import PinholeCamera, directions, linearize, linearize_poses, project
 from maurice_mcl.sensor.landmarks.planar import Matched, hypotheses_of, modes_of
 
 BENT = PinholeCamera(176, 144, 180.0, tilt_rad=0.12, distortion=-0.05, yaw_rad=0.3, height_m=0.2)
@@ -110,3 +112,15 @@ def test_covariances_cover_the_truth():
         off = mode.pose - POSE
         squared.append(off @ np.linalg.solve(mode.covariance, off))
     assert 3 - 4 * np.sqrt(6 / 60) < np.mean(squared) < 3 + 4 * np.sqrt(6 / 60)
+
+
+@pytest.mark.parametrize("camera", [replace(BENT, distortion=0.0), BENT])
+def test_many_poses_at_once_have_the_derivatives_of_each(camera):
+    rng = np.random.default_rng(0)
+    poses, points = rng.normal(0, 1, (7, 3)), rng.normal(0, 3, (11, 3))
+    pixels, depth, by_pose = linearize_poses(camera, poses, points)
+    each = linearize(camera, np.repeat(poses, 11, axis=0), np.tile(points, (7, 1)))
+    np.testing.assert_allclose(pixels, each.pixels.reshape(7, 11, 2).swapaxes(1, 2), rtol=1e-12)
+    np.testing.assert_allclose(depth, each.depth.reshape(7, 11), rtol=1e-12)
+    each_by_pose = each.by_pose.reshape(7, 11, 2, 3).swapaxes(1, 2)
+    np.testing.assert_allclose(by_pose, each_by_pose, rtol=1e-9, atol=1e-9)
