@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -132,7 +132,7 @@ def _simulated(spec: SessionSpec, seed: int) -> Drive:
     cv2.setNumThreads(1)
     simulated = simulated_session(plan, _world(spec.world, plan.arena_seed, spec.tier))
     start = None if spec.start else simulated.info.start
-    bench = _bench(spec.world, plan.arena_seed, spec.tier, spec.spacing_in, spec.headings)
+    bench = _bench(spec.world, plan.arena_seed, spec.tier, spec.spacing_in, spec.headings, spec.camera)
     return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
 
 
@@ -181,13 +181,17 @@ def _world(world: str, arena: int, tier: str) -> World:
 
 
 @lru_cache(1)
-def _bench(world: str, arena: int, tier: str, spacing_in: int = 0, headings: int = 0) -> Bench:
+def _bench(
+    world: str, arena: int, tier: str, spacing_in: int = 0, headings: int = 0, camera: str = "stated"
+) -> Bench:
     """Return the library of a simulated arena, from the cache of surveys."""
     if not spacing_in and not headings:
-        return Bench.of(open_library(survey_log(world, arena, tier)))
-    surveyed = surveyed_world(world, arena, tier, spacing_in * INCH_M or None, headings or None)
-    folder = cached_survey(surveyed, arena, lambda done, total, what: None)
-    return Bench.of(open_library(folder / SURVEY.name))
+        log = survey_log(world, arena, tier)
+    else:
+        surveyed = surveyed_world(world, arena, tier, spacing_in * INCH_M or None, headings or None)
+        log = cached_survey(surveyed, arena, lambda done, total, what: None) / SURVEY.name
+    library = open_library(log)
+    return Bench.of(library if camera == "stated" else replace(library, camera=None))
 
 
 def survey_log(world: str, arena: int, tier: str) -> Path:

@@ -59,6 +59,7 @@ class SessionSpec:
     people: int = 0  # percent of the pictures in which people stand in view
     spacing_in: int = 0  # between the places of the survey; 0: as the world has it
     headings: int = 0  # at each place of the survey; 0: as the world has it
+    camera: str = "stated"  # by the survey; "unknown": left out of it, so that landmarks fit it
     arenas: int = 5  # run k drives in arena k modulo this number
     path: str = ""  # of a recorded session; the fields above are then not used
     library: str = ""  # of a recorded session; "": the one that its header names
@@ -345,6 +346,8 @@ def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
     elif not (spec.spacing_in == 0 or 4 <= spec.spacing_in <= 100) or not 0 <= spec.headings <= 36:
         found = f"{spec.spacing_in} in and {spec.headings} headings"
         wrong = f"spacing_in, headings: found {found}, expected 4 to 100 in, up to 36, or 0"
+    elif spec.camera not in ("stated", "unknown"):
+        wrong = f"camera: found {spec.camera!r}, expected stated or unknown"
     elif not 1 <= spec.arenas <= MOST_DRIVES:
         wrong = f"arenas: found {spec.arenas}, expected 1 to {MOST_DRIVES}"
     elif not spec.path:
