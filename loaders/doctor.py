@@ -239,7 +239,9 @@ def odometry_advice(found: Diagnosis) -> tuple[str, ...]:
         return ()
     ways = []
     if found.truth > 1:
-        ways.append(f"--reading odometry_from_truth=true makes some from the truth, with noise ({FROM_TRUTH})")
+        ways.append(
+            f"--reading odometry_from_truth=true makes some from the truth, with noise ({FROM_TRUTH})"
+        )
     if found.pictures > 1:
         ways.append(
             f"--reading odometry_from_pictures=true makes some from the pictures alone ({FROM_PICTURES})"

@@ -121,7 +121,9 @@ class PoseSensor(Protocol):
     Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
     reading may be any value: only the sensor itself looks into it. Four attributes may be
     left out: `pictures`, the titles of the pictures it shows; `in_space`, true for one with marks in space;
-    `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables.
+    `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables. One that
+    proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
+    not find the proposal again.
 
         >>> import numpy as np, maurice_mcl as mcl
         >>> class Beacon:
@@ -184,3 +186,11 @@ class Sensed:
     def proposal(self) -> PoseProposal | None:
         """Where this reading alone would put the robot: found when a filter asks for it."""
         return self.sensor.propose(self.reading)
+
+    def shown(self, poses: Mapping[str, F64]) -> Shown:
+        """Return what the sensor shows of its reading; arguments as for `PoseSensor.shown`."""
+        shown_with = getattr(self.sensor, "shown_with", None)
+        if shown_with is None:
+            return self.sensor.shown(self.reading, poses)
+        shown: Shown = shown_with(self.reading, poses, self.proposal)
+        return shown

@@ -23,6 +23,7 @@ _POINT = pa.field("item", pa.float32(), nullable=False)
 _PAIR = pa.list_(_POINT, 2)
 _TRIPLE = pa.list_(_POINT, 3)
 _STRIPS = pa.list_(pa.field("item", _PAIR, nullable=False))
+_SPACE_STRIPS = pa.list_(pa.field("item", _TRIPLE, nullable=False))
 _BLOB = pa.list_(pa.field("item", pa.uint8(), nullable=False))
 
 
@@ -131,8 +132,9 @@ def points_of(places: ArrayLike) -> Values:
 
 
 def places_of(place: ArrayLike) -> Values:
-    """Return a place or size (3,) in space: a part of a transform."""
-    return Values(_places, np.ascontiguousarray(place, np.float32).ravel(), 1, 12)
+    """Return a place or size (3,) in space, a part of a transform; or places (K, 3)."""
+    flat = np.ascontiguousarray(place, np.float32).ravel()
+    return Values(_places, flat, len(flat) // 3, flat.nbytes)
 
 
 def strips_of(lines: Sequence[F32] | F32) -> Values:
@@ -140,6 +142,12 @@ def strips_of(lines: Sequence[F32] | F32) -> Values:
     points = np.concatenate(lines) if len(lines) else np.zeros((0, 2), np.float32)
     lengths = [len(line) for line in lines]
     return Values(_strips, (np.ascontiguousarray(points, np.float32), lengths), len(lengths), points.nbytes)
+
+
+def space_strips_of(lines: F32) -> Values:
+    """Return lines in space (M, K, 3)."""
+    flat = np.ascontiguousarray(lines, np.float32).ravel()
+    return Values(_space_strips, (flat, [lines.shape[1]] * len(lines)), len(lines), flat.nbytes)
 
 
 def blob_of(data: bytes) -> Values:
@@ -178,13 +186,21 @@ def _points(rows: Sequence[Any]) -> Any:
 
 
 def _places(rows: Sequence[Any]) -> Any:
-    return pa.Array.from_buffers(_TRIPLE, len(rows), [None], children=[_floats(rows)])
+    inner = _floats(rows)
+    return pa.Array.from_buffers(_TRIPLE, len(inner) // 3, [None], children=[inner])
 
 
 def _strips(rows: Sequence[tuple[F32, list[int]]]) -> Any:
+    return _lines(_STRIPS, rows, _points([points.ravel() for points, _ in rows]))
+
+
+def _space_strips(rows: Sequence[tuple[F32, list[int]]]) -> Any:
+    return _lines(_SPACE_STRIPS, rows, _places([points for points, _ in rows]))
+
+
+def _lines(kind: Any, rows: Sequence[tuple[F32, list[int]]], points: Any) -> Any:
     lengths = [length for _, lengths in rows for length in lengths]
-    points = _points([points.ravel() for points, _ in rows])
-    return pa.Array.from_buffers(_STRIPS, len(lengths), [None, _ends(lengths)], children=[points])
+    return pa.Array.from_buffers(kind, len(lengths), [None, _ends(lengths)], children=[points])
 
 
 def _blobs(rows: Sequence[bytes]) -> Any:

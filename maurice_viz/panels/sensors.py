@@ -7,25 +7,52 @@ pale.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from numpy.typing import NDArray
 
 from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.map import Arena
 from maurice_mcl.pose_sensor import Beside, PoseSensor, Shown, ShownMarks
 
 from .. import entities
-from ..drawing.arrow import row_of, text_of
+from ..drawing.arrow import (
+    Values,
+    colors_of,
+    floats_of,
+    places_of,
+    points_of,
+    row_of,
+    space_strips_of,
+    strips_of,
+    text_of,
+    ui_points_of,
+)
 from ..drawing.canvas import blank, jpeg
 from ..drawing.contact_sheet import read_picture
 from ..drawing.keys import WEIGHTS
 from ..entities import Phase, RunPaths
 from ..scene import RunView, SceneInfo
-from ..style import AGREES, DISAGREES, GROUND, MISSING, OBSTACLE, PALE, RGB, TRUTH, WALL, Scale, font_safe
+from ..style import (
+    AGREES,
+    DISAGREES,
+    GROUND,
+    MISSING,
+    OBSTACLE,
+    PALE,
+    RGB,
+    TRUTH,
+    WALL,
+    Scale,
+    font_safe,
+    packed,
+)
 from ..text.sensors import say_shown
 from .belief import run_key
 from .camera import draw_jpeg, prepare_jpeg
@@ -38,13 +65,14 @@ QUALITY = 88  # of a picture: small letters and thin lines are drawn over it
 NOTHING = np.full((3, 4, 3), MISSING, np.uint8)  # in place of a picture that a sensor did not show
 OBSTACLE_M = 0.5  # height that obstacles are drawn with in space: a map does not tell it
 Kind = type[rr.Points2D | rr.LineStrips2D | rr.Points3D | rr.LineStrips3D]
-# by whether they are points, and whether they are flat
-KINDS: dict[tuple[bool, bool], Kind] = {
-    (True, True): rr.Points2D,
-    (False, True): rr.LineStrips2D,
-    (True, False): rr.Points3D,
-    (False, False): rr.LineStrips3D,
+# by whether they are points, and whether they are flat: archetype, its field, and what fills that
+KINDS: dict[tuple[bool, bool], tuple[Kind, str, Callable[[F32], Values]]] = {
+    (True, True): (rr.Points2D, "positions", points_of),
+    (False, True): (rr.LineStrips2D, "strips", strips_of),
+    (True, False): (rr.Points3D, "positions", places_of),
+    (False, False): (rr.LineStrips3D, "strips", space_strips_of),
 }
+NO_MARKS = {kind: np.zeros((0, 1, 2 if kind[1] else 3), np.float32) for kind in KINDS}
 
 
 class SensorsPanel(Panel):
@@ -69,11 +97,10 @@ class SensorsPanel(Panel):
         poses: dict[str, F64] = {"estimate": update.record.estimate.pose}
         if update.moment.truth is not None:
             poses["truth"] = update.moment.truth
-        read = {one.name: one.reading for one in update.record.sighting.comparison.sensed}
-        for name, sensor in self._sensors.items():
+        read = {one.name: one for one in update.record.sighting.comparison.sensed}
+        for name in self._sensors:
             nothing = f"{name.capitalize()}: nothing in this frame."
-            shown = sensor.shown(read[name], poses) if name in read else Shown(nothing)
-            self._draw(rec, name, shown)
+            self._draw(rec, name, read[name].shown(poses) if name in read else Shown(nothing))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         for name, marks in self._marks.items():
@@ -101,7 +128,7 @@ class SensorsPanel(Panel):
         if not isinstance(picture, Beside):
             return picture
         path = self._library.pictures[picture.reference]
-        other = None if path is None else read_picture(path)
+        other = None if path is None else _reference(path)
         height, width = picture.image.shape[:2]
         other = np.full_like(picture.image, MISSING) if other is None else other
         rows = max(height, len(other))
@@ -137,30 +164,35 @@ class DrawnMarks:
     """The marks of one sensor; those of the step before are emptied."""
 
     color: RGB  # of the run's estimate
-    _kinds: dict[str, Kind] = field(default_factory=dict)  # by entity
+    _kinds: dict[str, tuple[bool, bool]] = field(default_factory=dict)  # keys of `KINDS`, by entity
 
     def draw(self, rec: rr.RecordingStream, marks: dict[str, tuple[ShownMarks, F32]]) -> None:
         """Log marks by entity, with their strips as drawn; empty those that are not among them."""
         for path, kind in self._kinds.items():
             if path not in marks:
-                rec.log(path, kind([]))
+                archetype, values, values_of = KINDS[kind]
+                rec.log(path, row_of(archetype, **{values: values_of(NO_MARKS[kind])}))
         for path, (one, strips) in marks.items():
-            is_points, is_flat = strips.shape[1] == 1, strips.shape[2] == 2
-            kind = KINDS[is_points, is_flat]
-            self._kinds[path] = kind
-            size = STROKE if not is_points else POINT if one.of is None else SMALL
-            look: dict[str, Any] = {
-                "colors": self._colors(one),
-                "radii": rr.components.Radius.ui_points(size),
-            }
-            if is_flat:
-                look["draw_order"] = 30.0 if one.of is None else 40.0
-            rec.log(path, kind(strips[:, 0] if is_points else strips, **look))
+            kind = self._kinds[path] = strips.shape[1] == 1, strips.shape[2] == 2
+            size = STROKE if not kind[0] else POINT if one.of is None else SMALL
+            look = {"colors": colors_of(self._colors(one)), "radii": ui_points_of([size])}
+            if kind[1]:
+                look["draw_order"] = floats_of([30.0 if one.of is None else 40.0])
+            archetype, values, values_of = KINDS[kind]
+            rec.log(path, row_of(archetype, **{values: values_of(strips)}, **look))
 
-    def _colors(self, marks: ShownMarks) -> list[RGB]:
+    def _colors(self, marks: ShownMarks) -> NDArray[np.uint32]:
+        """Return packed colors, one or one a mark."""
         if marks.agrees is not None:
-            return [AGREES if agrees else DISAGREES for agrees in marks.agrees]
-        return [{"truth": TRUTH, "estimate": self.color}.get(marks.of or "", PALE)]
+            return np.where(marks.agrees, packed(AGREES), packed(DISAGREES)).astype(np.uint32)
+        color = {"truth": TRUTH, "estimate": self.color}.get(marks.of or "", PALE)
+        return np.array([packed(color)], np.uint32)
+
+
+@lru_cache(maxsize=4)
+def _reference(path: Path) -> U8 | None:
+    """Return the picture of a reference: several updates in a row mostly have the same one beside."""
+    return read_picture(path)
 
 
 def slug(name: str) -> str:

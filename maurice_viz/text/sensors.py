@@ -50,7 +50,7 @@ def say_sensors(record: StepRecord, truth: F64 | None, arena: Arena, scale: Scal
     poses = poses if truth is None else {**poses, "truth": truth}
     found = []
     for one in record.sighting.comparison.sensed:
-        words = say_shown(one.sensor.shown(one.reading, poses), arena, scale)
+        words = say_shown(one.shown(poses), arena, scale)
         found.append(f"{one.name.capitalize()}: {words}")
     return found
 

@@ -171,7 +171,7 @@ def _of_readings(record: StepRecord, moment: Moment, origin: F64) -> str:
         at = np.stack(list(poses.values())) - np.append(origin, 0)
         nats = one.sensor.log_likelihood(one.reading, at.astype(np.float32), origin)
         each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
-        said.append(f"{one.sensor.shown(one.reading, poses).words} (nats: {each})")
+        said.append(f"{one.shown(poses).words} (nats: {each})")
     found = "; ".join(said) or "its sensors read nothing"
     where = "the tab `sensors` shows it for every step"
     why = f"step {record.frame.step} compared no picture with references, so none is explained"

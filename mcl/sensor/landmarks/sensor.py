@@ -178,11 +178,16 @@ class Landmarks:
 
     def shown(self, reading: LandmarkReading, poses: Mapping[str, F64]) -> Shown:
         """Return matches and reprojections in the picture, landmarks on the map, and how many agree."""
-        nats = {}
-        for name, pose in poses.items():
-            here = np.array([[0.0, 0.0, pose[2]]], np.float32)
-            nats[name] = float(self.log_likelihood(reading, here, np.asarray(pose[:2], np.float64))[0])
-        proposal = self.propose(reading)
+        return self.shown_with(reading, poses, self.propose(reading))
+
+    def shown_with(
+        self, reading: LandmarkReading, poses: Mapping[str, F64], proposal: PoseProposal | None
+    ) -> Shown:
+        """Return the same for a proposal that is known: finding it takes most of the time."""
+        places = np.stack([*poses.values()])
+        origin = places[0, :2].copy()
+        there = (places - [*origin, 0.0]).astype(np.float32)
+        nats = dict(zip(poses, self.log_likelihood(reading, there, origin).tolist(), strict=True))
         matches = reading.pixels, reading.landmark, reading.inlier
         return Judged(self.map, reading.image, *matches, nats, proposal).shown(poses)
 

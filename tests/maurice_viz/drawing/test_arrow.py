@@ -15,6 +15,7 @@ from maurice_viz.drawing.arrow import (
     points_of,
     row_of,
     scalars,
+    space_strips_of,
     strips_of,
     tensor_of,
     text_of,
@@ -25,6 +26,7 @@ PLACES = np.random.default_rng(1).random((7, 2), np.float32)
 NUMBERS = np.arange(7, dtype=np.float32)
 PACKED = np.array([0x112233FF, 0x445566FF], np.uint32)
 LINES = [PLACES[:4], PLACES[4:]]
+IN_SPACE = np.random.default_rng(2).random((2, 4, 3), np.float32)
 POINTS = rr.components.Radius.ui_points
 
 
@@ -45,6 +47,14 @@ POINTS = rr.components.Radius.ui_points
         (
             row_of(rr.LineStrips2D, strips=strips_of(PLACES[:6].reshape(3, 2, 2))),
             rr.LineStrips2D.from_fields(strips=PLACES[:6].reshape(3, 2, 2)),
+        ),
+        (
+            row_of(rr.LineStrips3D, strips=space_strips_of(IN_SPACE)),
+            rr.LineStrips3D.from_fields(strips=IN_SPACE),
+        ),
+        (
+            row_of(rr.Points3D, positions=places_of(IN_SPACE[0])),
+            rr.Points3D.from_fields(positions=IN_SPACE[0]),
         ),
         (
             row_of(rr.Transform3D, translation=places_of([1, 2, 3])),

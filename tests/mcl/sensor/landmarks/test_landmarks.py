@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from maurice_mcl.map import Region
-from maurice_mcl.pose_sensor import EXACT, PoseSpread
+from maurice_mcl.pose_sensor import EXACT, PoseSpread, Sensed
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
 from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
@@ -222,6 +222,17 @@ def test_what_is_shown_counts_those_that_agree(landmarks, room):
     assert {mark.view for mark in shown.marks} == {*landmarks.pictures, "map", "space"}
     assert marks[PICTURE, "where the truth has them"].of == "truth"
     assert not shown.moved
+
+
+def test_what_is_shown_does_not_find_the_proposal_again(landmarks, reading, monkeypatch):
+    poses, found = {"estimate": POSE, "truth": POSE + 0.01}, []
+    propose = Landmarks.propose
+    monkeypatch.setattr(Landmarks, "propose", lambda *of: found.append(of) or propose(*of))
+    sensed = Sensed(landmarks, reading, 1.0, np.zeros(0, np.float32))
+    assert sensed.proposal is not None
+    shown = sensed.shown(poses)
+    assert len(found) == 1
+    assert shown.words == landmarks.shown(reading, poses).words
 
 
 def test_lines_lead_to_the_reference_that_saw_the_same(landmarks, room, references):
