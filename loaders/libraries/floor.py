@@ -32,7 +32,7 @@ from ..formats.odometry_folder import (
     sensor_files,
 )
 from ..recording import Readings, Recording
-from .orientation import misplaced
+from .orientation import misplaced, off_print
 
 PLACES_A_SIDE = 24  # of the lattice, along a side of the map's area
 MOST_APART_M = 0.45
@@ -157,13 +157,14 @@ def _evenly(low: float, high: float, apart_m: float) -> F64:
 
 # Folders of aligned rows bring their floor with them.
 
+PROBES = "probes.toml"
 THYMIO = (("left", 0.072, 0.011), ("right", 0.072, -0.011))  # meters ahead and to the left of the center
 MIDDLE, HALF, UNSURE_SD = 350.0, 250.0, 0.3  # above 350 is white, where the readings do not show two levels
 
 
 def is_floor_folder(path: Path) -> bool:
-    """Return whether a folder holds a drive over a printed floor, with the print."""
-    return looks_like_odometry_folder(path) and bool(sensor_files(path)) and floor_print(path) is not None
+    """Return whether a folder holds a drive over a printed floor."""
+    return looks_like_odometry_folder(path) and bool(sensor_files(path))
 
 
 def library_of_folder(path: Path) -> tuple[Library, str]:
@@ -172,22 +173,48 @@ def library_of_folder(path: Path) -> tuple[Library, str]:
     if picture is None:
         raise InputError(path, "found no map.png in it or above it, expected the print of the floor")
     light = np.asarray(read_print(picture), np.float32)
-    known = {name: Probe(name, x_m, y_m) for name, x_m, y_m in THYMIO}
+    described = _described(path)
+    known = {probe.name: probe for probe in described.probes}
     strange = [name for name in drive.readings if name not in known]
     if strange:
-        raise InputError(path, f"found sensor_{strange[0]}.txt, expected only those of {' and '.join(known)}")
-    probes, said = [], []
+        found = f"found sensor_{strange[0]}.txt, expected only those of {' and '.join(known)}"
+        raise InputError(path, f"{found}; say where the sensors sit in {PROBES} beside it")
+    probes, said = [], list[str]()
     for name, values in drive.readings.items():
-        described = FloorProbes((known[name],), frozenset((name,)))
+        one = replace(described, probes=(known[name],))
         try:
-            (probe,), how = described.fitted(path, {name: values})
+            (probe,), how = one.fitted(path, {name: values})
         except InputError:
-            probe = replace(known[name], black=MIDDLE - HALF, white=MIDDLE + HALF, sd=UNSURE_SD)
-            how = f"{name}: the readings do not show two levels, so above {MIDDLE:g} is taken as white"
+            probe = _split(known[name], values)
+            middle = (probe.black + probe.white) / 2
+            how = f"{name}: the readings do not show two levels, so above {middle:.3g} is taken as white"
         probes.append(probe)
         said.append(how)
     floor = FloorImage(light, PIXEL_M, np.zeros(3))
-    sensor = Reflectance(floor, tuple(probes), said="; ".join(said))
+    sensor = Reflectance(floor, tuple(probes), described.outliers, described.spot_m, said="; ".join(said))
     if drive.truth is not None:
-        said = [*filter(None, [misplaced(floor, probes, drive.readings, drive.truth)]), *said]
-    return floor_library(path.resolve().name, sensor), "; ".join(said)
+        known_at = np.isfinite(drive.truth).all(axis=1)
+        seen = {name: values[known_at] for name, values in drive.readings.items()}
+        doubt = off_print(floor, drive.truth[known_at]) or misplaced(
+            floor, probes, seen, drive.truth[known_at]
+        )
+        said = [*filter(None, [doubt]), *said]
+    return floor_library(path.resolve().name, sensor), "; ".join(filter(None, said))
+
+
+def _split(probe: Probe, values: F64) -> Probe:
+    """Return a probe whose levels are a Thymio's, or where these do not fit the ends of the readings."""
+    low, high = (float(v) for v in np.nanquantile(values, (0.02, 0.98)))
+    if low <= MIDDLE <= high or high == low or high > MIDDLE - HALF:
+        low, high = MIDDLE - HALF, MIDDLE + HALF
+    return replace(probe, black=low, white=high, sd=UNSURE_SD)
+
+
+def _described(path: Path) -> FloorProbes:
+    """Return the probes that a folder describes, or the one above it; else those of a Thymio."""
+    folder = path.resolve()
+    file = next((one / PROBES for one in (folder, folder.parent) if (one / PROBES).is_file()), None)
+    if file is not None:
+        return read_probes(file)
+    probes = tuple(Probe(name, x_m, y_m) for name, x_m, y_m in THYMIO)
+    return FloorProbes(probes, frozenset(probe.name for probe in probes))

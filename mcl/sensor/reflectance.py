@@ -26,6 +26,7 @@ OUTLIERS = 0.05  # share of readings that say nothing: dust, glare, a lifted rob
 SHARPNESS = 0.2  # of one reading: those a few millimeters apart err alike, and are not five looks but one
 LEVEL = 1.4  # blurs differ by at least this factor, so that few are kept
 LEAST_SD = 0.02  # of white minus black
+SURE_SD = 0.1  # the same: levels are known no better, as they change with dust, light and the floor's color
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +155,13 @@ class Reflectance:
     def _nats(self, probe: Probe, share: np.float32, found: _Print, column: F32, row: F32) -> F32:
         """Return log p(share) (N,) less that of a perfect reading on an even floor."""
         light, variance = bilinear(found.values, column, row, found.off).T
-        noise = np.float32(probe.sd**2)
+        # nothing is blacker than black or whiter than white: there the level was wrong
+        share, sd = np.clip(share, np.float32(0), np.float32(1)), max(probe.sd, SURE_SD)
+        noise = np.float32(sd**2)
         spread = noise + variance
         normal = np.sqrt(noise / spread) * np.exp(np.float32(-0.5) * (share - light) ** 2 / spread)
         # outliers are even over the levels and as far again, relative to the peak of the normal distribution
-        even = np.float32(self.outliers / (1 - self.outliers) * probe.sd * math.sqrt(2 * math.pi) / 2)
+        even = np.float32(self.outliers / (1 - self.outliers) * sd * math.sqrt(2 * math.pi) / 2)
         return np.asarray(np.float32(self.sharpness) * np.log((normal + even) / (1 + even)), np.float32)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:

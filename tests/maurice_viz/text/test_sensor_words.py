@@ -29,7 +29,8 @@ def test_only_pictures_of_another_shape_are_told(size: tuple[int, int], told: bo
     said = say_other_shape(frame(*size), [sensor])
     assert (said is not None) == told
     if said is not None:
-        assert "pictures of 320 x 180" in said and "of 176 x 144" in said
+        assert "pictures of 320 x 180" in said
+        assert "of 176 x 144" in said
     assert say_other_shape(frame(*size), []) is None
 
 

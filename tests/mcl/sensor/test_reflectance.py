@@ -108,3 +108,18 @@ def test_it_comes_back_from_its_arrays_and_says_what_it_read() -> None:
     assert shown.marks[0].strips.shape == (2, 1, 2)
     with pytest.raises(ValueError, match="found no probes"):
         Reflectance.from_arrays({key: value for key, value in sensor.to_arrays().items() if key != "probes"})
+
+
+@pytest.mark.parametrize("off", [-0.2, 0.2])
+def test_levels_that_are_a_fifth_off_still_tell_the_true_pose(off: float) -> None:
+    sensor, rng = a_sensor(), np.random.default_rng(2)
+    wrong = replace(
+        sensor,
+        probes=tuple(replace(one, black=one.black + off * (one.white - one.black)) for one in sensor.probes),
+    )
+    true, elsewhere = [], []
+    for _ in range(40):
+        pose, other = (np.array([*rng.uniform(0.15, 0.45, 2), rng.uniform(-3, 3)]) for _ in range(2))
+        true.append(nats(wrong, pose, **read_at(sensor, pose)))
+        elsewhere.append(nats(wrong, other, **read_at(sensor, pose)))
+    assert np.mean(true) > 0.5 * np.mean(elsewhere)
