@@ -151,7 +151,11 @@ def test_without_truth_only_convergence_can_be_checked(tmp_path):
     assert "--converged-by" in line
     out, err = maurice("check", blind, *FEW, "--converged-by", "5")
     assert "converged by update 5" in out
+    assert "sure of a wrong place meets it too" in out
+    assert "the start is given" in out
     assert "--seeds 20 tests the rate" in err
+    searched = mv.check(blind, converged_by=5, start="global", **SMALL).drives[0].doubts
+    assert ["wrong place" in text for text in searched] == [True]
 
 
 def test_several_drives_are_suites_of_one_result(drive):

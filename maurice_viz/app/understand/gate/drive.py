@@ -34,7 +34,7 @@ from ....style import Scale, scale_for
 from ...open import AnySession, RunSpec, make_runs, open_library_for, open_session, remark_skipped
 from .baseline import BaselineRuns, DriveRuns
 from .failure import FailedRun, Replayed, failed_run
-from .rules import BaselineChange, DemandResult, changes, demand_results, doubts, said
+from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, said
 
 UNSEEN = np.zeros((1, 1, 3), np.uint8)  # in place of a picture that was compared already
 
@@ -52,6 +52,7 @@ class DriveCheck:
     changes: tuple[BaselineChange, ...] = ()
     failure: FailedRun | None = None  # a run that failed, where the check failed
     took_s: float = 0.0
+    unseen: tuple[str, ...] = ()  # what the demands cannot see, whatever the number of runs
 
     @property
     def session(self) -> str:
@@ -65,8 +66,8 @@ class DriveCheck:
 
     @property
     def doubts(self) -> list[str]:
-        """What so few runs cannot tell for certain, one line each."""
-        return doubts(self.demands)
+        """What so few runs, or these demands, cannot tell for certain, one line each."""
+        return [*doubts(self.demands), *self.unseen]
 
     @property
     def changes_said(self) -> list[str]:
@@ -142,6 +143,9 @@ def check_drive(
     name = _unique(session.info.name or session.path.stem, taken)
     made = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
     found = _judged(made, session, library, moments, asked, listener)
+    has_truth = any(moment.truth is not None for moment in moments)
+    unseen = blind_spots(found.demands, has_truth=has_truth, start_known=run.start is not None)
+    found = replace(found, unseen=tuple(unseen))
     if not found.passed:
         replayed = Replayed(session, library, run, found.steps)
         worst = _worst(found, asked)
@@ -165,7 +169,8 @@ def _run_all(
     if asked.demands.need_truth and not has_truth:
         raise InputError(
             session.path,
-            "found no true poses, which --max-error and --localized-by need; --converged-by needs none",
+            "found no true poses, which --max-error and --localized-by need; --converged-by needs none, "
+            "but does not tell a right place from a wrong one",
         )
     moments: list[Moment] = []
 

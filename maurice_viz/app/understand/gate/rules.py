@@ -179,6 +179,22 @@ def doubts(results: Sequence[DemandResult]) -> list[str]:
     return [f"{', '.join(titles)}: {text}" for text, titles in found.items()]
 
 
+def blind_spots(results: Sequence[DemandResult], *, has_truth: bool, start_known: bool) -> list[str]:
+    """Return in a line each what runs that are sure of a place do not show."""
+    titles = [one.title for one in results if one.kind == CONVERGED]
+    if not titles:
+        return []
+    found = []
+    if not has_truth:
+        right = "without true poses a run that is sure of a wrong place meets it too"
+        found.append(f"{titles[0]}: {right}; `diagnose` says where a run was probably lost")
+    if start_known:
+        found.append(
+            f"{titles[0]}: the start is given, so runs are sure at once; --start global asks for a search"
+        )
+    return found
+
+
 def enough(needed: float) -> int:
     """Return how many runs, all meeting a demand, have a Wilson interval above the demanded rate."""
     return math.ceil(Z * Z * needed / (1 - needed))
