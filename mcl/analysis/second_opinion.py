@@ -21,7 +21,7 @@ from ..filter.proposal import poses_of_entries, uniform_poses
 from ..filter.resampling import systematic
 from ..randomness import Domain, stream
 from ..records import Opinion, StepRecord
-from .lost_signal import RATE, BeliefNumbers, LostSignal
+from .lost_signal import MOST_NATS, RATE, BeliefNumbers, LostSignal
 
 LEAST_PARTICLES, MOST_PARTICLES = 200, 2000
 FRESH = 0.05  # share of the particles, and of the weight, that every picture draws anew
@@ -42,6 +42,7 @@ OPINION: Mapping[str, float] = {
     "apart": 0.39,
     "apart lately": 0.28,
 }
+SENSED_SHARE = 0.5  # log odds per nat by which pose sensors put the estimate before every other place
 # probability of not being lost below which it is an alarm: with a calibrated likelihood, and with any
 LOST_BELOW, LOST_BELOW_ANY = 0.5, 0.12
 
@@ -163,6 +164,7 @@ class SecondOpinion:
     second: SecondFilter
     not_lost: float | None = None  # probability that the last estimate is not lost; None: not known
     _reader: OpinionReader = field(default_factory=OpinionReader)
+    _sensed: float = 0.0  # running mean of the nats by which pose sensors speak for the estimate
 
     @classmethod
     def of(cls, localizer: Localizer) -> SecondOpinion:
@@ -199,5 +201,27 @@ class SecondOpinion:
         self.second.see(record.frame.motions, record.sighting.comparison.explained_by_channels.relative[0])
         found = self._reader.features(numbers, self.second.shares(record.estimate.pose))
         odds = sum(weight * found[name] for name, weight in OPINION.items())
+        self._sensed += RATE * (sensed_ahead(record, self.second.localizer) - self._sensed)
+        odds += SENSED_SHARE * self._sensed
         self.not_lost = 1 / (1 + math.exp(-odds))
         return self.not_lost
+
+
+def sensed_ahead(record: StepRecord, localizer: Localizer) -> float:
+    """Return the nats by which pose sensors alone put the estimate before the best reference elsewhere.
+
+    0 where they say nothing, or put another place first: references lie beside the robot, so that pose
+    sensors can speak for an estimate, and hardly against it. No more than ten nats count.
+    """
+    sensed, library = record.sighting.comparison.sensed, localizer.library
+    if not sensed:
+        return 0.0
+    pose, origin = record.estimate.pose, library.origin
+    apart = library.poses - pose
+    away, ahead = np.hypot(apart[:, 0], apart[:, 1]), np.cos(apart[:, 2])
+    far = (away > FAR * localizer.radii.right_m) | (ahead < math.cos(FAR_RAD))
+    poses = np.concatenate([pose[None], library.poses[far]]) - np.append(origin, 0.0)
+    nats = localizer.sensor.sense_at(record.sighting.comparison, poses.astype(np.float32))
+    if nats is None or not far.any():
+        return 0.0
+    return min(max(float(nats[0] - nats[1:].max()), 0.0), MOST_NATS)

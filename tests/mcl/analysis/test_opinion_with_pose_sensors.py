@@ -113,3 +113,20 @@ def test_an_explanation_says_what_a_pose_sensor_gives_of_a_weight(drive, sensor)
     assert steps[0].sensed == {}
     assert steps[1].sensed["position"] == pytest.approx(-2.0 * both.sensor.parameters.sharpness, abs=1e-3)
     assert steps[1].weighed - steps[1].sensed["position"] == pytest.approx(steps[0].weighed, abs=1e-3)
+
+
+def test_a_pose_sensor_speaks_for_an_estimate_where_channels_tell_nothing(drive, sensor):
+    def opinions(sensors, moved_m=0.0):
+        localizer, found = made(sensors, drive), []
+        opinion = SecondOpinion.of(localizer)
+        for moment, record in mcl.run(localizer, drive):
+            pose = moment.truth + np.array([moved_m, 0.0, 0.0])
+            record = replace(record, estimate=replace(record.estimate, pose=pose))
+            found.append(opinion.add(record))
+        return np.array(found)
+
+    def odds(shares):
+        return np.log(shares / (1 - shares))
+
+    assert (odds(opinions([sensor])) - odds(opinions([])))[3:].min() > 2
+    assert opinions([sensor], 1.5) == pytest.approx(opinions([], 1.5), abs=0.05)
