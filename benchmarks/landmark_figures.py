@@ -4,17 +4,19 @@ Errors are those of trials on unseen drives (plans `channels` and `landmarks-spa
 here, on the demo's pictures, every feature in turn, so that a busy machine troubles all alike.
 
 Run: make landmark-figures, or python benchmarks/landmark_figures.py CHANNELS SPACING -o docs/pictures
+`make landmark-figures SEEDS=5 FIGURES=out` is a quick try; trials that were stopped go on where they were.
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 
 import cv2
 import matplotlib as mpl
@@ -27,10 +29,13 @@ import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.statistics import Interval, mean
+from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 
 PICTURES, ROUNDS, PARTICLES = 20, 3, 1000
 POSE_SENSORS = ("landmarks", "all")
+TICKS = (1, 2, 5, 10, 20, 50)
+LETTER, UP = 5.0, (0, 12, -12, 24, -24, 36, -36, 48, -48)  # of labels, in points: width, and steps up
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,43 +55,97 @@ def errors(rows: pl.DataFrame) -> dict[str, Interval]:
     }
 
 
-def costs(features: Sequence[str]) -> dict[str, float]:
-    """Return the median milliseconds that a picture costs by feature, with a thousand particles."""
+def costs(features: Sequence[str], rounds: int = ROUNDS) -> dict[str, float]:
+    """Return the median milliseconds of CPU that a picture costs by feature, with a thousand particles."""
     paths = demo_paths(0)
     library = ml.with_landmarks(ml.open_library(paths.survey))
     moments = list(itertools.islice(ml.open_session(paths.session).moments(), PICTURES))
     localizers = {one: mcl.make_localizer(library, feature=one, particles=PARTICLES) for one in features}
     poses = next(iter(localizers.values())).initialize(None).belief.poses
     took: dict[str, list[float]] = {one: [] for one in features}
-    for moment in moments * ROUNDS:
+    for moment in moments * rounds:
         for name, localizer in localizers.items():
-            began = perf_counter()
+            began = process_time()
             localizer.sensor.at(localizer.sensor.see(moment.frame), poses)
-            took[name].append(perf_counter() - began)
+            took[name].append(process_time() - began)
     return {name: 1000 * float(np.median(times)) for name, times in took.items()}
 
 
 def against_cost(points: Sequence[Point]) -> Figure:
-    """Draw error over cost; landmarks stand out."""
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    """Draw error over cost: features of pose sensors stand out, and the line is the best at each cost."""
+    figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.add_subplot()
-    for one in points:
-        color = "tab:orange" if one.feature in POSE_SENSORS else "tab:blue"
-        low, high = one.error.value - one.error.low, one.error.high - one.error.value
-        axes.errorbar(one.cost_ms, one.error.value, [[low], [high]], fmt="o", color=color, capsize=2)
-        axes.annotate(
-            one.feature, (one.cost_ms, one.error.value), (5, 3), textcoords="offset points", fontsize=8
-        )
-    axes.set(xscale="log", yscale="log")
-    axes.set_xlabel(f"cost of a picture (ms, one thread, {PARTICLES:,} particles, 624 references)")
+    best = _best(points)
+    axes.step(
+        [one.cost_ms for one in best],
+        [one.error.value for one in best],
+        where="post",
+        color="gray",
+        linewidth=1,
+        linestyle="--",
+        label="the best at this cost or less",
+        zorder=0,
+    )
+    for color, name, some in (
+        ("tab:blue", "histograms and other channels", [p for p in points if p.feature not in POSE_SENSORS]),
+        ("tab:orange", "with landmarks", [p for p in points if p.feature in POSE_SENSORS]),
+    ):
+        values = np.array([[p.error.value, p.error.low, p.error.high] for p in some]).reshape(-1, 3)
+        bars = np.stack([values[:, 0] - values[:, 1], values[:, 2] - values[:, 0]])
+        costs_ms = [p.cost_ms for p in some]
+        axes.errorbar(costs_ms, values[:, 0], bars, fmt="o", color=color, capsize=2, alpha=0.8, label=name)
+    cheapest, dearest = (end(one.cost_ms for one in points) for end in (min, max))
+    axes.set(xscale="log", yscale="log", xlim=(cheapest / 2.5, dearest * 2.5))
+    axes.set_xlabel(f"CPU time of a picture (ms, {PARTICLES:,} particles, 624 references)")
     axes.set_ylabel("mean position error (in), 95 % intervals")
-    for axis, ticks in ((axes.yaxis, (1, 2, 3, 5, 10, 20)), (axes.xaxis, (1, 2, 5, 10, 20, 50))):
+    for axis, ticks in ((axes.yaxis, (0.5, *TICKS)), (axes.xaxis, (0.2, 0.5, *TICKS, 100, 200))):
         axis.set_major_locator(mpl.ticker.FixedLocator(ticks))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
-    axes.set_title("Accuracy against cost: tracking on unseen drives, 18 in spacing")
+    axes.set_title("Accuracy against cost: tracking on unseen drives, 18 in between places")
+    axes.legend(fontsize=8, loc="lower left")
     axes.grid(alpha=0.3)
+    figure.draw_without_rendering()  # so that the places of the marks are known
+    marks = axes.transData.transform([[one.cost_ms, one.error.value] for one in points]) * 72 / figure.dpi
+    for one, beside in zip(points, _beside([one.feature for one in points], marks), strict=True):
+        axes.annotate(
+            one.feature,
+            (one.cost_ms, one.error.value),
+            beside,
+            textcoords="offset points",
+            fontsize=8,
+            va="center",
+            arrowprops={"arrowstyle": "-", "color": "gray", "linewidth": 0.5, "shrinkB": 3},
+        )
     return figure
+
+
+def _best(points: Sequence[Point]) -> list[Point]:
+    """Return the points that no cheaper one is better than, by cost."""
+    found = list[Point]()
+    for one in sorted(points, key=lambda point: point.cost_ms):
+        if not found or one.error.value < found[-1].error.value:
+            found.append(one)
+    return found
+
+
+def _beside(words: Sequence[str], marks: F64) -> list[tuple[float, float]]:
+    """Return where each label begins, from its mark (N, 2) in points: the nearest place that is free."""
+    taken = [np.array([x - 3, y - 4, x + 3, y + 4]) for x, y in marks]
+    places = list[tuple[float, float]]()
+    for word, (x, y) in zip(words, marks, strict=True):
+        width = LETTER * len(word)
+        tried = [(side, up) for up in UP for side in (8.0, -8.0 - width, 30.0, -30.0 - width)]
+        boxes = [np.array([x + side, y + up - 5, x + side + width, y + up + 5]) for side, up in tried]
+        clear = [not any(_overlap(box, other) for other in taken) for box in boxes]
+        chosen = clear.index(True) if any(clear) else 0
+        taken.append(boxes[chosen])
+        places.append(tried[chosen])
+    return places
+
+
+def _overlap(one: F64, other: F64) -> bool:
+    return bool((one[:2] < other[2:]).all() and (other[:2] < one[2:]).all())
 
 
 def against_spacing(rows: pl.DataFrame) -> Figure:
@@ -112,8 +171,18 @@ def _line(errorbar: object, rows: pl.DataFrame, column: str, label: str) -> None
         for key, some in rows.sort("spacing").group_by("spacing", maintain_order=True)
     }
     values = np.array([one.value for one in found.values()])
-    bars = [values - [one.low for one in found.values()], [one.high for one in found.values()] - values]
+    ends = np.array([[one.low, one.high] for one in found.values()]).T
+    bars = np.maximum([values - ends[0], ends[1] - values], 0)
     errorbar(list(found), values, bars, fmt="o-", capsize=3, label=label)  # type: ignore[operator]
+
+
+def table(points: Sequence[Point]) -> str:
+    """Return the channels as a table in Markdown, the best first."""
+    lines = ["| feature | mean error (in) | CPU time of a picture (ms) | runs |", "|---|---|---|---|"]
+    for one in sorted(points, key=lambda point: point.error.value):
+        interval = f"{one.error.value:.1f} [{one.error.low:.1f}, {one.error.high:.1f}]"
+        lines.append(f"| `{one.feature}` | {interval} | {one.cost_ms:.1f} | {one.error.count} |")
+    return "\n".join(lines)
 
 
 def main() -> None:
@@ -121,15 +190,17 @@ def main() -> None:
     parser.add_argument("channels", type=Path, help="folder of `maurice-replay trials channels`")
     parser.add_argument("spacing", type=Path, help="folder of `maurice-replay trials landmarks-spacing`")
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/pictures"))
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="over the pictures whose cost is measured")
     given = parser.parse_args()
+    given.output.mkdir(parents=True, exist_ok=True)
     cv2.setNumThreads(1)
     found = errors(read_rows(given.channels).filter(pl.col("error").is_null()))
-    took = costs(list(found))
+    missing = [name for name in POSE_SENSORS if name not in found]
+    if missing:
+        sys.exit(f"{given.channels}: found no runs of {' and '.join(missing)}; go on with the trials")
+    took = costs(list(found), given.rounds)
     points = [Point(name, error, took[name]) for name, error in found.items()]
-    print("| feature | error (in) | cost (ms) |\n|---|---|---|")
-    for one in sorted(points, key=lambda point: point.error.value):
-        interval = f"{one.error.value:.1f} [{one.error.low:.1f}, {one.error.high:.1f}]"
-        print(f"| `{one.feature}` | {interval} | {one.cost_ms:.1f} |")
+    print(table(points))
     against_cost(points).savefig(given.output / "accuracy-cost.png", dpi=130)
     spacing = read_rows(given.spacing).filter(pl.col("error").is_null())
     against_spacing(spacing).savefig(given.output / "accuracy-spacing.png", dpi=130)
