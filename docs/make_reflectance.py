@@ -26,7 +26,7 @@ from maurice_viz.viewer.snapshot import headless_viewer
 
 HERE = Path(__file__).parent
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
-SHOWN = 150  # a step at which the robot is found and the probes stand on an edge
+SHOWN = 150  # a step at which the robot is found
 BEGIN, FOUND_M, KEPT = "## A robot with two downward sensors", 0.1, 30
 FILES = ("floor.yaml", "probes.toml")
 
