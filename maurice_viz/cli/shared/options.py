@@ -19,6 +19,7 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
 from ...errors import OptionError
 from ...layouts import DETAILS, LAYOUT_NAMES
+from .startup import skip_pandas
 
 if TYPE_CHECKING:
     from ...app.output import OutputOptions
@@ -211,6 +212,8 @@ def output_of(
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
     from ...app.output import OutputOptions
 
+    if rrd != "none":
+        skip_pandas()
     file = None if rrd in (None, "auto", "none", "web") else Path(str(rrd))
     web = None
     if rrd == "web":

@@ -88,7 +88,10 @@ def test_shipped_plans_can_be_read(name: str) -> None:
         ("[[sessions]]\ntask = 'global'\n[grid]\nparticels = [10]", "did you mean particles?"),
         ("[[sessions]]\ntask = 'global'\n[grid]\nparticles = []", "found an empty list"),
         ("[[sessions]]\ntask = 'global'\n[settings]\nfeature = 'colour'", "feature: found 'colour'"),
-        ("[[sessions]]\ntask = 'global'\ncamera = 'mine'", "camera: found 'mine', expected stated or unknown"),
+        (
+            "[[sessions]]\ntask = 'global'\ncamera = 'mine'",
+            "camera: found 'mine', expected stated or unknown",
+        ),
         ("seeds = 2000\n[[sessions]]\ntask = 'global'", "at most 1000"),
         ("title = 'nothing'", "found no [[sessions]]"),
         ("[[sessions]\n", "TOML"),
