@@ -16,13 +16,14 @@ from .calibration import FOCAL_SD_KNOWN, first_guess, is_focal_known, nominal_ca
 from .camera import PinholeCamera
 from .features import Keypoints, keypoints_of
 from .landmark_set import CameraFit, LandmarkSet
-from .matching import AGREES_PX, disagreement, overlapping, pairwise, tracks_of
+from .matching import AGREES_PX, disagreement, overlapping, pairwise, spread_out, tracks_of
 from .records import Records, records_of
 from .sensor import Landmarks
 
 Progress = Callable[[int, int, str], None]
 ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
 LEAST_REFERENCES = 8
+MOST_REFERENCES = 1500  # the adjustment takes the cube of them
 FOCAL_WIDTHS = (0.4, 4.0)  # of a fitted focal length: views of 103 to 14 degrees
 LEAST_LANDMARKS = 50
 MOST_LANDMARKS = 8000
@@ -55,11 +56,19 @@ def build_landmarks(
     """Build the landmark sensor of a library; `read` returns the picture of a reference by its number.
 
     `camera` is what is known of it; None: nothing, then it is fitted. Pictures have to be of one size: others
-    than the first are left out.
+    than the first are left out. Of a larger library `MOST_REFERENCES` are used, evenly spread: closer ones
+    see nothing new.
     """
-    keypoints, size = _keypoints(library.size, read, progress or (lambda done, total, what: None))
-    found = landmarks_of(keypoints, size or (0, 0), library.poses, camera)
-    return found if isinstance(found, NoLandmarks) else Landmarks(found)
+    used = spread_out(library.poses, MOST_REFERENCES)
+    keypoints, size = _keypoints(used, read, progress or (lambda done, total, what: None))
+    found = landmarks_of(keypoints, size or (0, 0), library.poses[used], camera)
+    if isinstance(found, NoLandmarks):
+        return found
+    poses = library.poses.astype(np.float64)
+    poses[used] = found.poses
+    view_of = found.view_of.copy()
+    view_of[:, 0] = used[view_of[:, 0]]
+    return Landmarks(replace(found, poses=poses, view_of=view_of))
 
 
 def landmarks_of(
@@ -107,17 +116,17 @@ def _too_few(count: int) -> NoLandmarks:
 
 
 def _keypoints(
-    count: int, read: Callable[[int], U8 | None], progress: Progress
+    used: NDArray[np.intp], read: Callable[[int], U8 | None], progress: Progress
 ) -> tuple[list[Keypoints], tuple[int, int] | None]:
-    """Return the keypoints of every reference, none where its picture is missing or of another size."""
+    """Return the keypoints of some references, none where its picture is missing or of another size."""
     found, size, none = [], None, keypoints_of(np.zeros((8, 8, 3), np.uint8))
-    for number in range(count):
+    for done, number in enumerate(used.tolist(), 1):
         image = read(number)
         if image is not None and size is None:
             size = image.shape[0], image.shape[1]
         fits = image is not None and image.shape[:2] == size
         found.append(keypoints_of(image) if fits and image is not None else none)
-        progress(number + 1, count, "landmarks")
+        progress(done, len(used), "landmarks")
     return found, size
 
 

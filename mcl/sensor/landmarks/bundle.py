@@ -12,12 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import spsolve
 
 from ...arrays import F64, Bool
 from .camera import Linearized, PinholeCamera, directions, linearize
 
-DENSE = 6000  # unknowns up to which a dense solution is faster
 STEPS = 6
 SOFT_PX = 1.5  # residuals beyond it count less and less (Cauchy)
 DAMPING = 1e-5
@@ -158,10 +156,7 @@ def _solve(outer: sparse.csc_matrix, right: F64) -> tuple[F64, F64]:
     last = np.zeros((len(right), 3))
     last[-3:] = np.eye(3)
     wanted = np.column_stack([right, last])
-    if len(right) <= DENSE:
-        solved = np.linalg.solve(outer.toarray(), wanted)
-    else:
-        solved = np.asarray(spsolve(outer, wanted))
+    solved = np.linalg.solve(outer.toarray(), wanted)
     return solved[:, 0], solved[-3:, 1:]
 
 

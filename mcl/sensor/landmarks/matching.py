@@ -28,6 +28,26 @@ NEAREST_M, FARTHEST_M = 0.1, 15.0  # of a thing from the camera
 LEAST_ANGLE_RAD = float(np.radians(1.0))  # between two views of a thing
 
 
+def spread_out(poses: F64, most: int) -> NDArray[np.intp]:
+    """Return the numbers of references (L, 3), at most about `most`, at places that are evenly spread.
+
+    A place keeps all of its headings. Of the places in one square that nearest to its middle is kept.
+    """
+    kept = np.arange(len(poses))
+    side_m = spacing(np.unique(poses[:, :2].round(2), axis=0))
+    while len(kept) > most:
+        side_m *= 1.1
+        places, of_place = np.unique(poses[:, :2].round(2), axis=0, return_inverse=True)
+        square = np.floor(places / side_m)
+        off = np.hypot(*(places - (square + 0.5) * side_m).T)
+        order = np.argsort(off, kind="stable")
+        first = order[np.unique(square[order], axis=0, return_index=True)[1]]
+        kept = np.flatnonzero(np.isin(of_place.ravel(), first))
+        if len(first) == 1:
+            break
+    return kept
+
+
 def overlapping(poses: F64, yaw_rad: float, half_view_rad: float = HALF_VIEW_RAD) -> NDArray[np.intp]:
     """Return pairs (P, 2) of references whose views overlap, the first number smaller.
 

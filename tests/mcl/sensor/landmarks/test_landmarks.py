@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -10,7 +11,10 @@ import pytest
 
 from maurice_mcl.map import Region
 from maurice_mcl.pose_sensor import EXACT, PoseSpread, Sensed
+from maurice_mcl.sensor.landmarks import building
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
+from maurice_mcl.sensor.landmarks.camera import linearize
+from maurice_mcl.sensor.landmarks.matching import spread_out
 from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.sensor.landmarks.things import besides_one_thing, things_of
@@ -287,3 +291,31 @@ def test_a_focal_length_that_no_lens_has_is_refused_in_words(room, references):
     found = landmarks_of(squeezed, (144, 176), references[0], None)
     assert isinstance(found, NoLandmarks)
     assert "expected 70 to 704: they agree by chance" in found.reason
+
+
+def test_a_large_library_is_used_in_part_evenly_spread():
+    grid = np.meshgrid(np.arange(30) * 0.1, np.arange(20) * 0.1, np.arange(4) * np.pi / 2)
+    poses = np.stack(grid, axis=-1).reshape(-1, 3)
+    np.testing.assert_array_equal(spread_out(poses, 2400), np.arange(2400))
+    kept = poses[spread_out(poses, 600)]
+    assert 250 < len(kept) <= 600
+    places, headings = np.unique(kept[:, :2], axis=0, return_counts=True)
+    assert (headings == 4).all()
+    apart = np.linalg.norm(poses[:, None, :2] - places, axis=2).min(axis=1)
+    assert apart.max() < 0.4
+
+
+def test_views_of_a_part_of_a_library_are_numbered_as_in_the_library(room, references, monkeypatch):
+    stated, true = references
+    monkeypatch.setattr(building, "MOST_REFERENCES", 36)
+    monkeypatch.setattr(building, "keypoints_of", lambda image: room.keypoints(true[image[0, 0, 0]], 0.5))
+    library = SimpleNamespace(poses=stated, size=len(stated))
+    numbered = np.ones((len(stated), 144, 176, 3), np.uint8) * np.arange(len(stated))[:, None, None, None]
+    found = build_landmarks(library, KNOWN, lambda number: numbered[number].astype(np.uint8)).map
+    used = spread_out(stated, 36)
+    assert set(found.view_of[:, 0].tolist()) <= set(used.tolist())
+    assert found.poses.shape == stated.shape
+    unused = np.setdiff1d(np.arange(len(stated)), used)
+    np.testing.assert_array_equal(found.poses[unused], stated[unused])
+    seen = linearize(CAMERA, true[found.view_of[:, 0]], found.points[found.view_of[:, 1]]).pixels
+    assert np.median(np.hypot(*(seen - found.view_px).T)) < 3
