@@ -35,6 +35,7 @@ from maurice_viz.errors import OptionError
 DOCS = Path(__file__).parents[1] / "docs" / "what-if.md"
 SEEDS, FRESH = range(1, 13), range(1001, 1013)
 SLOW = ("particles x16", "particles x64")  # take most of the time, and are left out here
+WORKS = 0.8  # share of the seeds that are localized at the end
 LIBRARY = "library"
 Row = dict[str, Any]
 
@@ -53,7 +54,8 @@ def main() -> None:
         with file.open("a") as out:
             out.write(json.dumps(row) + "\n")
         print(json.dumps(row), flush=True)
-    text = "\n".join(table([row for row in rows if (row["planted"], row["number"]) in jobs]))
+    chosen = [row for row in rows if (row["planted"], row["number"]) in jobs]
+    text = "\n".join([*table(chosen), "", *notes(chosen)])
     print(text)
     if asked.write:
         page = DOCS.read_text()
@@ -117,12 +119,28 @@ def table(rows: Sequence[Row]) -> list[str]:
 def _line(name: str, rows: Sequence[Row]) -> str:
     judged_ones = [row for row in rows if row["outcome"] in ("proposed", "nothing proposed")]
     some = [row for row in rows if row["outcome"] == "proposed"]
-    lucky = sum(row["as_it_was"] >= 0.8 for row in judged_ones)
+    lucky = sum(row["as_it_was"] >= WORKS for row in judged_ones)
     names = Counter(row["proposed"] for row in some).most_common(3)
     said = ", ".join(f"{what} ({count})" if count > 1 else what for what, count in names)
     shares = " | ".join(_share(some, which) for which in ("fresh", "whole_drive"))
     counts = f"{len(judged_ones)} | {lucky} | {len(some)}"
     return f"| {name} | {counts} | {shares} | {said} |"
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """Return how many proposals work, failure by failure: runs of one failure are not independent."""
+    judged_ones = [row for row in rows if row["outcome"] in ("proposed", "nothing proposed")]
+    some = [row for row in judged_ones if row["outcome"] == "proposed"]
+    got = f"{len(some)} of {len(judged_ones)} failures got a proposal."
+    lines = [f"{got} It works in at least {WORKS:.0%} of the other seeds:", ""]
+    hard = [row for row in some if row["as_it_was"] < WORKS]
+    for name, ones in (("all proposals", some), ("those for failures that other noise does not end", hard)):
+        for where, which in (("from the branch on", "fresh"), ("over the whole drive", "whole_drive")):
+            found = rate(sum(row[which] >= WORKS for row in ones), len(ones))
+            share = f"{found.value:.0%} [{found.low:.0%}, {found.high:.0%}]" if ones else "-"
+            lines.append(f"* {name}, {where}: {share} of {len(ones)}")
+    left = Counter(row["outcome"] for row in rows if row not in judged_ones)
+    return [*lines, *(f"* not judged, {why}: {count}" for why, count in left.items())]
 
 
 def _share(rows: Sequence[Row], which: str) -> str:
