@@ -1,7 +1,7 @@
-"""All benchmarks in one run: `python -m benchmarks [NAME ...] [--quick] [--write]`, also `make bench`.
+"""All benchmarks in one run: `python -m benchmarks [NAME ...] [--quick] [--resume] [--write]`, or `make bench`.
 
-Prints every table as it is done, and saves all numbers to bench.json. `--write` also puts the tables into
-docs/performance.md, each between its marks.
+Prints every table as it is done, and saves it to bench.json, beside those of earlier runs. `--resume` leaves
+out what is saved there. `--write` also puts the tables into docs/performance.md, each between its marks.
 """
 
 from __future__ import annotations
@@ -43,19 +43,32 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(SECTIONS)}; none: all")
     parser.add_argument("--quick", action="store_true", help="few rounds: to see that it works")
+    parser.add_argument("--resume", action="store_true", help="go on where a run stopped")
     parser.add_argument("--write", action="store_true", help="put the tables into docs/performance.md")
     asked = parser.parse_args()
     unknown = [name for name in asked.names if name not in SECTIONS]
     if unknown:
         parser.error(f"found {unknown[0]}, expected {', '.join(SECTIONS)}")
     cv2.setNumThreads(1)
-    console, on, tables = Console(width=140), machine(), list[Table]()
-    for name in asked.names or SECTIONS:
-        tables.append(SECTIONS[name](asked.quick))
-        show(console, tables[-1])
-        SAVED.write_text(json.dumps({"on": on, "tables": [asdict(one) for one in tables]}, indent=1))
+    console, on, tables, names = Console(width=140), machine(), saved(), asked.names or list(SECTIONS)
+    for name in names:
+        if asked.resume and name in tables:
+            continue
+        tables[name] = SECTIONS[name](asked.quick)
+        show(console, tables[name])
+        held = {"on": on, "tables": {name: asdict(one) for name, one in tables.items()}}
+        SAVED.write_text(json.dumps(held, indent=1))
     if asked.write:
-        write(tables, on)
+        write([tables[name] for name in names], on)
+
+
+def saved() -> dict[str, Table]:
+    """Return the tables of earlier runs, by name; none if there is no such file, or one of an older form."""
+    try:
+        tables = json.loads(SAVED.read_text())["tables"]
+        return {name: Table(**one) for name, one in tables.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return {}
 
 
 def show(console: Console, table: Table) -> None:
