@@ -1,4 +1,4 @@
-"""All benchmarks in one run: `python -m benchmarks [NAME ...] [--quick] [--resume] [--write]`, or `make bench`.
+"""All benchmarks in one run (`make bench`): `python -m benchmarks [NAME ...] [--quick] [--resume] [--write]`.
 
 Prints every table as it is done, and saves it to bench.json, beside those of earlier runs. `--resume` leaves
 out what is saved there. `--write` also puts the tables into docs/performance.md, each between its marks.
