@@ -11,6 +11,7 @@ counts only where the cause did harm: the run is lost with it, and the same filt
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import re
 from collections import Counter
@@ -31,7 +32,8 @@ from maurice_mcl.analysis.failures.kinds import UNKNOWN
 DOCS = Path(__file__).parents[1] / "docs" / "diagnose.md"
 MARK = "planted causes"
 NONE = "none"
-DRIVES = 20  # of each kind
+DRIVES = 20  # of each kind in which the cause did harm
+MOST_TRIED = 3
 Row = dict[str, Any]
 
 
@@ -42,14 +44,13 @@ def main() -> None:
     if asked.anew and file.exists():
         file.unlink()
     rows = _known(file)
-    done = {(row["planted"], row["number"]) for row in rows}
-    jobs = [job for job in jobs_of(asked.kinds, asked.drives) if job not in done]
-    for row in made(asked.set, jobs, asked.jobs):
-        rows.append(row)
-        _keep(file, row)
-        if asked.show:
-            print(said(row), flush=True)
-    chosen = [row for row in rows if row["planted"] in asked.kinds and row["number"] < asked.drives]
+    while jobs := jobs_of(rows, asked.kinds, asked.drives):
+        for row in made(asked.set, jobs, asked.jobs):
+            rows.append(row)
+            _keep(file, row)
+            if asked.show:
+                print(said(row), flush=True)
+    chosen = [row for kind in asked.kinds for row in first_of(rows, kind, asked.drives)]
     text = "\n".join([*table(chosen), "", *notes(chosen)])
     print(text)
     if asked.write:
@@ -61,7 +62,7 @@ def _asked() -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=Path, default=Path(".causes"))
     parser.add_argument("--set", choices=SETS, default="unseen")
     parser.add_argument("--kinds", nargs="*", choices=WAYS, default=list(WAYS), metavar="KIND")
-    parser.add_argument("--drives", type=int, default=DRIVES, help="of each kind")
+    parser.add_argument("--drives", type=int, default=DRIVES, help="of each kind that count")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--anew", action="store_true", help="diagnose again what was diagnosed before")
     parser.add_argument("--show", action="store_true", help="print every diagnosis with its evidence")
@@ -69,10 +70,25 @@ def _asked() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def jobs_of(kinds: Iterable[str], drives: int) -> list[tuple[str, int]]:
-    """Return all runs, those of one world and drive after another: rendering is shared."""
-    numbers = sorted(range(drives), key=lambda number: (number % PLACES, number))
-    return [(kind, number) for number in numbers for kind in kinds]
+def jobs_of(rows: Sequence[Row], kinds: Iterable[str], drives: int) -> list[tuple[str, int]]:
+    """Return the runs to make next, those of one world and drive after another: rendering is shared.
+
+    Where a cause did no harm another number is tried, up to `MOST_TRIED` for one drive.
+    """
+    jobs = []
+    for kind in kinds:
+        tried = {row["number"] for row in rows if row["planted"] == kind}
+        missing = drives - len([row for row in rows if row["planted"] == kind and row["named"]])
+        numbers = (number for number in range(MOST_TRIED * drives) if number not in tried)
+        jobs += [(kind, number) for number in itertools.islice(numbers, max(missing, 0))]
+    return sorted(jobs, key=lambda job: (job[1] % PLACES, job[1]))
+
+
+def first_of(rows: Iterable[Row], kind: str, drives: int) -> list[Row]:
+    """Return the rows of a kind up to its last drive that counts, in the order of their numbers."""
+    of_kind = sorted((row for row in rows if row["planted"] == kind), key=lambda row: int(row["number"]))
+    counted = [at for at, row in enumerate(of_kind) if row["named"]][:drives]
+    return of_kind[: counted[-1] + 1] if len(counted) == drives else of_kind
 
 
 def made(which: str, jobs: Sequence[tuple[str, int]], workers: int) -> Iterator[Row]:
