@@ -49,6 +49,7 @@ class PoseProposal:
     poses: F64  # (K, 3) x_m, y_m, heading_rad in the map's frame
     covariances: F64  # (K, 3, 3)
     weights: F64  # (K,) sum to one
+    of_one_thing: Bool | None = None  # (K,) one thing alone speaks for it, that may have been moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -31,15 +31,26 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
     """Return the parts of proposals where the predicted cloud is not.
 
     A cloud that has a hundredth of its weight within `reach_m` and 30 degrees of a mode tracks it by itself,
-    and knows more of it than the sensor alone: the robot's past.
+    and knows more of it than the sensor alone: the robot's past. A cloud that is together, with a standard
+    deviation below `reach_m`, does not follow one thing alone, which may have been moved; one that searches
+    does.
     """
-    found = []
+    found, together = [], _deviation_m(predicted) < reach_m
     for one in proposals:
         near = np.array([_held_near(pose, predicted, reach_m) for pose in one.poses])
         kept = near < COVERED
+        if together and one.of_one_thing is not None:
+            kept &= ~one.of_one_thing
         if kept.any():
             found.append(PoseProposal(one.poses[kept], one.covariances[kept], one.weights[kept]))
     return found
+
+
+def _deviation_m(belief: Belief) -> float:
+    """Return the standard deviation of a cloud's places, of x and y together."""
+    weights = belief.weights
+    off = belief.poses[:, :2] - weights @ belief.poses[:, :2]
+    return float(np.sqrt(weights @ (off**2).sum(axis=1)))
 
 
 def _held_near(pose: F64, predicted: Belief, reach_m: float) -> float:

@@ -155,18 +155,19 @@ class Landmarks:
     def propose(self, reading: LandmarkReading) -> PoseProposal | None:
         """Return where the matches alone put the robot; None where they agree on nothing.
 
-        A pose that only one thing speaks for is not proposed: if that thing was moved, the robot was not.
+        Poses that one thing alone speaks for are marked: if that thing was moved, the robot was not.
         """
         modes = [mode for mode in self.modes(reading) if _convinces(mode)]
         modes = [mode for mode in modes if mode.score > modes[0].score - COMPETES]
-        thing = self._thing[reading.landmark]
-        modes = [mode for mode in modes if besides_one_thing(mode.right, thing) >= LEAST_BESIDES]
         if not modes:
             return None
+        thing = self._thing[reading.landmark]
+        alone = np.array([besides_one_thing(mode.right, thing) < LEAST_BESIDES for mode in modes])
         score = np.array([mode.score for mode in modes]) * self._share(reading)
         weights = np.exp(score - score.max())
         covariances = np.stack([mode.covariance for mode in modes]) / self._share(reading)
-        return PoseProposal(np.stack([mode.pose for mode in modes]), covariances, weights / weights.sum())
+        poses = np.stack([mode.pose for mode in modes])
+        return PoseProposal(poses, covariances, weights / weights.sum(), alone)
 
     def modes(self, reading: LandmarkReading) -> list[Mode]:
         """Return the poses that the matches agree on, best first."""

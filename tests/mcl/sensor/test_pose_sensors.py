@@ -11,7 +11,7 @@ import maurice_mcl as mcl
 from maurice_mcl.config.build import available
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.batch import run_batch
-from maurice_mcl.filter.sensor_proposal import density, draw_poses
+from maurice_mcl.filter.sensor_proposal import density, draw_poses, elsewhere
 from maurice_mcl.pose_sensor import EXACT, PoseProposal, Shown
 from maurice_mcl.randomness import stream
 
@@ -146,6 +146,20 @@ def test_poses_are_drawn_with_the_density_they_are_said_to_have():
     volume = 0.3 * 0.3 * 2 * (np.pi - 3.0)
     found, error = each.sum() / n, np.sqrt((each**2).sum()) / n
     assert abs(found - volume) < 4 * error
+
+
+def test_a_cloud_that_is_together_does_not_follow_one_thing_alone_and_one_that_searches_does():
+    far = np.array([[5.0, 5.0, 0.0], [-5.0, 5.0, 0.0]])
+    proposal = PoseProposal(far, np.stack([np.eye(3) * 0.01] * 2), np.full(2, 0.5), np.array([True, False]))
+    rng = np.random.default_rng(0)
+    for deviation_m, followed in ((0.1, far[1:]), (2.0, far)):
+        poses = (rng.standard_normal((500, 3)) * [deviation_m, deviation_m, 0.1]).astype(np.float32)
+        cloud = mcl.Belief(poses, np.full(500, -np.log(500)), np.zeros(2))
+        [left] = elsewhere([proposal], cloud, 0.5)
+        np.testing.assert_array_equal(left.poses, followed)
+    unmarked = PoseProposal(far, proposal.covariances, proposal.weights)
+    still = mcl.Belief(np.zeros((9, 3), np.float32), np.full(9, -np.log(9)), np.zeros(2))
+    np.testing.assert_array_equal(elsewhere([unmarked], still, 0.5)[0].poses, far)
 
 
 def test_the_mixture_with_a_pose_sensor_is_unbiased(drive, truths):

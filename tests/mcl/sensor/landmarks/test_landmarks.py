@@ -130,14 +130,15 @@ def square(name, low, high):
     return Region(name, np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]], np.float64))
 
 
-def test_a_pose_that_one_thing_alone_speaks_for_is_not_proposed(landmarks, reading):
+def test_a_pose_that_one_thing_alone_speaks_for_is_marked(landmarks, reading):
     points = landmarks.map.points[reading.landmark]
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     all_of_them = replace(landmarks, obstacles=(square("bookcase", low, high),))
-    assert all_of_them.propose(reading) is None
+    assert all_of_them.propose(reading).of_one_thing.all()
     middle = np.array([high[0], np.median(points[:, 1])])
     half = replace(landmarks, obstacles=(square("bookcase", low, middle),))
-    np.testing.assert_array_equal(half.propose(reading).poses, landmarks.propose(reading).poses)
+    assert not half.propose(reading).of_one_thing.any()
+    assert not landmarks.propose(reading).of_one_thing.any()
 
 
 def test_landmarks_are_on_the_obstacle_that_they_are_in_or_near():
