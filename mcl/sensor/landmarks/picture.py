@@ -17,7 +17,7 @@ from .moved import moved_things
 AGREES_PX = 4.0  # a match nearer than this to where it should be agrees
 FARTHEST_PX = 60.0  # lines longer than this to where a landmark should be are not drawn
 PICTURE = "Camera: green landmarks agree with the estimate, red do not; white: where the truth has them"
-BESIDE = "Camera beside the reference in which most of the green ones were seen"
+BESIDE = "Camera, and the reference that saw most of the agreeing landmarks"
 SPACE = "space"
 MOST_LINES = 60
 SIGHT_M = 0.25  # length of the line that shows where the camera looks
@@ -122,14 +122,17 @@ class Judged:
         count, total = int(agrees.sum()), len(agrees)
         words = f"{count} of {total} matched landmarks agree with the estimate"
         words += f", {np.median(off[agrees]):.1f} px off in the median." if count else "."
-        said = [f"{nats:.1f} nats to the {name}" for name, nats in self.nats.items()]
-        words += f" They give {' and '.join(said)} (0: all agree)." if said else ""
+        said = [f"{nats:.1f} nats at the {name}" for name, nats in self.nats.items()]
+        words += f" Log-likelihood: {', '.join(said)} (0 if all agreed)." if said else ""
         if self.proposal is None:
-            return f"{words} Alone they do not tell where the robot is.", ()
-        best = self.proposal.poses[int(self.proposal.weights.argmax())]
+            return f"{words} By themselves they do not tell where the robot is.", ()
+        number = int(self.proposal.weights.argmax())
+        best, alone = self.proposal.poses[number], self.proposal.of_one_thing
         turned = abs(float(np.degrees(np.angle(np.exp(1j * (best[2] - estimate[2]))))))
         apart = float(np.hypot(*(best[:2] - estimate[:2])))
         others = len(self.proposal.poses) - 1
         also = f", or at one of {others} other places" if others else ""
-        words += f" Alone they put the robot {{}} and {turned:.1f} deg from the estimate{also}."
+        words += f" By themselves they put the robot {{}} and {turned:.1f} deg from the estimate{also}."
+        if alone is not None and alone[number]:
+            words += " One obstacle alone says so, and it may have been moved."
         return words, (apart,)

@@ -138,6 +138,8 @@ def test_a_pose_that_one_thing_alone_speaks_for_is_marked(landmarks, reading):
     middle = np.array([high[0], np.median(points[:, 1])])
     half = replace(landmarks, obstacles=(square("bookcase", low, middle),))
     assert not half.propose(reading).of_one_thing.any()
+    for sensor, said in ((all_of_them, True), (half, False)):
+        assert ("One obstacle alone says so" in sensor.shown(reading, {"estimate": POSE}).words) == said
     assert not landmarks.propose(reading).of_one_thing.any()
 
 
@@ -222,8 +224,8 @@ def test_what_is_shown_counts_those_that_agree(landmarks, room):
     assert agreeing > 0.8 * count
     words = shown.said(lambda length: f"{length:.2f} m")
     assert words.startswith(f"{agreeing} of {count} matched landmarks agree with the estimate, 0.")
-    assert "nats to the estimate and" in words
-    assert "Alone they put the robot 0.0" in words
+    assert "nats at the estimate, " in words
+    assert "By themselves they put the robot 0.0" in words
     assert {mark.view for mark in shown.marks} == {*landmarks.pictures, "map", "space"}
     assert marks[PICTURE, "where the truth has them"].of == "truth"
     assert not shown.moved
