@@ -230,7 +230,7 @@ class Diagnosis:
 
 # how far off the simulated Maurice's drives of docs/formats.md were, with the wheels 3.6 in
 FROM_TRUTH = "4.2 in off on the simulated drives of docs/formats.md, where the wheels' is 3.6"
-FROM_PICTURES = "11.4 in off on the same drives and 3 of 8 lost, where without odometry all are lost"
+FROM_PICTURES = "on 8 simulated drives 11.4 in off and 3 lost; without odometry all 8 are lost"
 
 
 def odometry_advice(found: Diagnosis) -> tuple[str, ...]:

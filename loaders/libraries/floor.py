@@ -58,10 +58,9 @@ class FloorProbes:
             values = readings.get(probe.name, np.zeros(0))
             if not len(values):
                 there = ", ".join(readings) or "none"
-                found = f"found no reading {probe.name!r} (there are {there}) and no black and white for it"
-                raise InputError(
-                    file, f"{found}; give both in the file of the probes, or a drive that has it"
-                )
+                found = f"found no black and white for probe {probe.name!r}, and no reading {probe.name!r} "
+                found += f"in the drive to fit them to (its readings: {there})"
+                raise InputError(file, f"{found}; name the probe like its reading, or give both levels")
             try:
                 level = fit_levels(values)
             except ValueError as problem:
@@ -82,9 +81,9 @@ def read_probes(file: Path) -> FloorProbes:
     """
     values = read_toml(file, "the probes of a robot")
     try:
-        tables = mapping(values.get("probes"), "probes")
+        tables = mapping(values.get("probes", {}), "probes")
         if not tables:
-            raise FieldError("found no [probes.NAME], expected one a sensor, with x_m and y_m")
+            raise FieldError("found no [probes.NAME], expected one for each sensor, with x_m and y_m")
         probes = tuple(_probe(name, mapping(table, f"probes.{name}")) for name, table in tables.items())
         unknown = frozenset(name for name, table in tables.items() if "white" not in mapping(table, name))
         outliers, spot_m = (
@@ -106,8 +105,10 @@ def _probe(name: str, table: dict[str, Any]) -> Probe:
         what = f"{strange[0]!r}" if strange else "only one of black and white"
         raise FieldError(f"found {what} in probes.{name}, expected {', '.join(known)}")
     given = {key: number(table[key], f"probes.{name}.{key}") for key in known if key in table}
-    if "x_m" not in given or "y_m" not in given:
-        raise FieldError(f"found no x_m and y_m in probes.{name}, expected where it sits on the robot")
+    missing = [key for key in ("x_m", "y_m") if key not in given]
+    if missing:
+        expected = "expected how far ahead (x_m) and to the left (y_m) of the robot's center it sits"
+        raise FieldError(f"found no {' and '.join(missing)} in probes.{name}, {expected}")
     probe = Probe(name, **given)
     if probe.black == probe.white or not 0 < probe.sd <= 1:
         raise FieldError(

@@ -90,7 +90,8 @@ def build(
     """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
     how, yaw_rad = reading_of(reading, keep_going=keep_going), float(np.radians(yaw))
     if (floor is None) != (probes is None):
-        raise OptionError("--floor and --probes go together: the print, and the sensors that see it")
+        given, other = ("--floor", "--probes") if probes is None else ("--probes", "--floor")
+        raise OptionError(f"found {given} without {other}; give both: the floor's print and its sensors")
     if floor is not None and probes is not None:
         with listening() as listener:
             made = build_floor_library(
@@ -109,7 +110,7 @@ def build(
         )
         return
     if survey is None:
-        raise OptionError("found no survey, expected one, or --floor and --probes")
+        raise OptionError("found no survey; give a survey log or a drive with truth")
     with listening() as listener:
         built, covered = build_library(
             survey,

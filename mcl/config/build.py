@@ -114,7 +114,8 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
     if lacking or not any(kept.values()):
         wanted = f"found {', '.join(holds) or 'no channel'} in the library {library.name!r}"
         wanted += f", expected {(lacking or missing)[0]}"
-        raise InputError(None, f"{wanted}; build the library again, or choose another feature")
+        again = "build the library again, or " if lacking else ""  # another build finds no more landmarks
+        raise InputError(None, f"{wanted}; {again}choose another feature")
     return _with_weights(configuration, kept, library), missing
 
 

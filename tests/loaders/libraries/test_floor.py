@@ -81,7 +81,7 @@ def test_its_library_is_kept_in_a_folder_and_damage_is_told(folder: Path, tmp_pa
     assert np.array_equal(one.floor.values, other.floor.values)
     assert one.probes == other.probes
     assert kept.poses == pytest.approx(direct.poses)
-    with pytest.raises(InputError, match="found no reading 'left'"):
+    with pytest.raises(InputError, match="no reading 'left' in the drive"):
         build_floor_library(None, tmp_path / "none", **how)
     file = tmp_path / "library" / "sensors" / "reflectance.npz"
     file.write_bytes(file.read_bytes()[:-9])
@@ -94,7 +94,8 @@ def test_its_library_is_kept_in_a_folder_and_damage_is_told(folder: Path, tmp_pa
     [
         ("", "probes"),
         ("[probes]\n", "found no \\[probes.NAME\\]"),
-        ("[probes.left]\nx_m = 1\n", "found no x_m and y_m"),
+        ("[probes.left]\nx_m = 1\n", "found no y_m in probes.left"),
+        ("[probe.left]\nx_m = 1\n", r"found no \[probes.NAME\]"),
         ("[probes.left]\nx_m = 0\ny_m = 0\nblack = 3\n", "only one of black and white"),
         ("[probes.left]\nx_m = 0\ny_m = 0\nblack = 3\nwhite = 3\n", "levels apart"),
         ("outliers = 2\n[probes.left]\nx_m = 0\ny_m = 0\n", "outliers 2"),
