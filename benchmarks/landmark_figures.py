@@ -115,6 +115,7 @@ def against_cost(points: Sequence[Point]) -> Figure:
             textcoords="offset points",
             fontsize=8,
             va="center",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
             arrowprops={"arrowstyle": "-", "color": "gray", "linewidth": 0.5, "shrinkB": 3},
         )
     return figure
