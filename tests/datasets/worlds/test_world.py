@@ -21,6 +21,16 @@ def arena() -> Arena:
     )
 
 
+def test_a_floor_at_a_point_is_that_which_inside_finds():
+    rng = np.random.default_rng(2)
+    for corners in rng.integers(3, 9, size=40):
+        polygon = rng.normal(size=(corners, 2)).round(1)  # may cross itself
+        points = rng.normal(size=(100, 2)).round(1)  # often level with a corner
+        floor = Arena((0, 0, 1, 1), np.zeros((0, 4)), floors=(Region("mat", polygon),))
+        found = [floor_at(floor, float(x), float(y)) == "mat" for x, y in points]
+        assert found == inside(polygon, points).tolist()
+
+
 def test_inside_tells_points_whichever_way_round():
     points = np.array([[2, 1.5], [0.5, 1.5], [2, 2.5], [3.5, 1.5]])
     assert inside(SQUARE, points).tolist() == [True, False, False, False]
