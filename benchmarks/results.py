@@ -23,7 +23,15 @@ from maurice_datasets.trials.statistics import Interval, mean, rate
 from maurice_datasets.trials.table import curve_of
 from maurice_mcl.geometry import INCH_M
 
-TITLES = "filter, particles", "task", "tier", "drives", "error (in)", "of the oracle's", "heading (deg)"
+TITLES = (
+    "filter, particles",
+    "task",
+    "tier",
+    "drives",
+    "error (in)",
+    "of the oracle's",
+    "heading, mean, median (deg)",
+)
 RATES = "lost %", "right at the end %", "pictures to localize, %", "wrong and confident %"
 TIERS = ("nominal", "dim", "hard")
 PAIRS = (
@@ -73,7 +81,7 @@ def row(rows: pl.DataFrame) -> str:
         str(len(rows)),
         _said(error, 1),
         _said(of_oracle, 2),
-        f"{np.degrees(rows['heading_error_rad'].to_numpy().mean()):.1f}",
+        _heading(rows),
         _rate(rows["lost"]),
         _rate(rows["right_at_end"]),
         found,
@@ -90,6 +98,13 @@ def apart(rows: pl.DataFrame, first: str, second: str) -> str:
         return ""
     values = (both["error_m"] - both["error_m_second"]).to_numpy() / INCH_M
     return _said(mean(values, both["arena"].to_numpy()), 1, "+")
+
+
+def _heading(rows: pl.DataFrame) -> str:
+    """Return the mean over drives of a drive's mean, and of its median where older rows do not lack it."""
+    median = rows["heading_error_median_rad"].mean() if "heading_error_median_rad" in rows.columns else None
+    values = rows["heading_error_rad"].mean(), median
+    return ", ".join(f"{np.degrees(value):.1f}" for value in values if value is not None)
 
 
 def _said(found: Interval, digits: int, sign: str = "") -> str:

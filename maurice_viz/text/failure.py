@@ -50,6 +50,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "worst_step": "farthest off at step",
     "spread_nats": "best place over a middling one",
     "to_reference_m": "nearest reference",
+    "none_looks_that_way": "updates without a reference that looks that way",
     "spacing_m": "usual distance between references",
     "brightness": "brightness, references = 1",
     "level": "mean gray level",
@@ -191,7 +192,11 @@ def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _library_gap(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    apart = f"{scale.say(e['to_reference_m'])} to the nearest, usually {scale.say(e['spacing_m'])} apart"
+    unseen, usual = e.get("none_looks_that_way", 0), f"usually {scale.say(e['spacing_m'])} apart"
+    if 2 * unseen > e["updates"]:
+        turned = f"at {unseen} of {e['updates']} updates; references are {usual}"
+        return f"no reference looks the way that the robot did from {failure.first} on ({turned})"
+    apart = f"{scale.say(e['to_reference_m'])} to the nearest, {usual}"
     return f"the library has no reference near the true place from {failure.first} on ({apart})"
 
 

@@ -35,10 +35,12 @@ def library_gap(story: Story) -> Failure | None:
     far = story.some(story.window, lambda one: one.reference_m is not None and one.reference_m > least)
     if len(far) < OUT_FOR:
         return None
-    most = max(one.reference_m or 0.0 for one in far)
-    return story.failure(
-        LIBRARY_GAP, far[0].step, to_reference_m=most, spacing_m=story.spacing_m, updates=len(far)
-    )
+    away = [one.reference_m for one in far if one.reference_m is not None and np.isfinite(one.reference_m)]
+    unseen = len(far) - len(away)  # no reference looks that way, wherever it is
+    words: dict[str, Value] = {"to_reference_m": max(away)} if away else {}
+    if unseen:
+        words["none_looks_that_way"] = unseen
+    return story.failure(LIBRARY_GAP, far[0].step, **words, spacing_m=story.spacing_m, updates=len(far))
 
 
 def lighting(story: Story) -> Failure | None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.kinds import AMBIGUITY, KIDNAPPED, PROPOSAL, SENSOR, Failure
+from maurice_mcl.analysis.failures.kinds import AMBIGUITY, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.failure import say_cause
@@ -162,3 +162,16 @@ def test_bins_that_cost_most_have_names():
     evidence |= {"of_pictures": 10, "elements": "1, 2, 28", "of_elements": 84, "elements_share": 0.413}
     text = say_cause(Failure(SENSOR, 1, 9, 1, evidence), INCHES)
     assert "most by color, 41% of it in red 24 to 39 and green 16 to 23; the truth has rank 40 of 600" in text
+
+
+def test_a_heading_that_no_reference_has_is_said_without_a_distance():
+    evidence = {"none_looks_that_way": 4, "spacing_m": 0.4572, "updates": 5}
+    assert say_cause(Failure(LIBRARY_GAP, 2, 9, 4, evidence), INCHES) == (
+        "no reference looks the way that the robot did from 2 on "
+        "(at 4 of 5 updates; references are usually 18.0 in apart)"
+    )
+    evidence = {"to_reference_m": 1.0, "none_looks_that_way": 1, "spacing_m": 0.4572, "updates": 5}
+    assert say_cause(Failure(LIBRARY_GAP, 2, 9, 4, evidence), INCHES) == (
+        "the library has no reference near the true place from 2 on "
+        "(39.4 in to the nearest, usually 18.0 in apart)"
+    )

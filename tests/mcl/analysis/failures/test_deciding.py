@@ -127,6 +127,18 @@ def test_each_cause_is_told_by_its_own_evidence(name):
         assert found.first == steps[0]
 
 
+@pytest.mark.parametrize(("nowhere", "told"), [(2, {"to_reference_m": 1.1}), (4, {})])
+def test_a_heading_that_no_reference_has_is_counted_and_is_no_distance(nowhere, told):
+    updates = [healthy(step) for step in range(1, UPDATES)]
+    for at in range(8, 12):
+        away = float("inf") if at - 8 < nowhere else 1.1
+        updates[at] = replace(updates[at], reference_m=away, fit=None)
+    (times,) = troubled(updates)
+    found = decide(Story(updates, *times, 0.45, USUAL))
+    assert found.kind == "library_gap"
+    assert found.evidence == told | {"none_looks_that_way": nowhere, "spacing_m": 0.45, "updates": 4}
+
+
 def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
     found = failure_of({"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11])
     assert found.also[:1] == ("motion",)
