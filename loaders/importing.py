@@ -13,7 +13,7 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.map import open_arena
 from maurice_mcl.radii import fitted_m
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import Camera, SessionInfo
 
 from .errors import InputError, PictureError
 from .files import new_folder, number_in, read_csv, show
@@ -171,6 +171,7 @@ class ImportOptions:
     session_every: int = 10  # each so many-th run of equal poses is the session's, from the first one
     session_pictures: int = 5  # at most so many of a run, evenly spread: standing still tells little
     library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
+    camera_fov_rad: float | None = None  # the camera's horizontal field of view; landmarks want it
     guard_m: float | None = None  # no library picture this near to any session pose; None: by the place
     noise: OdometryNoise = field(default_factory=OdometryNoise)  # of the synthetic odometry
     seed: int = 0  # of that noise
@@ -248,6 +249,8 @@ def _check(options: ImportOptions) -> None:
     counts = (options.session_pictures, options.library_pictures, options.session_every - 1)
     if min(counts) < 1 or (options.guard_m is not None and not options.guard_m >= 0):
         raise ValueError("expected session_every from 2, at least one picture of a run, and a guard from 0 m")
+    if options.camera_fov_rad is not None and not 0 < options.camera_fov_rad < math.pi:
+        raise ValueError("expected a horizontal field of view between 0 and 180 degrees")
 
 
 def _existing(folder: Path | str) -> Path:
@@ -268,8 +271,10 @@ def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> S
         f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
         f"other run that is at least {options.guard_m:.3g} m from every session pose"
     )
+    view_rad = options.camera_fov_rad
     return SessionInfo(
         name=options.name or poses_csv.resolve().parent.name or "pictures",
+        cameras=() if view_rad is None else (Camera("camera", horizontal_fov_rad=view_rad),),
         arena=arena,
         notes=(
             options.noise.describe(options.seed),

@@ -62,6 +62,12 @@ def with_landmarks(
             return library
         found = made
         _into_cache(found, kept)
+    if warn and found.map.fit.focal_assumed:
+        view_deg = np.degrees(found.map.fit.camera.view_rad)
+        unknown = (
+            f"the library {library.name!r} states no field of view of its camera, and its pictures fit none"
+        )
+        warn(f"{unknown}: landmarks assume {view_deg:.0f} degrees; state horizontal_fov_rad in its header")
     found = replace(found, obstacles=library.arena.obstacles)
     return replace(library, sensors={**library.sensors, LANDMARKS: found})
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -223,6 +224,15 @@ def pictures(
     map_lines: opt.MapFile = None,
     map_unit: opt.MapUnit = DEFAULTS.map_unit,
     name: Annotated[str | None, option("--name", "Name of the place. [default: the table's folder]")] = None,
+    camera_fov: Annotated[
+        float | None,
+        option(
+            "--camera-fov",
+            "The camera's horizontal field of view in degrees, for landmarks. [default: fitted, else 60]",
+            min=1,
+            max=170,
+        ),
+    ] = None,
     every: Annotated[
         int, option("--every", "Put one in this many runs of equal poses into the session.", min=2)
     ] = DEFAULTS.session_every,
@@ -258,6 +268,7 @@ def pictures(
         name=name,
         map_lines=map_lines,
         map_unit=map_unit,
+        camera_fov_rad=None if camera_fov is None else math.radians(camera_fov),
         session_every=every,
         session_pictures=session_pictures,
         library_pictures=library_pictures,

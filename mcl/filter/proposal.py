@@ -188,7 +188,8 @@ def mixture_proposal(
     correction = np.append(per_entry, 0.0)[entries]
     if sensors:
         # the densities of the table above are even within the poses nearest to an entry: per m^2 and rad here
-        even = 1 / (where.sizes() * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
+        sizes = np.maximum(where.sizes(), 1)  # no pose is nearest to one of size 0
+        even = 1 / (sizes * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
         found = sensors / predicted.size * density(proposals, poses, predicted.origin)
         part = np.append(np.stack([p, mixture]) * even, [[1.0], [1.0]], axis=1)[:, entries]
         with np.errstate(divide="ignore"):

@@ -12,7 +12,17 @@ from ...arrays import F32, F64, I32, U8
 from ...library import Library
 from ...session import Camera
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
-from .calibration import FOCAL_SD_KNOWN, first_guess, is_focal_known, nominal_camera, tolerance_of
+from .calibration import (
+    AGREE_PX,
+    FOCAL_SD_KNOWN,
+    FOCAL_SD_USUAL,
+    first_guess,
+    is_focal_known,
+    is_usual,
+    nominal_camera,
+    tolerance_of,
+    with_usual_lens,
+)
 from .camera import PinholeCamera
 from .features import Keypoints, keypoints_of
 from .landmark_set import CameraFit, LandmarkSet
@@ -24,7 +34,7 @@ Progress = Callable[[int, int, str], None]
 ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
 LEAST_REFERENCES = 8
 MOST_REFERENCES = 1500  # the adjustment takes the cube of them
-FOCAL_WIDTHS = (0.4, 4.0)  # of a fitted focal length: views of 103 to 14 degrees
+BY_CHANCE = 0.25  # of matches seen from two sides: 0.37 or more agree with right poses, else 0.08 to 0.25
 LEAST_LANDMARKS = 50
 MOST_LANDMARKS = 8000
 FARTHEST_SD_M = 0.25  # of a landmark along the line of sight: worse ones say little and are dropped
@@ -45,6 +55,31 @@ class _Seen:
     descriptors: F32  # (T, 128)
     counts: NDArray[np.intp]  # (L,)
     owner: NDArray[np.intp]  # (T,)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Matched:
+    """References, and E matches between pairs of them."""
+
+    seen: _Seen
+    poses: F64  # (L, 3)
+    edges: NDArray[np.intp]  # (E, 4) reference and keypoint, twice
+    distances: F32  # (E,)
+    pixels: tuple[F64, F64]  # (E, 2) in either picture
+
+    @property
+    def views(self) -> tuple[F64, NDArray[np.intp], tuple[F64, F64]]:
+        """Return what a camera is guessed from."""
+        return self.poses, self.edges, self.pixels
+
+    def disagreement(self, camera: PinholeCamera) -> F64:
+        """Return by how many pixels (E,) the two views of each thing disagree; infinite if it is nowhere."""
+        return disagreement(camera, self.poses, self.pixels, (self.edges[:, 0], self.edges[:, 2]))
+
+    def agreement(self, camera: PinholeCamera) -> float:
+        """Return what share of the things that are somewhere both views agree on."""
+        off = self.disagreement(camera)
+        return float(np.sum(off < AGREE_PX) / max(np.sum(np.isfinite(off)), 1))
 
 
 def build_landmarks(
@@ -80,35 +115,43 @@ def landmarks_of(
         wanted = f"expected {LEAST_REFERENCES} or more in pictures of one size"
         return NoLandmarks(f"found {usable} references with keypoints, {wanted}")
     nominal = nominal_camera(camera, size[1], size[0])
-    known, tolerance = is_focal_known(camera), tolerance_of(camera)
-    edges, distances = pairwise(keypoints, overlapping(poses, nominal.yaw_rad))
-    if len(edges) < LEAST_LANDMARKS:
-        return NoLandmarks(f"found {len(edges)} matches between references: their views do not overlap")
-    one, other = (
-        np.array([keypoints[i].pixels[k] for i, k in edges[:, at]], np.float64) for at in ([0, 1], [2, 3])
-    )
-    start = first_guess(nominal, known, poses, edges, (one, other))
-    off = disagreement(start, poses, (one, other), (edges[:, 0], edges[:, 2]))
-    agrees = off < AGREES_PX
-    seen = _together(keypoints)
-    track = tracks_of(edges[agrees], distances[agrees], seen.counts)
+    matched = _matched(keypoints, poses, overlapping(poses, nominal.yaw_rad))
+    if len(matched.edges) < LEAST_LANDMARKS:
+        return NoLandmarks(
+            f"found {len(matched.edges)} matches between references: their views do not overlap"
+        )
+    known = is_focal_known(camera)
+    start = first_guess(nominal, known, *matched.views)
+    if (share := matched.agreement(start)) < BY_CHANCE:
+        found_share = f"found that {share:.0%} of the matches seen from two sides agree"
+        return NoLandmarks(f"{found_share}, as by chance: check the references' poses")
+    found = _found(matched, start, nominal, camera)
+    if known or (isinstance(found, LandmarkSet) and is_usual(found.fit.camera)):
+        return found
+    usual = with_usual_lens(camera)
+    nominal = nominal_camera(usual, size[1], size[0])
+    return _assumed(_found(matched, first_guess(nominal, True, *matched.views), nominal, usual))
+
+
+def _assumed(found: LandmarkSet | NoLandmarks) -> LandmarkSet | NoLandmarks:
+    """Say of landmarks that their focal length was not measured at all."""
+    if isinstance(found, NoLandmarks):
+        return found
+    sd = np.array([FOCAL_SD_USUAL, *found.fit.sd[1:]])
+    return replace(found, fit=CameraFit(found.fit.camera, sd, focal_known=False, focal_assumed=True))
+
+
+def _found(
+    matched: _Matched, start: PinholeCamera, nominal: PinholeCamera, camera: Camera | None
+) -> LandmarkSet | NoLandmarks:
+    """Find landmarks with a camera to start from; what a header states of it hardly changes."""
+    agrees = matched.disagreement(start) < AGREES_PX
+    track = tracks_of(matched.edges[agrees], matched.distances[agrees], matched.seen.counts)
     if track.max(initial=-1) + 1 < LEAST_LANDMARKS:
         return _too_few(track.max(initial=-1) + 1)
-    stated = replace(nominal, tilt_rad=start.tilt_rad) if known else start
-    found = _adjusted(seen, track, start, Bundle(stated, poses, np.zeros((0, 3))), tolerance)
-    return found if known or isinstance(found, NoLandmarks) else _plausible(found)
-
-
-def _plausible(found: LandmarkSet) -> LandmarkSet | NoLandmarks:
-    """Refuse a fitted focal length that no usual lens has: few matches agree on anything, by chance."""
-    camera = found.fit.camera
-    low, high = (share * camera.width_px for share in FOCAL_WIDTHS)
-    if low <= camera.focal_px <= high:
-        return found
-    return NoLandmarks(
-        f"found a focal length of {camera.focal_px:.0f} px from {found.size} landmarks, expected "
-        f"{low:.0f} to {high:.0f}: they agree by chance"
-    )
+    stated = replace(nominal, tilt_rad=start.tilt_rad) if is_focal_known(camera) else start
+    bundle = Bundle(stated, matched.poses, np.zeros((0, 3)))
+    return _adjusted(matched.seen, track, start, bundle, tolerance_of(camera))
 
 
 def _too_few(count: int) -> NoLandmarks:
@@ -128,6 +171,14 @@ def _keypoints(
         found.append(keypoints_of(image) if fits and image is not None else none)
         progress(done, len(used), "landmarks")
     return found, size
+
+
+def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]) -> _Matched:
+    edges, distances = pairwise(keypoints, pairs)
+    one, other = (
+        np.array([keypoints[i].pixels[k] for i, k in edges[:, at]], np.float64) for at in ([0, 1], [2, 3])
+    )
+    return _Matched(_together(keypoints), poses, edges, distances, (one, other))
 
 
 def _together(keypoints: Sequence[Keypoints]) -> _Seen:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,8 @@ FINER = (0.5, 0.25)  # parts of those steps that are tried around the best
 AGREE_PX = 4.0  # two views that disagree by less count for a camera
 MOST = 20_000  # matches that are looked at
 FOCAL_SD, FOCAL_SD_KNOWN = 0.5, 0.003  # of the log of the focal length, as stated or not
+USUAL_VIEW_RAD, FOCAL_SD_USUAL = float(np.radians(60)), 0.15  # of most webcams and depth cameras
+FOCAL_WIDTHS = (0.4, 4.0)  # of a fitted focal length: views of 103 to 14 degrees
 TILT_SD_RAD = 0.3  # a header does not state it
 DISTORTION_SD, DISTORTION_SD_KNOWN = 0.05, 0.01  # little is seen near the corners
 
@@ -33,6 +37,17 @@ def nominal_camera(known: Camera | None, width_px: int, height_px: int) -> Pinho
 def is_focal_known(known: Camera | None) -> bool:
     """Tell whether a header states the focal length, by the horizontal view."""
     return known is not None and known.horizontal_fov_rad is not None
+
+
+def is_usual(camera: PinholeCamera) -> bool:
+    """Tell whether a lens with that focal length exists; a fit by chance agreements mostly has none."""
+    low, high = FOCAL_WIDTHS
+    return low * camera.width_px <= camera.focal_px <= high * camera.width_px
+
+
+def with_usual_lens(known: Camera | None) -> Camera:
+    """Return a camera with the horizontal view that most have."""
+    return replace(known or Camera("camera"), horizontal_fov_rad=USUAL_VIEW_RAD)
 
 
 def tolerance_of(known: Camera | None) -> Tolerance:

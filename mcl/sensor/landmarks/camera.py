@@ -33,6 +33,11 @@ class PinholeCamera:
         """The principal point: the middle of the picture."""
         return self.width_px / 2 - 0.5, self.height_px / 2 - 0.5
 
+    @property
+    def view_rad(self) -> float:
+        """The horizontal field of view, without distortion."""
+        return 2 * float(np.arctan2(self.width_px / 2, self.focal_px))
+
     def with_values(self, values: F64) -> PinholeCamera:
         """Return the camera with other (3,) log of the focal length, tilt and distortion."""
         log_focal, tilt, distortion = (float(v) for v in values)

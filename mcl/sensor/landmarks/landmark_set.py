@@ -13,8 +13,12 @@ from ...arrays import F32, F64, I32
 from .camera import PinholeCamera
 
 OTHER_ROWS = ("poses", "pixel_sd", "agreement_px", "view_of", "view_px")  # not one a landmark
-# of libraries that were stored before views were kept
-NO_VIEWS = {"view_of": np.zeros((0, 2), np.int32), "view_px": np.zeros((0, 2), np.float32)}
+# of libraries that were stored before these were kept
+NOT_KEPT: dict[str, NDArray[Any]] = {
+    "view_of": np.zeros((0, 2), np.int32),
+    "view_px": np.zeros((0, 2), np.float32),
+    "focal_assumed": np.array(False),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +28,15 @@ class CameraFit:
     camera: PinholeCamera
     sd: F64  # (3,) standard deviations of the log of the focal length, the tilt and the distortion
     focal_known: bool  # the focal length was stated
+    focal_assumed: bool = False  # nothing stated it, and no lens fitted: a usual one was taken
+
+    @property
+    def said(self) -> str:
+        """The focal length, and where it comes from: "96.2 px (fitted, 95.8 to 96.6)"."""
+        low, high = self.focal_interval_px
+        fitted = f"fitted, {low:.1f} to {high:.1f}"
+        how = "stated" if self.focal_known else "assumed" if self.focal_assumed else fitted
+        return f"{self.camera.focal_px:.1f} px ({how})"
 
     @property
     def focal_interval_px(self) -> tuple[float, float]:
@@ -66,19 +79,21 @@ class LandmarkSet:
         held["camera"] = np.array([getattr(camera, field.name) for field in fields(camera)], np.float64)
         held["camera_sd"] = self.fit.sd
         held["focal_known"] = np.array(self.fit.focal_known)
+        held["focal_assumed"] = np.array(self.fit.focal_assumed)
         return held
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> LandmarkSet:
         """Return the landmarks of `to_arrays`. ValueError names what is missing or does not fit."""
         names = [field.name for field in fields(cls) if field.name != "fit"]
-        arrays = {**NO_VIEWS, **arrays}
+        arrays = {**NOT_KEPT, **arrays}
         missing = [name for name in [*names, "camera", "camera_sd", "focal_known"] if name not in arrays]
         if missing:
             raise ValueError(f"found landmarks without {missing[0]!r}, expected it; build the library again")
         width, height, *others = (float(v) for v in arrays["camera"])
         camera = PinholeCamera(int(width), int(height), *others)
-        fit = CameraFit(camera, np.asarray(arrays["camera_sd"], np.float64), bool(arrays["focal_known"]))
+        focal = bool(arrays["focal_known"]), bool(arrays["focal_assumed"])
+        fit = CameraFit(camera, np.asarray(arrays["camera_sd"], np.float64), *focal)
         held: dict[str, Any] = {name: np.asarray(arrays[name]) for name in names}
         held["descriptors"] = held["descriptors"].astype(np.float32)
         held["pixel_sd"] = float(held["pixel_sd"])

@@ -77,12 +77,8 @@ class Landmarks:
     @property
     def summary(self) -> str:
         """One line for tables."""
-        low, high = self.map.fit.focal_interval_px
-        focal = "stated" if self.map.fit.focal_known else f"fitted, {low:.1f} to {high:.1f}"
-        return (
-            f"{self.map.size} points, reprojection error {self.map.agreement_px[0]:.2f} px in the median, "
-            f"focal length {self.map.fit.camera.focal_px:.1f} px ({focal})"
-        )
+        error = f"reprojection error {self.map.agreement_px[0]:.2f} px in the median"
+        return f"{self.map.size} points, {error}, focal length {self.map.fit.said}"
 
     def read(self, frame: Frame) -> LandmarkReading | None:
         """Find the keypoints of a picture and the landmarks that they may be; None: too few.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Callable
@@ -24,11 +25,13 @@ from maurice_loaders.importing import (
     spread,
 )
 from maurice_loaders.inspection import inspect_session
+from maurice_loaders.libraries.landmarks import with_landmarks
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import OdometryNoise
 from maurice_mcl.geometry import angle_between, compose
+from maurice_mcl.sensor.landmarks.sensor import Landmarks
 
 POSES = [(0.3 * k, 0.1 * k, 45 * (k % 3)) for k in range(12) for _ in range(2 + k % 2)]
 OPTIONS = ImportOptions(session_every=4, guard_m=0.5)
@@ -101,6 +104,19 @@ def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None
         assert "seed 9" in notes
         assert "times are synthetic" in notes
         assert "at least 0.5 m from every session pose" in notes
+
+
+def test_a_camera_that_is_stated_is_that_of_session_and_library(source: Path, tmp_path: Path) -> None:
+    options = replace(OPTIONS, camera_fov_rad=1.2)
+    summary = import_pictures(source, source / "poses.csv", tmp_path / "out", options)
+    assert [one.horizontal_fov_rad for one in SessionLog(summary.session).info.cameras] == [1.2]
+    camera = build_library(summary.survey).camera
+    assert camera is not None
+    assert camera.horizontal_fov_rad == 1.2
+    with pytest.raises(ValueError, match="between 0 and 180 degrees"):
+        import_pictures(
+            source, source / "poses.csv", tmp_path / "none", replace(OPTIONS, camera_fov_rad=math.pi)
+        )
 
 
 def test_the_same_seed_gives_the_same_files(source: Path, tmp_path: Path) -> None:
@@ -200,6 +216,12 @@ def test_a_real_recording(tmp_path: Path) -> None:
     library = build_library(summary.survey)
     assert library.size == 29
     assert library.index["color"].references.any(axis=1).all()
+    told: list[str] = []
+    landmarks = with_landmarks(library, warn=told.append).sensors["landmarks"]
+    assert isinstance(landmarks, Landmarks)
+    assert landmarks.summary.endswith("(assumed)")
+    assert len(told) == 1
+    assert "landmarks assume 60 degrees" in told[0]
 
 
 def row(number: int, x: float, y: float = 0.0) -> PoseRow:

@@ -13,6 +13,7 @@ from maurice_mcl.filter.proposal import (
     uniform_poses,
 )
 from maurice_mcl.map import Arena, Region, make_grid
+from maurice_mcl.pose_sensor import PoseProposal
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import Belief, normalize
 from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
@@ -254,9 +255,10 @@ def test_the_mixture_bears_odd_clouds():
     assert where.sizes()[16] == 0
     for teleport in (0.0, 0.01):
         parameters = MixtureParameters(0.3, teleport)
-        mixed = mixture_proposal(_belief(), logs, nearest, where, parameters, stream(9, 2))
-        assert not np.isnan(mixed.correction).any()
-        assert np.isfinite(mixed.belief.poses).all()
+        for proposals in ((), (PoseProposal(twice[:1], 0.01 * np.eye(3)[None], np.ones(1)),)):
+            mixed = mixture_proposal(_belief(), logs, nearest, where, parameters, stream(9, 2), proposals)
+            assert not np.isnan(mixed.correction).any()
+            assert np.isfinite(mixed.belief.poses).all()
     belief = _belief()
     poses = belief.poses.copy()
     poses[:300, 0] = 50.0

@@ -14,6 +14,7 @@ from maurice_mcl.pose_sensor import EXACT, PoseSpread, Sensed
 from maurice_mcl.sensor.landmarks import building
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
 from maurice_mcl.sensor.landmarks.camera import linearize
+from maurice_mcl.sensor.landmarks.landmark_set import LandmarkSet
 from maurice_mcl.sensor.landmarks.matching import spread_out
 from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
@@ -286,14 +287,30 @@ def tiny():
     return tiny_library()
 
 
-def test_a_focal_length_that_no_lens_has_is_refused_in_words(room, references):
-    """Few references whose pictures are those of a view of 137 degrees: what is fitted is no camera."""
-    squeezed = [room.keypoints(pose, 0.5, k) for k, pose in enumerate(references[1])]
-    for one in squeezed:
+def test_where_no_usual_lens_fits_one_is_assumed_and_said_to_be(room, references):
+    """Pictures of a view of 115 degrees, of which no header speaks."""
+    seen = [room.keypoints(pose, 0.5, k) for k, pose in enumerate(references[1])]
+    for one in seen:
         one.pixels[:] = (one.pixels - [87.5, 71.5]) * 0.3 + [87.5, 71.5]
-    found = landmarks_of(squeezed, (144, 176), references[0], None)
+    found = landmarks_of(seen, (144, 176), references[0], None)
+    assert found.fit.focal_assumed
+    assert not found.fit.focal_known
+    assert np.degrees(found.fit.camera.view_rad) == pytest.approx(60, abs=1)
+    low, high = found.fit.focal_interval_px
+    assert high / low == pytest.approx(np.exp(2 * 1.96 * 0.15))
+    assert Landmarks(found).summary.endswith("px (assumed)")
+    assert LandmarkSet.from_arrays(found.to_arrays()).fit.focal_assumed
+
+
+@pytest.mark.parametrize("known", [KNOWN, None])
+def test_matches_that_agree_no_better_than_by_chance_make_no_landmarks(room, references, known):
+    """Every look is found in every picture, but somewhere else each time."""
+    seen = [room.keypoints(pose, 0.5, k) for k, pose in enumerate(references[1])]
+    for k, one in enumerate(seen):
+        one.pixels[:] = one.pixels[np.random.default_rng(k).permutation(len(one.pixels))]
+    found = landmarks_of(seen, (144, 176), references[0], known)
     assert isinstance(found, NoLandmarks)
-    assert "expected 70 to 704: they agree by chance" in found.reason
+    assert "agree, as by chance: check the references' poses" in found.reason
 
 
 def test_a_large_library_is_used_in_part_evenly_spread():
