@@ -17,7 +17,7 @@ from .moved import moved_things
 AGREES_PX = 4.0  # a match nearer than this to where it should be agrees
 FARTHEST_PX = 60.0  # lines longer than this to where a landmark should be are not drawn
 PICTURE = "Camera: green landmarks agree with the estimate, red do not; white: where the truth has them"
-BESIDE = "Camera, and the reference that saw most of the agreeing landmarks"
+BESIDE = "Camera beside the reference that saw most of these landmarks: green agree, red do not"
 SPACE = "space"
 MOST_LINES = 60
 SIGHT_M = 0.25  # length of the line that shows where the camera looks
@@ -76,9 +76,9 @@ class Judged:
         return np.asarray(((pixels >= 0) & (pixels <= last)).all(axis=1))
 
     def _beside(self, agrees: Bool) -> tuple[Beside, ShownMarks, ShownMarks] | None:
-        """Put the picture beside that of the reference in which most agreeing landmarks were seen."""
+        """Put the picture beside that of the reference that saw most agreeing landmarks, else most of all."""
         view_of = self.landmarks.view_of
-        if self.image is None or not agrees.any():
+        if self.image is None:
             return None
         match = np.full(self.landmarks.size, -1)
         match[self.matched] = np.arange(len(self.matched))

@@ -232,6 +232,15 @@ def test_what_is_shown_counts_those_that_agree(landmarks, room):
     assert not shown.moved
 
 
+def test_where_no_landmark_agrees_a_reference_is_shown_all_the_same(landmarks, room):
+    reading = landmarks.matched(room.keypoints(POSE, 0.5, 99), np.zeros((144, 176, 3), np.uint8))
+    shown = landmarks.shown(reading, {"estimate": POSE + [0, 0, np.pi]})
+    lines = marks_of(shown)[BESIDE, "to the reference"]
+    assert len(lines.strips)
+    assert not lines.agrees.any()
+    assert BESIDE in shown.pictures
+
+
 def test_what_is_shown_does_not_find_the_proposal_again(landmarks, reading, monkeypatch):
     poses, found = {"estimate": POSE, "truth": POSE + 0.01}, []
     propose = Landmarks.propose
