@@ -234,7 +234,7 @@ def test_what_is_shown_counts_those_that_agree(landmarks, room):
 
 def test_where_no_landmark_agrees_a_reference_is_shown_all_the_same(landmarks, room):
     reading = landmarks.matched(room.keypoints(POSE, 0.5, 99), np.zeros((144, 176, 3), np.uint8))
-    shown = landmarks.shown(reading, {"estimate": POSE + [0, 0, np.pi]})
+    shown = landmarks.shown(reading, {"estimate": np.add(POSE, [0, 0, np.pi])})
     lines = marks_of(shown)[BESIDE, "to the reference"]
     assert len(lines.strips)
     assert not lines.agrees.any()
