@@ -132,7 +132,8 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
     """Read a manifest of one of some formats and of this version. Raises InputError for any other."""
     file = folder / MANIFEST
     if not file.is_file():
-        found_none = "is a file" if folder.is_file() else f"found no {MANIFEST} in it"
+        there = f"found no {MANIFEST} in it" if folder.is_dir() else "found no such folder"
+        found_none = "is a file" if folder.is_file() else there
         raise InputError(folder, f"{found_none}, expected a saved run's folder; {_how_to_save(folder)}")
     try:
         found = mapping(read_json(file.read_bytes()), "manifest")
