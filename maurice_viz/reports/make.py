@@ -164,7 +164,8 @@ def _summary(result: RunResult, scale: Scale) -> str:
     angle = f"{np.degrees(score.heading_error_mean_rad):.1f} deg"
     when = score.localized_at_update
     localized = "never localized" if when is None else f"localized from update {when}"
-    lost = f"lost at update {score.lost_at_update}" if score.lost else "never lost"
+    searching = " while searching" if when is None or when > (score.lost_at_update or 0) else ""
+    lost = f"lost at update {score.lost_at_update}{searching}" if score.lost else "never lost"
     return f"{updates}, mean error {scale.say(score.position_error_mean_m)} and {angle}; {localized}, {lost}."
 
 

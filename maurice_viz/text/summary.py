@@ -249,7 +249,9 @@ def _lost(result: RunResult) -> str:
     if score.lost is None:
         return "-"
     if score.lost:
-        return f"at update {score.lost_at_update}"
+        found, lost_at = score.localized_at_update, score.lost_at_update or 0
+        searching = found is None or found > lost_at
+        return f"at update {lost_at}" + (", searching" if searching else "")
     return "no, goal reached" if score.reached else "no"
 
 
