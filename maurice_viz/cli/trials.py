@@ -25,9 +25,6 @@ from maurice_loaders.files import expect_absent, write_whole
 
 from ..errors import OptionError
 from ..listener import progress_of
-from ..plots.drawn import FORMATS, draw_figures
-from ..reports.atlas import atlas as write_atlas
-from ..reports.trials_report import trials_report as write_report
 from ..text.trials import metric_title
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
@@ -99,11 +96,13 @@ def figures(
     ],
     only: Annotated[str, option("--only", "Only these numbers, as in 26,34,60.", metavar="NUMBERS")] = "",
     formats: Annotated[
-        str, option("--format", f"{', '.join(FORMATS)}, or several.", metavar="FORMATS")
+        str, option("--format", "png, svg, pdf, or several.", metavar="FORMATS")
     ] = "png",
     force: opt.Force = False,
 ) -> None:
     """Draw the thesis's figures from trials, each with the intervals that it lacked."""
+    from ..plots.drawn import draw_figures  # imports the panels, which `trials` does without
+
     try:
         numbers = [int(word) for word in only.split(",") if word]
     except ValueError:
@@ -130,6 +129,8 @@ def trials_report(
     force: opt.Force = False,
 ) -> None:
     """Write one page that tells the thesis's trials again: its claims beside our numbers, and the figures."""
+    from ..reports.trials_report import trials_report as write_report  # as above
+
     with listening() as listener:
         made = write_report(folder, output, force=force, progress=progress_of(listener, "figures"))
     results.print(f"{made} written")
@@ -150,6 +151,8 @@ def atlas(
     force: opt.Force = False,
 ) -> None:
     """Write one page that shows on the floor plan where runs go wrong, and whether to trust confidence."""
+    from ..reports.atlas import atlas as write_atlas  # as above
+
     with listening():
         spot_m = None if spot is None else opt.read_length(spot, "--spot")
         made = write_atlas(folder, output, spot_m=spot_m, where=where or [], force=force)
