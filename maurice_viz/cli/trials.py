@@ -95,9 +95,7 @@ def figures(
         Path, option("-o --output", "The folder that the figures go to.", metavar="DIR", show_default=False)
     ],
     only: Annotated[str, option("--only", "Only these numbers, as in 26,34,60.", metavar="NUMBERS")] = "",
-    formats: Annotated[
-        str, option("--format", "png, svg, pdf, or several.", metavar="FORMATS")
-    ] = "png",
+    formats: Annotated[str, option("--format", "png, svg, pdf, or several.", metavar="FORMATS")] = "png",
     force: opt.Force = False,
 ) -> None:
     """Draw the thesis's figures from trials, each with the intervals that it lacked."""
