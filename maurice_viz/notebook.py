@@ -136,13 +136,13 @@ def _put_above(viewer: Viewer, markdown: str) -> None:
     alone = viewer.display
 
     def display(block_until_ready: bool = False) -> None:
-        from IPython.display import Markdown  # type: ignore[import-not-found]
+        from IPython.display import Markdown  # type: ignore[import-not-found]  # notebooks have it
         from IPython.display import display as show_here
 
         show_here(Markdown(markdown))
         alone(block_until_ready)
 
-    viewer.display = display  # type: ignore[method-assign]
+    viewer.display = display  # type: ignore[method-assign]  # of this viewer alone
 
 
 def _collected(run: SavedRun) -> Collected:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import cv2
-import joblib  # type: ignore[import-untyped]
+import joblib  # type: ignore[import-untyped]  # has no types
 
 from maurice_loaders.errors import InputError
 

@@ -156,7 +156,8 @@ class Plan:
 
     def to_json(self) -> dict[str, Any]:
         """Return all that the runs depend on, as plain values."""
-        return json.loads(json.dumps(asdict(self), default=dict))  # type: ignore[no-any-return]
+        plain: dict[str, Any] = json.loads(json.dumps(asdict(self), default=dict))
+        return plain
 
     @property
     def hash(self) -> str:

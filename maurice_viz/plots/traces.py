@@ -124,7 +124,7 @@ def kidnapped(material: Material) -> Figure:
         place.set_xlabel(UPDATE if column == CONFIDENCE else "")
         _mark_kidnapping(place, rows)
         _finish(place)
-    axes[1].get_legend().remove()  # type: ignore[union-attr]
+    axes[1].get_legend().remove()  # type: ignore[union-attr]  # _finish drew one
     axes[1].set_ylim(0, 102)
     return made
 
