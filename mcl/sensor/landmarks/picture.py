@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ class Judged:
     chance: F32  # (K,) of being right, before anything is known of the pose
     nats: Mapping[str, float]  # by the name of a pose
     proposal: PoseProposal | None
+    thing: NDArray[np.integer[Any]]  # (K,) number of the obstacle that each matched landmark is on, else -1
+    names: Sequence[str]  # of the obstacles
 
     def errors_at(self, pose: F64) -> tuple[F32, F32]:
         """Return where matched landmarks fall for a pose (3,): pixels (K, 2), and how far off (K,)."""
@@ -121,7 +124,9 @@ class Judged:
     def _words(self, agrees: Bool, off: F32, estimate: F64) -> tuple[str, tuple[float, ...]]:
         count, total = int(agrees.sum()), len(agrees)
         words = f"{count} of {total} matched landmarks agree with the estimate"
-        words += f", {np.median(off[agrees]):.1f} px off in the median." if count else "."
+        words += f", {np.median(off[agrees]):.1f} px off in the median" if count else ""
+        usual = " (in a picture with little to see most matches are wrong)"
+        words += f"{usual}." if self.proposal is not None and 2 * count < total else "."
         said = [f"{nats:.1f} nats at the {name}" for name, nats in self.nats.items()]
         words += f" Log-likelihood: {', '.join(said)} (0 if all agreed)." if said else ""
         if self.proposal is None:
@@ -134,5 +139,12 @@ class Judged:
         also = f", or at one of {others} other places" if others else ""
         words += f" By themselves they put the robot {{}} and {turned:.1f} deg from the estimate{also}."
         if alone is not None and alone[number]:
-            words += " One obstacle alone says so, and it may have been moved."
+            words += f" Only {self._thing_at(best)} says so, and it may have been moved."
         return words, (apart,)
+
+    def _thing_at(self, pose: F64) -> str:
+        """Name the obstacle with the most landmarks that agree with a pose (3,)."""
+        _, off = self.errors_at(pose)
+        held = self.thing[(off < AGREES_PX) & (self.thing >= 0)]
+        name = self.names[int(np.bincount(held).argmax())] if len(held) else ""
+        return f"the {name}" if name else "one obstacle"

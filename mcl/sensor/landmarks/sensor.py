@@ -186,7 +186,8 @@ class Landmarks:
         there = (places - [*origin, 0.0]).astype(np.float32)
         nats = dict(zip(poses, self.log_likelihood(reading, there, origin).tolist(), strict=True))
         matches = reading.pixels, reading.landmark, reading.inlier
-        return Judged(self.map, reading.image, *matches, nats, proposal).shown(poses)
+        things = self._thing[reading.landmark], [obstacle.name for obstacle in self.obstacles]
+        return Judged(self.map, reading.image, *matches, nats, proposal, *things).shown(poses)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything as arrays, for a file."""

@@ -140,7 +140,7 @@ def test_a_pose_that_one_thing_alone_speaks_for_is_marked(landmarks, reading):
     half = replace(landmarks, obstacles=(square("bookcase", low, middle),))
     assert not half.propose(reading).of_one_thing.any()
     for sensor, said in ((all_of_them, True), (half, False)):
-        assert ("One obstacle alone says so" in sensor.shown(reading, {"estimate": POSE}).words) == said
+        assert ("Only the bookcase says so" in sensor.shown(reading, {"estimate": POSE}).words) == said
     assert not landmarks.propose(reading).of_one_thing.any()
 
 
@@ -239,6 +239,17 @@ def test_where_no_landmark_agrees_a_reference_is_shown_all_the_same(landmarks, r
     assert len(lines.strips)
     assert not lines.agrees.any()
     assert BESIDE in shown.pictures
+
+
+def test_few_that_agree_are_said_to_be_usual_where_they_still_tell_the_place(landmarks, room):
+    seen = room.keypoints(POSE, 0.5, 99)
+    wrong = np.random.default_rng(0).permutation(len(seen.pixels))[: int(0.7 * len(seen.pixels))]
+    seen.pixels[wrong] = seen.pixels[np.roll(wrong, 1)]
+    reading = landmarks.matched(seen, np.zeros((144, 176, 3), np.uint8))
+    words = landmarks.shown(reading, {"estimate": POSE}).words
+    assert "(in a picture with little to see most matches are wrong)." in words
+    elsewhere = landmarks.shown_with(reading, {"estimate": POSE}, None).words
+    assert "most matches are wrong" not in elsewhere
 
 
 def test_what_is_shown_does_not_find_the_proposal_again(landmarks, reading, monkeypatch):
