@@ -129,7 +129,8 @@ class ReadingOptions:
         float, Meaning("Way between pictures, where the floor tells none. [default: median]", "made odometry")
     ] = 0.0
     camera_fov_rad: Annotated[
-        float, Meaning("Horizontal field of view. [default: the header's]", "made odometry")
+        float,
+        Meaning("Horizontal field of view; landmarks use it too. [default: the header's]", "made odometry"),
     ] = 0.0
     camera_height_m: Annotated[
         float, Meaning("Camera above the floor. [default: the header's]", "made odometry")

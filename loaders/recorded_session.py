@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ import numpy as np
 from maurice_mcl.analysis.events import is_kidnapping
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between, wrap_angle
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.session import Camera, Frame, Moment, SessionInfo
 
 from .errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from .reading import ReadingOptions
@@ -26,6 +26,8 @@ from .transforms import PLACEHOLDER, Gate, Placeholders
 
 if TYPE_CHECKING:
     from maurice_mcl.calibration.motion import MotionSegment
+
+WIDEST_RAD = float(np.radians(170))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +69,8 @@ class RecordedSession(HasReadingNotes):
 
     @property
     def info(self) -> SessionInfo:
-        """What is known before the first picture."""
-        return self.recording.info
+        """What is known before the first picture, with the field of view that the options state."""
+        return with_stated_view(self.path, self.recording.info, self.options)
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture at a time."""
@@ -121,6 +123,21 @@ class RecordedSession(HasReadingNotes):
             if isinstance(record, OdometryPose | Motion):
                 return type(record)
         return None
+
+
+def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> SessionInfo:
+    """Return a header whose camera, the one that is read, has the field of view of the options, if any."""
+    view_rad = options.camera_fov_rad
+    if not view_rad:
+        return info
+    if not 0 < view_rad <= WIDEST_RAD:
+        found = f"found a camera's field of view of {np.degrees(view_rad):g} degrees"
+        raise InputError(path, f"{found}, expected 1 to 170; see --reading camera_fov_deg=60")
+    cameras = list(info.cameras or (Camera(options.camera or "camera"),))
+    names = [one.name for one in cameras]
+    at = names.index(options.camera) if options.camera in names else 0
+    cameras[at] = replace(cameras[at], horizontal_fov_rad=view_rad)
+    return replace(info, cameras=tuple(cameras))
 
 
 class _Updates:

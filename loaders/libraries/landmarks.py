@@ -67,7 +67,8 @@ def with_landmarks(
         unknown = (
             f"the library {library.name!r} states no field of view of its camera, and its pictures fit none"
         )
-        warn(f"{unknown}: landmarks assume {view_deg:.0f} degrees; state horizontal_fov_rad in its header")
+        advice = "state it with --reading camera_fov_deg when it is built, or in the survey log's header"
+        warn(f"{unknown}: landmarks assume {view_deg:.0f} degrees; {advice}")
     found = replace(found, obstacles=library.arena.obstacles)
     return replace(library, sensors={**library.sensors, LANDMARKS: found})
 

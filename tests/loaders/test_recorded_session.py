@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import tempfile
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_loaders.transforms import Placeholders
 from maurice_mcl.arrays import U8
 from maurice_mcl.geometry import compose, motion_between
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.session import Camera, Moment, SessionInfo
 
 GRAY = np.full((2, 2, 3), 100, np.uint8)
 
@@ -65,6 +67,26 @@ def test_odometry_is_interpolated_at_the_picture_and_headings_the_short_way() ->
     found, _ = play(odometry(0.0, 0.0), picture(0.05), odometry(1.0, 5.0), picture(1.08))
     assert [len(m.frame.motions) for m in found] == [0, 1]  # the first is where odometry began
     np.testing.assert_allclose(found[1].frame.motions[0], [5.0, 0, 0])
+
+
+def test_a_field_of_view_that_is_stated_is_that_of_the_camera_that_is_read() -> None:
+    def cameras(info: SessionInfo, **options: Any) -> dict[str, float | None]:
+        given = replace(Given([]), info=info)
+        return {
+            one.name: one.horizontal_fov_rad
+            for one in RecordedSession(given, ReadingOptions(**options)).info.cameras
+        }
+
+    none, two = (
+        SessionInfo("drive"),
+        SessionInfo("drive", cameras=(Camera("left"), Camera("right", 640, 480, 0.8))),
+    )
+    assert cameras(none) == {}
+    assert cameras(none, camera_fov_rad=1.0) == {"camera": 1.0}
+    assert cameras(two, camera_fov_rad=1.0) == {"left": 1.0, "right": 0.8}
+    assert cameras(two, camera_fov_rad=1.0, camera="right") == {"left": None, "right": 1.0}
+    with pytest.raises(InputError, match="field of view of 180 degrees, expected 1 to 170"):
+        cameras(none, camera_fov_rad=np.pi)
 
 
 def test_a_picture_without_odometry_is_left_out_and_its_way_is_not_lost() -> None:
