@@ -33,7 +33,7 @@ from .panel import DrawnRun, Panel, StepUpdate, set_phase
 from .views import bars_view, picture_view
 
 KINDS = ("sample", "reference", "difference")
-LEGEND = ": picture blue, match orange, both pale"
+LEGEND = ": picture blue, match orange"
 SHORT_LEGEND = ", match orange"
 HEAT_KINDS = MAPS, ADDED = "maps", "added"  # of a two-dimensional histogram, instead of bars
 

@@ -207,9 +207,7 @@ def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
     """Plot one run: distances, heading error where the truth is known, shares."""
     unit = scene.scale.units.name
     lines = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE), paths.trace(KNOWS)]
-    shares = plot(
-        "Confidence orange, effective sample blue (shares), knows where it is green", lines, top=1.1
-    )
+    shares = plot("Shares: confidence orange, ESS blue, knows green", lines, top=1.1)
     if not scene.has_truth:
         return [plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
     distances = [paths.trace(POSITION_ERROR), paths.trace(TWO_SIGMA)]
