@@ -36,9 +36,10 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
     does.
     """
     found, together = [], _deviation_m(predicted) < reach_m
+    turned = _deviation_rad(predicted) > NEAR_RAD
     for one in proposals:
         near = np.array([_held_near(pose, predicted, reach_m) for pose in one.poses])
-        kept = near < COVERED
+        kept = (near < COVERED) | turned
         if together and one.of_one_thing is not None:
             kept &= ~one.of_one_thing
         if kept.any():
@@ -51,6 +52,12 @@ def _deviation_m(belief: Belief) -> float:
     weights = belief.weights
     off = belief.poses[:, :2] - weights @ belief.poses[:, :2]
     return float(np.sqrt(weights @ (off**2).sum(axis=1)))
+
+
+def _deviation_rad(belief: Belief) -> float:
+    """Return the circular standard deviation of a cloud's headings."""
+    mean = abs(belief.weights @ np.exp(1j * belief.poses[:, 2].astype(np.float64)))
+    return float(np.sqrt(-2 * np.log(np.clip(mean, 1e-12, 1.0))))
 
 
 def _held_near(pose: F64, predicted: Belief, reach_m: float) -> float:
