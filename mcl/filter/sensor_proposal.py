@@ -31,7 +31,8 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
     """Return the parts of proposals where the predicted cloud is not.
 
     A cloud that has a hundredth of its weight within `reach_m` and 30 degrees of a mode tracks it by itself,
-    and knows more of it than the sensor alone: the robot's past. A cloud that is together, with a standard
+    and knows more of it than the sensor alone: the past. Not so a cloud whose headings have a standard
+    deviation above 30 degrees: too few of its particles are near. A cloud that is together, with a standard
     deviation below `reach_m`, does not follow one thing alone, which may have been moved; one that searches
     does.
     """

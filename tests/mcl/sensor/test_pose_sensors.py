@@ -162,6 +162,16 @@ def test_a_cloud_that_is_together_does_not_follow_one_thing_alone_and_one_that_s
     np.testing.assert_array_equal(elsewhere([unmarked], still, 0.5)[0].poses, far)
 
 
+def test_a_cloud_at_the_place_tracks_it_by_itself_unless_its_heading_is_open():
+    """With headings all around, a hundredth of the weight near a pose is a handful of particles."""
+    pose = PoseProposal(np.zeros((1, 3)), np.eye(3)[None] * 1e-4, np.ones(1))
+    rng = np.random.default_rng(0)
+    for deviation_rad, joins in ((0.1, 0), (0.4, 0), (1.4, 1)):
+        poses = (rng.standard_normal((2000, 3)) * [0.1, 0.1, deviation_rad]).astype(np.float32)
+        cloud = mcl.Belief(poses, np.full(2000, -np.log(2000)), np.zeros(2))
+        assert len(elsewhere([pose], cloud, 0.5)) == joins
+
+
 def test_the_mixture_with_a_pose_sensor_is_unbiased(drive, truths):
     """Weights of proposed particles sum to one on average, whatever the sensor proposes."""
     frame = next(drive.moments()).frame
