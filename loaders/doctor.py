@@ -226,11 +226,19 @@ class Diagnosis:
     findings: tuple[Finding, ...]
     fixed: ReadingOptions  # what to read it with; as it was read where no option fixes anything
     display_units: str = "m"  # of the session: "m" or "in"
+    fov_known: bool = False  # whether the camera's field of view is stated
 
 
 # how far off the simulated Maurice's drives of docs/formats.md were, with the wheels 3.6 in
 FROM_TRUTH = "4.2 in off on the simulated drives of docs/formats.md, where the wheels' is 3.6"
 FROM_PICTURES = "on 8 simulated drives 11.4 in off and 3 lost; without odometry all 8 are lost"
+
+
+def has_view(info: SessionInfo, options: ReadingOptions) -> bool:
+    """Return whether the field of view of the camera that is read is stated, by the header or the options."""
+    cameras = info.cameras
+    read = [one for one in cameras if one.name == options.camera] or list(cameras)
+    return bool(options.camera_fov_rad or (read and read[0].horizontal_fov_rad))
 
 
 def odometry_advice(found: Diagnosis) -> tuple[str, ...]:
@@ -243,9 +251,9 @@ def odometry_advice(found: Diagnosis) -> tuple[str, ...]:
             f"--reading odometry_from_truth=true makes some from the truth, with noise ({FROM_TRUTH})"
         )
     if found.pictures > 1:
-        ways.append(
-            f"--reading odometry_from_pictures=true makes some from the pictures alone ({FROM_PICTURES})"
-        )
+        typed = f"--reading odometry_from_pictures=true{'' if found.fov_known else ',camera_fov_deg=60'}"
+        view = "" if found.fov_known else "; 60 stands for your camera's horizontal field of view"
+        ways.append(f"{typed} makes some from the pictures alone ({FROM_PICTURES}){view}")
     return tuple(ways)
 
 
@@ -285,8 +293,8 @@ def diagnose(
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     asked = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
-    name, shown_in = found.info.name, found.info.display_units
-    return Diagnosis(path, name, *counts, found.cut, found.warnings, *asked, fixed, shown_in)
+    name, shown_in, fov_known = found.info.name, found.info.display_units, has_view(found.info, options)
+    return Diagnosis(path, name, *counts, found.cut, found.warnings, *asked, fixed, shown_in, fov_known)
 
 
 def _about_odometry(

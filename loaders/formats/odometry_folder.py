@@ -245,15 +245,25 @@ def floor_print(folder: Path) -> Path | None:
 
 
 def read_print(file: Path) -> F64:
-    """Read the print as (rows along y, columns along x), 0 black to 1 white. Raises InputError."""
+    """Read the print as (rows along y, columns along x), 0 black to 1 its lightest. Raises InputError.
+
+    Pictures of 8 or 16 bits or of floats are read; the lightest pixel is paper, whatever its value.
+    """
     expect_regular(file, "a picture")
     try:
-        image = cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), cv2.IMREAD_GRAYSCALE)
+        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+        image = cv2.imdecode(np.frombuffer(file.read_bytes(), np.uint8), how)
     except (OSError, cv2.error) as problem:
         raise InputError(file, f"cannot be read as a picture: {problem}") from None
     if image is None:
         raise InputError(file, "cannot be read as a picture, expected the print of a floor")
-    return np.asarray(image.T, np.float64) / 255
+    values = np.asarray(image.T, np.float64)
+    lightest = float(values.max())
+    if not (np.isfinite(values).all() and values.min() >= 0 and lightest > 0):
+        raise InputError(
+            file, "found a picture that is all black, or not of numbers from 0 up, expected a print"
+        )
+    return np.asarray(values / lightest)
 
 
 WHAT = "a folder of aligned odometry, truth and floor sensors (odom_pose.txt, gt.txt, sensor_left.txt)"

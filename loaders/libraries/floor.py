@@ -191,16 +191,29 @@ def library_of_folder(path: Path) -> tuple[Library, str]:
             how = f"{name}: the readings do not show two levels, so above {middle:.3g} is taken as white"
         probes.append(probe)
         said.append(how)
+    levels = _once([how for how in said if how])
     floor = FloorImage(light, PIXEL_M, np.zeros(3))
-    sensor = Reflectance(floor, tuple(probes), described.outliers, described.spot_m, said="; ".join(said))
+    sensor = Reflectance(floor, tuple(probes), described.outliers, described.spot_m, said=levels)
     if drive.truth is not None:
         known_at = np.isfinite(drive.truth).all(axis=1)
         seen = {name: values[known_at] for name, values in drive.readings.items()}
-        doubt = off_print(floor, drive.truth[known_at]) or misplaced(
-            floor, probes, seen, drive.truth[known_at]
-        )
-        said = [*filter(None, [doubt]), *said]
-    return floor_library(path.resolve().name, sensor), "; ".join(filter(None, said))
+        truth = drive.truth[known_at]
+        doubt = misplaced(floor, probes, seen, truth) or off_print(floor, truth)
+    else:
+        width, depth = floor.size_m
+        size = f"{width:.4g} m along x and {depth:.4g} m along y, {100 * PIXEL_M:g} cm a pixel"
+        doubt = f"without gt.txt nothing tells how map.png lies: it is taken as {size}"
+    return floor_library(path.resolve().name, sensor), "; ".join(filter(None, [doubt, levels]))
+
+
+def _once(said: list[str]) -> str:
+    """Return in one line what was said of each sensor, without words that begin as those before."""
+    begins = [one.partition(": ")[0] if one.startswith("levels fitted") else "" for one in said]
+    new = [k == 0 or begins[k] != begins[k - 1] or not begins[k] for k in range(len(said))]
+    return "; ".join(
+        one if is_new else one.removeprefix(f"{begin}: ")
+        for one, begin, is_new in zip(said, begins, new, strict=True)
+    )
 
 
 def _split(probe: Probe, values: F64) -> Probe:

@@ -1,17 +1,21 @@
-"""Whether the print of a floor lies right: the readings of a drive against the print at the true poses."""
+"""Whether the print of a floor and the probes lie right: readings against the print at the true poses."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64
+from maurice_mcl.arrays import F64
 from maurice_mcl.floor import FloorImage
 from maurice_mcl.sensor.reflectance import Probe
 
 AGREES, BETTER = 0.4, 0.3  # least correlation of another orientation, and least gain, to speak of it
 DISAGREES, FEWEST_EDGES = 0.3, 16  # a print that lies right agrees better; few edges agree by chance
+CLEARER = 0.1  # least gain of exchanged sides, which lie near each other
+SCALES = (1.0, 0.1, 0.5, 2.0)  # times as wide a pixel
 LEAST_ON_PRINT = 0.5  # share of true places, for the drive to have been on it
 LEAST_ON = 0.9  # share of the true poses that lie on a print
 
@@ -47,24 +51,63 @@ def off_print(floor: FloorImage, truth: F64) -> str:
     return f"{found}; see --reading truth_scale=0.001,odometry_scale=0.001 for millimeters"
 
 
+@dataclass(frozen=True, slots=True, order=True)
+class _Way:
+    """How else a print may lie; the plainest comes first."""
+
+    exchanged: bool = False  # left and right of the probes
+    times: float = 1.0  # as wide a pixel as it was taken for
+    turns: int = 0  # quarters, counter-clockwise
+    mirrored: bool = False  # then left to right
+
+    def of(self, floor: FloorImage, probes: Sequence[Probe]) -> tuple[FloorImage, list[Probe]]:
+        turned = np.rot90(floor.values.T, self.turns)
+        laid = np.fliplr(turned) if self.mirrored else turned
+        side_m = floor.resolution_m * self.times
+        sides = [replace(one, y_m=-one.y_m) if self.exchanged else one for one in probes]
+        return FloorImage(np.ascontiguousarray(laid.T), side_m, floor.origin), sides
+
+
+WAYS = tuple(_Way(*way) for way in product((False, True), SCALES, range(4), (False, True)))
+
+
 def misplaced(floor: FloorImage, probes: Sequence[Probe], readings: Mapping[str, F64], truth: F64) -> str:
-    """Return how else the print fits the readings much better, in one line; empty where it lies right."""
-    as_it_is, image = agreement(floor, probes, readings, truth), floor.values.T
-    found = {
-        (turns, mirrored): agreement(_laid(floor, image, turns, mirrored), probes, readings, truth)
-        for turns in range(4)
-        for mirrored in (False, True)
-    }
-    (turns, mirrored), best = max(found.items(), key=lambda one: one[1])
-    seen = sum(_crossings(readings[probe.name]) for probe in probes)
-    if as_it_is > DISAGREES or best < AGREES or best - as_it_is < BETTER or seen < FEWEST_EDGES:
+    """Return how else the print fits the readings much better, in one line; empty where it lies right.
+
+    Other ways are: turned or mirrored, of another scale, and with the left and right probes exchanged.
+    """
+    if sum(_crossings(readings[probe.name]) for probe in probes) < FEWEST_EDGES:
         return ""
-    how = [f"turned by {90 * turns} deg counter-clockwise"] * (turns > 0)
-    how += ["then mirrored left to right" if turns else "mirrored left to right"] * mirrored
-    fits = (
-        f"the readings fit it much better {', '.join(how)} (correlation {best:.2f}, as it is {as_it_is:.2f})"
-    )
+    found = {way: agreement(*way.of(floor, probes), readings, truth) for way in WAYS}
+    as_it_is = found[_Way()]
+    way = max((one for one in WAYS if not one.exchanged), key=lambda one: found[one])
+    exchanged = max((one for one in WAYS if one.exchanged), key=lambda one: found[one])
+    if found[exchanged] - found[way] >= CLEARER:
+        way = exchanged
+    best, sides_only = found[way], way == _Way(exchanged=True)
+    if best < AGREES or (not sides_only and (as_it_is > DISAGREES or best - as_it_is < BETTER)):
+        return ""
+    how = f"(correlation {best:.2f}, as it is {as_it_is:.2f})"
+    if sides_only:
+        names = " and ".join(f"sensor_{probe.name}.txt" for probe in probes if probe.y_m)
+        fits = f"at the true poses they fit map.png better with left and right exchanged {how}"
+        return (
+            f"{names} lie on the other side: {fits}; exchange the files, or the signs of y_m in probes.toml"
+        )
+    fits = f"the readings fit it much better {_described(way, floor)} {how}"
     return f"map.png lies wrong: at the true poses {fits}; save the picture so"
+
+
+def _described(way: _Way, floor: FloorImage) -> str:
+    how = [f"turned by {90 * way.turns} deg counter-clockwise"] * (way.turns > 0)
+    how += ["then mirrored left to right" if way.turns else "mirrored left to right"] * way.mirrored
+    if way.times != 1:
+        rows, columns = (max(1, round(count * way.times)) for count in floor.values.T.shape)
+        was, taken = (f"{100 * floor.resolution_m * times:g} cm" for times in (way.times, 1))
+        how.insert(0, f"as {was} a pixel: resized to {columns} x {rows} pixels of {taken}")
+    if way.exchanged:
+        how.append("with the left and right sensors exchanged")
+    return ", ".join(how)
 
 
 def _crossings(values: F64) -> int:
@@ -74,10 +117,3 @@ def _crossings(values: F64) -> int:
         return 0
     low, high = np.quantile(known, (0.02, 0.98))
     return int((np.diff(known > (low + high) / 2) != 0).sum())
-
-
-def _laid(floor: FloorImage, image: F32, turns: int, mirrored: bool) -> FloorImage:
-    """Return the floor of the picture as stored, turned counter-clockwise, then mirrored left to right."""
-    turned = np.rot90(image, turns)
-    laid = np.fliplr(turned) if mirrored else turned
-    return FloorImage(np.ascontiguousarray(laid.T), floor.resolution_m, floor.origin)

@@ -211,6 +211,16 @@ def test_without_odometry_it_says_how_some_is_made(write_log: WriteLog, pixel: d
     assert (said(*truth), said(*pictures), said(*pictures, *odometry)) == (made[:1], made[1:], [])
 
 
+def test_odometry_from_pictures_is_offered_with_the_view_that_it_needs(
+    write_log: WriteLog, pixel: dict[str, Any]
+) -> None:
+    log = write_log(*({"t": t, "image": pixel} for t in range(3)))
+    (without,) = odometry_advice(diagnose(log, ReadingOptions(), None))
+    assert without.startswith("--reading odometry_from_pictures=true,camera_fov_deg=60 makes")
+    (stated,) = odometry_advice(diagnose(log, ReadingOptions(camera_fov_rad=1.2), None))
+    assert stated.startswith("--reading odometry_from_pictures=true makes")
+
+
 SIZES = st.floats(allow_nan=False, allow_infinity=False)
 NUMBERS = SIZES | st.floats(-5, 5) | st.sampled_from([0, 0.1, 1e18])
 LINES = st.lists(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -12,7 +11,6 @@ import pytest
 import maurice_viz as mv
 from maurice_loaders import InputError, open_library, open_session
 from maurice_loaders.libraries.floor import read_probes
-from maurice_mcl.arrays import U8
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.geometry import compose
@@ -135,25 +133,3 @@ def test_a_saved_run_without_pictures_keeps_what_its_sensors_said(folder: Path, 
     assert all(len(one) and np.ptp(one) > 0 for one in quality)
     with pytest.raises(InputError, match=r"step 9 compared no picture .* left reads .* at the truth is"):
         mv.explain(tmp_path / "run", 9)
-
-
-@pytest.mark.parametrize(
-    ("spoil", "said"),
-    [
-        (lambda image: image, ""),
-        (np.flipud, "turned by 180 deg counter-clockwise, then mirrored left to right"),
-        (np.rot90, "turned by 270 deg counter-clockwise"),
-    ],
-    ids=["right", "mirrored", "turned"],
-)
-def test_a_print_that_lies_wrong_is_told(
-    folder: Path, tmp_path: Path, spoil: Callable[[U8], U8], said: str
-) -> None:
-    for file in folder.iterdir():
-        (tmp_path / file.name).write_bytes(file.read_bytes())
-    image = cv2.imread(str(folder.parent / "map.png"), cv2.IMREAD_GRAYSCALE)
-    cv2.imwrite(str(tmp_path / "map.png"), np.ascontiguousarray(spoil(image)))
-    told: list[str] = []
-    open_library(tmp_path, warn=told.append)
-    assert ("map.png lies wrong" in told[0]) == bool(said)
-    assert said in told[0]
