@@ -92,6 +92,7 @@ def _near(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 MOST_MAP_BYTES = 2**16
 THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # defaults of map_server
 FLOOR = "floor"  # ours: the picture is the print of a floor, and all of it is free
+SAVED_UNKNOWN = 205 / 255  # the shade that map_saver gives to unknown cells
 MODES = ("trinary", "scale")  # which differ only in what lies between free and occupied
 _LINE = re.compile(r"(?P<key>\w+)\s*:(?:\s+(?P<value>.*))?$")
 _ITEM = re.compile(r"\s*-\s+(?P<value>.*)$")
@@ -134,17 +135,31 @@ def read_ros_map(file: Path) -> Arena:
 
 
 def read_floor(file: Path) -> FloorImage:
-    """Read `map.yaml` and its picture as the print of a floor: 0 black to 1 white. Raises InputError."""
+    """Read `map.yaml` and its picture as the print of a floor: 0 black to 1 white. Raises InputError.
+
+    With `mode: trinary` a cell is occupied (black), free (white) or unknown, as in the maps that ROS saves.
+    """
     try:
         values = _yaml_values(file)
         side_m, origin = _placing(values)
         picture = text(values.get("image"), "image")
+        occupied, free = (number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
         if not 1e-4 <= side_m <= 1e3:
             raise FieldError(f"found a resolution of {side_m:g} m, expected 0.1 mm to 1 km")
     except FieldError as problem:
         raise InputError(file, f"{problem}; is this a ROS map?") from None
     shade = _shades(file, file.parent / picture, unknown=math.nan)
     light = 1 - shade if values.get("negate") in (1.0, "true") else shade
+    if values.get("mode") == MODES[0]:
+        saved = (
+            np.abs(shade - SAVED_UNKNOWN) < 1e-3
+        )  # with a free_thresh of 0.25 ROS itself would call it free
+        conditions = [light < 1 - occupied, saved, light > 1 - free]
+        light = np.select(conditions, [np.zeros(1), np.full(1, math.nan), np.ones(1)], math.nan)
+        if not np.isfinite(light).any():
+            raise InputError(
+                file, f"found no free or occupied cell in {picture}, expected a print; see {FLOOR}"
+            )
     return FloorImage(np.flipud(light).astype(np.float32), side_m, np.array(origin))
 
 
