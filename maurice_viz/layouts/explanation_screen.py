@@ -129,7 +129,7 @@ def _draw_marks(rec: rr.RecordingStream, paths: RunPaths, update: ExplainedUpdat
         origins=update.scale.screen(poses[:, :2]),
         vectors=np.asarray(along, np.float32),
         colors=[colors[who] for who, _ in shown],
-        labels=labels_on_map(shown),
+        labels=labels_on_map(shown, max(update.library.arena.size_m)),
         show_labels=True,
         radii=rr.components.Radius.ui_points(2.0),
         draw_order=60.0,

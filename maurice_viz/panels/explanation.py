@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,7 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
     return (WINNER, TRUTH, ESTIMATE) if has_truth else (WINNER, ESTIMATE)
 
 
+LETTER, LINE = 0.0125, 0.05  # width and height of a label's letter, as shares of the arena's long side
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
 THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT = "Not drawn at this update (`--detail`)."
@@ -214,16 +216,27 @@ def _stacked(picture: U8, edges: U8) -> U8:
     return np.concatenate([picture, between, edges])
 
 
-def labels_on_map(shown: Sequence[Column]) -> list[str]:
-    """Return the arrows' labels; arrows of one reference share one, at the last of them: "all" for all."""
-    entries = [None if e is None or e.entry is None else e.entry.entry for _, e in shown]
-    labels = []
-    for k, entry in enumerate(entries):
-        alike = [NAMES[shown[j][0]] for j, other in enumerate(entries) if other == entry]
-        last = entry is not None and entry not in entries[k + 1 :]
-        together = "all" if len(alike) == len(shown) > 1 else ", ".join(alike)
-        labels.append(together if last else "")
-    return labels
+def labels_on_map(shown: Sequence[Column], side_m: float = 0.0) -> list[str]:
+    """Return the arrows' labels; those that would overlap on a map of this size share one: "all" for all."""
+    poses = {k: e.entry.pose for k, (_, e) in enumerate(shown) if e is not None and e.entry is not None}
+    labels = [NAMES[who] if k in poses else "" for k, (who, _) in enumerate(shown)]
+    groups = [[k] for k in poses]
+    joined = True
+    while joined:
+        joined = False
+        for one, other in combinations(groups, 2):
+            apart = np.abs(poses[one[-1]] - poses[other[-1]])[:2] / max(side_m, 1e-9)
+            letters = len(labels[one[-1]]) + len(labels[other[-1]])
+            if apart[0] <= LETTER * letters / 2 and apart[1] <= LINE:
+                groups = [group for group in groups if group not in (one, other)] + [sorted(one + other)]
+                last = groups[-1][-1]
+                for k in groups[-1]:
+                    labels[k] = ""
+                labels[last] = ", ".join(NAMES[shown[k][0]] for k in groups[-1])
+                joined = True
+                break
+    everything = len(groups) == 1 and len(groups[0]) == len(shown) > 1
+    return [*labels[:-1], "all"] if everything else labels
 
 
 def headline(step: StepExplanation) -> str:

@@ -13,7 +13,16 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.explanation import Asked, explain_step
+from maurice_mcl.analysis.explanation import (
+    ESTIMATE,
+    TRUTH,
+    WINNER,
+    Asked,
+    EntryExplanation,
+    Explained,
+    PoseOffset,
+    explain_step,
+)
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, of_feature
 from maurice_mcl.filter.localizer import run
@@ -41,7 +50,7 @@ from maurice_viz.layouts.explanation_screen import (
     draw_explanation,
     explanation_blueprint,
 )
-from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card
+from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card, labels_on_map
 from maurice_viz.panels.histograms import HistogramsPanel, histogram_views
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView, SceneInfo
@@ -308,3 +317,16 @@ def test_the_full_panel_has_every_chart(library, tmp_path, asked, has_truth):
         np.testing.assert_array_equal(picture_of(row), CHART.colors[expected])
     (words,) = recordings.rows(path, PATHS.explain("words"))
     assert f"**Step {moment.frame.step}**" in words.values["TextDocument:text"][0]
+
+
+def test_arrows_that_lie_close_together_share_a_label() -> None:
+    def column(who: str, entry: int, x_m: float) -> tuple[str, Explained]:
+        pose = np.array([x_m, 0.0, 0.0])
+        reference = EntryExplanation(entry, pose, (), 1.0, 0.0, 1, 9, 0, 0.0)
+        return who, Explained(who, pose, reference, None, None, PoseOffset(0.0, 0.0))
+
+    apart = [column(TRUTH, 0, 0.0), column(ESTIMATE, 1, 0.3), column(WINNER, 2, 0.8)]
+    assert labels_on_map(apart) == ["truth's", "estimate's", "winner"]
+    assert labels_on_map(apart, 3.0) == ["", "truth's, estimate's", "winner"]
+    assert labels_on_map(apart, 3.5) == ["", "", "all"]  # the wide label would meet the winner's
+    assert labels_on_map([(TRUTH, None), *apart[1:]], 6.0) == ["", "", "estimate's, winner"]
