@@ -226,7 +226,7 @@ def labels_on_map(shown: Sequence[Column], side_m: float = 0.0) -> list[str]:
         joined = False
         for one, other in combinations(groups, 2):
             apart = np.abs(poses[one[-1]] - poses[other[-1]])[:2] / max(side_m, 1e-9)
-            letters = len(labels[one[-1]]) + len(labels[other[-1]])
+            letters = len(labels[one[-1]]) + len(labels[other[-1]]) + 2  # and the boxes around them
             if apart[0] <= LETTER * letters / 2 and apart[1] <= LINE:
                 groups = [group for group in groups if group not in (one, other)] + [sorted(one + other)]
                 last = groups[-1][-1]

@@ -327,6 +327,6 @@ def test_arrows_that_lie_close_together_share_a_label() -> None:
 
     apart = [column(TRUTH, 0, 0.0), column(ESTIMATE, 1, 0.3), column(WINNER, 2, 0.8)]
     assert labels_on_map(apart) == ["truth's", "estimate's", "winner"]
-    assert labels_on_map(apart, 3.0) == ["", "truth's, estimate's", "winner"]
+    assert labels_on_map(apart, 2.7) == ["", "truth's, estimate's", "winner"]
     assert labels_on_map(apart, 3.5) == ["", "", "all"]  # the wide label would meet the winner's
     assert labels_on_map([(TRUTH, None), *apart[1:]], 6.0) == ["", "", "estimate's, winner"]
