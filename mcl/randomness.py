@@ -60,6 +60,7 @@ def stream(
 
 def generator(words: U64) -> np.random.Generator:
     """Return the generator that four words (4,) of `address_words` begin."""
+    # numpy takes any seed sequence, which its types do not say
     return np.random.Generator(np.random.PCG64(cast(Any, _Known(words))))
 
 

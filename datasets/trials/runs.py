@@ -75,7 +75,7 @@ def run_job(job: Job) -> list[Row]:
     """
     try:
         drive = open_drive(job.spec, job.seed)
-    except Exception as problem:
+    except Exception as problem:  # here and below: one run that fails is a row, and the others go on
         return [_failed(asked, job.spec, problem) for asked in job.asked]
     rows, again = _rows(job, drive, together=not job.alone)
     if again:

@@ -113,6 +113,7 @@ class BagRecording:
 
         read = partial(read_bag, self.path, self.open_bag, recorded=bool(self.recorded_times))
         streams = [in_order(read(self.readers(roles), notes), skip) for roles in self._passes()]
+        # all records have a time; the types of heapq lose what they are
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
         for kind, count in late.items():
             notes.warning(

@@ -84,7 +84,7 @@ def bag_errors(path: Path, repair: str = "was the recording closed properly?") -
         yield
     except InputError:
         raise
-    except Exception as problem:
+    except Exception as problem:  # rosbags raises many kinds for damaged files
         what = " ".join(str(problem).split())[:200] or REASONS.get(type(problem).__name__, "unreadable")
         found = f"found a damaged or incomplete file ({what.rstrip('.')}), expected a complete one"
         raise InputError(path, f"{found}; {repair}") from None

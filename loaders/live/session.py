@@ -294,7 +294,7 @@ class LiveSession(HasReadingNotes):
         """Listen, in a separate thread; errors are raised where moments are taken."""
         try:
             self._take_in()
-        except Exception as problem:
+        except Exception as problem:  # of a thread: raised again by the one that reads
             self._error = problem
         finally:
             if self._recorder is not None:

@@ -111,10 +111,10 @@ def atlas(
 def page_of(folder: Path, spot_m: float | None, where: Sequence[str]) -> str:
     """Return the page."""
     rows = load_trials(folder, where)
-    usual = rows["right_m"].median()
-    if spot_m is None and not isinstance(usual, float):
+    width_m = rows["right_m"].median() if spot_m is None else spot_m
+    if not isinstance(width_m, float):
         raise InputError(folder, "found no true positions in these trials, which say where errors were made")
-    found = failure_atlas(rows, spot_m or float(usual))  # type: ignore[arg-type]
+    found = failure_atlas(rows, width_m)
     recorded = rows["arena"].null_count() == len(rows)
     unit, per_m = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
     plans = _plans(Material(folder), rows, found, unit, per_m)

@@ -44,7 +44,7 @@ def one_line_errors() -> Iterator[None]:
         where = f"{problem.filename}: " if problem.filename else ""
         advice = "; free some space, or write to another disk" if problem.errno == errno.ENOSPC else ""
         fail(f"{where}{problem.strerror or problem}{advice}")
-    except Exception as problem:
+    except Exception as problem:  # told apart by name: importing their classes would be slow
         if _is(problem, "maurice_viz.errors", "OptionError"):
             raise typer.BadParameter(str(problem)) from None
         if _is(problem, "maurice_loaders.errors", "InputError"):

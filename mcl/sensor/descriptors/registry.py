@@ -92,7 +92,7 @@ def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
     """Measure a picture with a channel, maybe third-party. ValueError for an invalid result."""
     try:
         found = channel.describe(image)
-    except Exception as problem:
+    except Exception as problem:  # third-party code
         raise ValueError(f"channel {channel.name!r} raised {type(problem).__name__}: {problem}") from problem
     if not isinstance(found, np.ndarray) or found.dtype != np.float32 or found.ndim != 1:
         shape = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__

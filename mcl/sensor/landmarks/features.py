@@ -28,6 +28,7 @@ class Keypoints:
 
 @lru_cache(maxsize=1)
 def _sift() -> Any:
+    # the stubs of OpenCV lack enable_precise_upscale
     return cast(Any, cv2).SIFT_create(nfeatures=MOST, contrastThreshold=CONTRAST, enable_precise_upscale=True)
 
 
