@@ -308,6 +308,6 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo)
         contents = [*MAP, f"{paths.phase_key(LIKELIHOOD)}/**", paths.likelihood(channel)]
         contents += [paths.particles, paths.fresh]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
-        title = channel if views else f"Likelihood: {channel} ({scene.scale.units.name})"
+        title = channel if views else f"Likelihood ({scene.scale.units.name})"  # of all channels together
         views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene.has_truth)))
     return views
