@@ -25,7 +25,7 @@ from ..pictures import decode_picture
 from .files import hash_file
 from .remembered import remembered
 
-VERSION = 2  # of what landmarks are made of: another one makes them again
+VERSION = 3  # of what landmarks are made of: another one makes them again
 LANDMARKS = "landmarks"
 
 Progress = Callable[[int, int, str], None]  # done, of how many, what

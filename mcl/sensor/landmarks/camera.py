@@ -9,11 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...arrays import F32, F64
 
 NEAREST_M = 0.05  # a point nearer than this to the plane of the lens, or behind it, is not seen
 NOWHERE_PX = np.float32(1e4)  # the pixel of such a point: far outside of any picture
+# A distortion below zero folds what is far from the axis back into the picture: r (1 + k r^2) falls again
+# where 1 + k r^2 is below this. The distortion was fitted within the picture and says nothing of there.
+FOLDS = 2 / 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,8 @@ class PinholeCamera:
 def project(camera: PinholeCamera, poses: F32, points: F32) -> tuple[F32, F32]:
     """Return where points (M, 3) fall for each pose (N, 3): pixels (2, N, M), and their depth (N, M).
 
-    Poses and points are relative to one origin. A point behind the camera falls far outside the picture.
+    Poses and points are relative to one origin. A point behind the camera, or so far from its axis that the
+    distortion folds, falls far outside the picture.
     """
     heading = poses[:, 2] + np.float32(camera.yaw_rad)
     c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
@@ -72,6 +77,7 @@ def project(camera: PinholeCamera, poses: F32, points: F32) -> tuple[F32, F32]:
     down *= scale
     if camera.distortion:
         bent = np.float32(camera.distortion / camera.focal_px**2) * (right * right + down * down) + 1
+        seen &= bent > FOLDS
         right *= bent
         down *= bent
     right += np.float32(camera.middle[0])
@@ -128,10 +134,11 @@ def _stack(rows: list[list[F64]]) -> F64:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
 
 
-def linearize_poses(camera: PinholeCamera, poses: F64, points: F64) -> tuple[F64, F64, F64]:
-    """Project all points (K, 3) from all poses (H, 3): pixels (H, 2, K), depth (H, K), by pose (H, 2, K, 3).
+def linearize_poses(camera: PinholeCamera, poses: F64, points: F64) -> tuple[F64, F64, NDArray[np.bool_]]:
+    """Project points (K, 3) from all poses (H, 3): pixels (H, 2, K), by pose (H, 2, K, 3), and seen (H, K).
 
     The same as `linearize` of all pairs, by poses alone and several times faster for a few thousand pairs.
+    What is behind the camera, or where the distortion folds, is not seen.
     """
     heading = poses[:, 2:] + camera.yaw_rad
     c, s = np.cos(heading), np.sin(heading)
@@ -152,7 +159,7 @@ def linearize_poses(camera: PinholeCamera, poses: F64, points: F64) -> tuple[F64
         in_x, in_y = dr - x * cp * da, (sp - y * cp) * da
         by_pose[:, 0, :, column] = by_x * in_x + mixed * in_y
         by_pose[:, 1, :, column] = mixed * in_x + by_y * in_y
-    return pixels, depth, by_pose
+    return pixels, by_pose, (depth > NEAREST_M) & (bent > FOLDS)
 
 
 def directions(camera: PinholeCamera, pixels: F64) -> tuple[F64, F64]:

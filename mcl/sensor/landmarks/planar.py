@@ -155,10 +155,10 @@ class _Agreement:
 
 
 def _agreement(camera: PinholeCamera, matched: Matched, poses: F64, sd: F64, area_px: float) -> _Agreement:
-    pixels, depth, by_pose = linearize_poses(camera, poses, matched.points)
+    pixels, by_pose, seen = linearize_poses(camera, poses, matched.points)
     off = matched.pixels.T - pixels
     squared = (off[:, 0] ** 2 + off[:, 1] ** 2) / sd**2
-    agree = np.where(depth > 0.05, np.exp(-0.5 * squared), 0.0)
+    agree = np.where(seen, np.exp(-0.5 * squared), 0.0)
     wrong = outlier_part(matched.inlier, sd, area_px)
     right = agree / (agree + wrong)
     weighted = by_pose * (right / sd**2)[:, None, :, None]

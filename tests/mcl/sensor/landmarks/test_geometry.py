@@ -118,9 +118,36 @@ def test_covariances_cover_the_truth():
 def test_many_poses_at_once_have_the_derivatives_of_each(camera):
     rng = np.random.default_rng(0)
     poses, points = rng.normal(0, 1, (7, 3)), rng.normal(0, 3, (11, 3))
-    pixels, depth, by_pose = linearize_poses(camera, poses, points)
+    pixels, by_pose, seen = linearize_poses(camera, poses, points)
     each = linearize(camera, np.repeat(poses, 11, axis=0), np.tile(points, (7, 1)))
     np.testing.assert_allclose(pixels, each.pixels.reshape(7, 11, 2).swapaxes(1, 2), rtol=1e-12)
-    np.testing.assert_allclose(depth, each.depth.reshape(7, 11), rtol=1e-12)
     each_by_pose = each.by_pose.reshape(7, 11, 2, 3).swapaxes(1, 2)
     np.testing.assert_allclose(by_pose, each_by_pose, rtol=1e-9, atol=1e-9)
+    assert not seen[each.depth.reshape(7, 11) <= 0].any()
+    assert 0 < seen.sum() < seen.size
+
+
+def folding(camera):
+    """A camera, and a point 77 degrees from its axis that the polynomial alone puts into the picture."""
+    camera = replace(camera, tilt_rad=0.0, yaw_rad=0.0)
+    out = 0.98 / np.sqrt(-camera.distortion)  # of this tangent, r (1 + k r^2) is small again
+    return camera, np.array([[1.0, out, camera.height_m]])
+
+
+def test_a_point_where_the_distortion_folds_is_not_seen():
+    camera, point = folding(BENT)
+    at = np.zeros((1, 3))
+    folded = seen_from(at[0], camera, point).pixels[0]
+    assert 0 < folded[0] < camera.width_px  # what the polynomial alone says
+    pixels, _ = project(camera, at.astype(np.float32), point.astype(np.float32))
+    assert pixels[0, 0, 0] > 1000
+    assert not linearize_poses(camera, at, point)[2].any()
+
+
+def test_what_is_seen_does_not_end_where_nothing_folds():
+    camera = replace(BENT, distortion=0.05)
+    points = ahead_of(POSE, camera, 30)
+    pixels, _, seen = linearize_poses(camera, POSE[None], points)
+    there, _ = project(camera, POSE[None].astype(np.float32), points.astype(np.float32))
+    assert seen.all()
+    np.testing.assert_allclose(there[:, 0], pixels[0], atol=2e-3)
