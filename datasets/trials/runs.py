@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
+from traceback import walk_tb
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,7 @@ def _stepped(
             raise InputError(None, "found no picture, expected one or more")
     except Exception as problem:
         for stepper in left:
-            yield stepper, Unread(str(problem) or type(problem).__name__)
+            yield stepper, Unread(_why(problem))
 
 
 def _about_filter(asked: TrialRun) -> Row:
@@ -195,12 +196,21 @@ def _about(asked: TrialRun, spec: SessionSpec) -> Row:
 
 
 def _failed(asked: TrialRun, spec: SessionSpec, problem: Exception) -> Row:
-    what = str(problem) or type(problem).__name__
     try:
         about = _about(asked, spec) | _about_filter(asked)
     except ValueError:  # a configuration that cannot be
         about = {"part": asked.part, "session": asked.session, "variant": asked.variant, "seed": asked.seed}
-    return about | {"label": asked.label, "error": what.splitlines()[0]}
+    return about | {"label": asked.label, "error": _why(problem)}
+
+
+def _why(problem: Exception) -> str:
+    """Return one line; what nobody expected also says where our own code broke."""
+    what = (str(problem) or type(problem).__name__).splitlines()[0]
+    if isinstance(problem, InputError | Unread):
+        return what
+    places = ((frame.f_globals.get("__name__", ""), line) for frame, line in walk_tb(problem.__traceback__))
+    module, line = [place for place in places if place[0].startswith("maurice_")][-1]
+    return f"{type(problem).__name__} in {module}, line {line}: {what}"
 
 
 @cache

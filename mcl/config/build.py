@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -61,7 +62,7 @@ def make_localizer(
     docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
     `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`); each is used with
     weight 1. Environment variables are not read. The scales of a library with few places are widened
-    (`adapted`), and a library without landmarks is used without them (`available`).
+    (`adapted`), and a library without landmarks is used without them (`available`), with a warning.
 
     Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
 
@@ -81,13 +82,21 @@ def make_localizer(
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
     try:
         nearest = nearest_reference(library.poses, library.arena)
-        configuration = available(configure(layers), library)[0]
+        configuration, missing = available(configure(layers), library)
         parameters = adapted(configuration, library, nearest)[0].parameters
         localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
     except ValueError as problem:
         raise InputError(None, str(problem)) from None
+    if missing:
+        warnings.warn(_without(library, missing), stacklevel=2)
     added = {one.name: one for one in sensors}
     return replace(localizer, sensor=replace(localizer.sensor, sensors={**localizer.sensor.sensors, **added}))
+
+
+def _without(library: Library, missing: Sequence[str]) -> str:
+    left = f"the library {library.name!r} holds no {', '.join(missing)}: the other channels are used alone"
+    found = "maurice_loaders.with_landmarks(library) finds some in its pictures"
+    return f"{left}; {found}" if "landmarks" in missing else left
 
 
 def available(configuration: Configuration, library: Library) -> tuple[Configuration, tuple[str, ...]]:

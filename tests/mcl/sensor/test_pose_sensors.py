@@ -198,3 +198,10 @@ def test_a_library_without_landmarks_is_used_without_them():
         available(configure([Layer("test", {"sensor.weights": {"landmarks": 1.0}})]), library)
     with pytest.raises(mcl.InputError, match="hog"):
         available(configure([Layer("test", {"sensor.weights": {"color": 1.0, "hog": 1.0}})]), library)
+
+
+def test_a_library_without_landmarks_is_used_without_them_and_a_warning_says_so():
+    with pytest.warns(UserWarning, match=r"holds no landmarks: .*with_landmarks\(library\)") as told:
+        localizer = mcl.make_localizer(mcl.tiny_library(), preset="precise", particles=100)
+    assert "landmarks" not in localizer.sensor.sensors
+    assert told[0].filename == __file__
