@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from maurice_mcl.sensor.visual_odometry import (
     match_points,
     picture_points,
     relative_motion,
+    tells_tilt,
 )
 from maurice_mcl.session import Camera, SessionInfo
 
@@ -31,6 +33,12 @@ FROM_PICTURES = "odometry from pictures"  # in the session's name: every table a
 FEWEST_STEPS = 3  # lengths that the floor has to tell, for their median to be taken
 STEP_SHARE = 0.35  # sd of the logarithm of a robot's steps, and of a length by the floor
 LEAST_TURN_RAD = 1e-9  # a turn of exactly zero would say that the pictures tell nothing
+KEPT_TURN_RAD = math.radians(
+    8
+)  # turned by more than this, a standing robot is seen from the picture it has now
+LEAST_UNSEEN_TURN_RAD = 0.05
+FEWEST_SHARED = 20  # matches; with fewer, a picture is compared with a later one
+TILT_MOVES = 40  # pairs of pictures between which the robot moved, of which the best show the camera's tilt
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +54,19 @@ class PictureOdometry:
 
     motions: tuple[F64, ...]
     told: int  # how many of them the pictures tell
+    standing: int  # in how many of those the robot stood or turned in place
     step_m: float  # of a movement whose length is unknown
     by_floor: int  # lengths that the floor told
     tilt_rad: float
+    unseen_turn_rad: float | None  # sd of the turns that no picture tells; None: they may be any
 
     @property
     def said(self) -> str:
         """What everybody has to know who sees a result."""
         lengths = f"{self.by_floor} lengths by the floor, the others near {self.step_m:.2g} m"
         tilt = f"camera tilted up by {math.degrees(self.tilt_rad):.0f} degrees, as fits the pictures best"
-        found = f"{FROM_PICTURES}: {self.told} of {len(self.motions)} movements have a turn and a direction"
+        stood = f" (in {self.standing} the robot stood or turned in place)" if self.standing else ""
+        found = f"{FROM_PICTURES}: {self.told} of {len(self.motions)} movements found{stood}"
         return f"{found}, the others are unknown; {lengths}; {tilt}"
 
 
@@ -63,7 +74,7 @@ class WithPictureOdometry:
     """A recording without odometry, with a movement before every picture but the first.
 
     Where two pictures have too little in common the movement's turn is exactly zero, which the motion model
-    "pictures" takes for unknown.
+    "pictures" takes for unknown. Where the robot stood or turned in place, its length is zero.
     """
 
     def __init__(self, recording: Recording, options: ReadingOptions) -> None:
@@ -83,7 +94,9 @@ class WithPictureOdometry:
             f"{FROM_PICTURES}: turn and direction by matched points, lengths by the floor or a typical step"
         )
         notes, name = (*info.notes, told), f"{info.name} ({FROM_PICTURES})"
-        return replace(info, name=name, notes=notes, motion={"model": "pictures"})
+        turn = self.odometry.unseen_turn_rad
+        motion = {"model": "pictures"} | ({"unseen_turn_sd_rad": turn} if turn else {})
+        return replace(info, name=name, notes=notes, motion=motion)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the recording's records, each picture after its movement."""
@@ -98,17 +111,59 @@ class WithPictureOdometry:
 
     @cached_property
     def odometry(self) -> PictureOdometry:
-        """The movements; all pictures are read once for them. InputError where lengths are unknown."""
-        pairs = self._pairs()
-        tilt_rad = camera_tilt([one for one in pairs if one is not None])
-        height_m = self._lens.height_m
-        found = [None if one is None else relative_motion(one.tilted(tilt_rad), height_m) for one in pairs]
-        found = [one if one is not None and one.tells else None for one in found]
-        steps = [one.step_m for one in found if one is not None and one.step_m is not None]
-        usual_m = self._usual_m(steps)
-        motions = tuple(_motion(one, usual_m, self._lens.yaw_rad) for one in found)
-        told = sum(one is not None for one in found)
-        return PictureOdometry(motions, told, usual_m, len(steps), tilt_rad)
+        """The movements; all pictures are read for them. InputError where lengths are unknown."""
+        tilt_rad = camera_tilt(list(islice(self._moves(), TILT_MOVES)))
+        found = self._found(tilt_rad)
+        steps = [one.step_m for one in found if one is not None and one.step_m]
+        usual_m = self._usual_m(steps) if any(one is None or one.step_m != 0 for one in found) else 0.0
+        told = [one for one in found if one is not None]
+        ways = [_way_m(one, usual_m) for one in told]
+        # a robot that often stands may also stand where no picture tells
+        unseen_m = float(np.mean([*ways, usual_m]))
+        motions = tuple(_motion(one, usual_m, unseen_m, self._lens.yaw_rad) for one in found)
+        standing, turn_rad = ways.count(0.0), self._unseen_turn_rad([abs(one.turn_rad) for one in told])
+        return PictureOdometry(motions, len(told), standing, usual_m, len(steps), tilt_rad, turn_rad)
+
+    def _unseen_turn_rad(self, turns: Sequence[float]) -> float | None:
+        """Return the sd of turns that pictures do not tell, where those they tell are far from the limit."""
+        most = float(np.quantile(turns, 0.9)) if turns else math.inf
+        return max(2 * most, LEAST_UNSEEN_TURN_RAD) if most < self._lens.fov_rad / 3 else None
+
+    def _found(self, tilt_rad: float) -> list[RelativeMotion | None]:
+        """Return the movement before every picture but the first; None where pictures tell nothing.
+
+        A robot that stands is seen from the same earlier picture until it has moved: of many small movements
+        none is large enough to be seen, and all of them together are.
+        """
+        found, turned = list[RelativeMotion | None](), 0.0
+        since: PicturePoints | None = None
+        for number, points in enumerate(self._points()):
+            one = None
+            if since is not None and points is not None:
+                matched = match_points(since, points).tilted(tilt_rad)
+                one = relative_motion(matched, self._lens.height_m)
+            if number:
+                found.append(None if one is None else _after_turn(one, turned))
+            stands = one is not None and one.step_m == 0 and abs(one.turn_rad) < KEPT_TURN_RAD
+            if one is not None and stands:
+                turned = one.turn_rad
+            else:
+                since, turned = points, 0.0
+        return found
+
+    def _moves(self) -> Iterator[MatchedPoints]:
+        """Match pictures with those before between which the robot moved."""
+        since: PicturePoints | None = None
+        for points in self._points():
+            if since is None or points is None:
+                since = points
+                continue
+            matched = match_points(since, points)
+            moved = tells_tilt(matched)
+            if moved:
+                yield matched
+            if moved or len(matched.before) < FEWEST_SHARED:
+                since = points
 
     def _usual_m(self, steps: Sequence[float]) -> float:
         if self._options.picture_step_m:
@@ -121,34 +176,34 @@ class WithPictureOdometry:
         advice = "give a typical one with --reading picture_step_m=0.3, or camera_height_m=0.25"
         raise InputError(self.path, f"{known}; {advice}")
 
-    def _pairs(self) -> list[MatchedPoints | None]:
-        """Match each picture with the one before; None where either cannot be read."""
-        pairs, before = list[MatchedPoints | None](), None
-        first = True
+    def _points(self) -> Iterator[PicturePoints | None]:
+        """Read all pictures; None where one cannot be read."""
         for record in checked(self._bare, ReadingNotes(keep_going=True)):
             if isinstance(record, Picture):
-                points = _points(record, self._lens.fov_rad)
-                if not first:
-                    pairs.append(None if before is None or points is None else match_points(before, points))
-                before, first = points, False
-        return pairs
+                try:
+                    yield picture_points(record.read(), self._lens.fov_rad)
+                except PictureError:
+                    yield None
 
 
-def _points(picture: Picture, fov_rad: float) -> PicturePoints | None:
-    try:
-        return picture_points(picture.read(), fov_rad)
-    except PictureError:
-        return None
+def _after_turn(found: RelativeMotion, turned_rad: float) -> RelativeMotion:
+    """Return a movement as seen after a turn that was told before."""
+    turn, direction = found.turn_rad - turned_rad, found.direction_rad - turned_rad
+    return replace(found, turn_rad=turn, direction_rad=direction)
 
 
-def _motion(found: RelativeMotion | None, usual_m: float, yaw_rad: float) -> F64:
+def _way_m(found: RelativeMotion, usual_m: float) -> float:
+    if not found.step_m:
+        return usual_m if found.step_m is None else 0.0
+    return math.sqrt(usual_m * found.step_m)
+
+
+def _motion(found: RelativeMotion | None, usual_m: float, unseen_m: float, yaw_rad: float) -> F64:
     """Return the movement (3,) in the robot's frame."""
     if found is None:
-        return np.array([usual_m, 0.0, 0.0])
-    way = usual_m if found.step_m is None else math.sqrt(usual_m * found.step_m)
-    ahead = found.direction_rad + yaw_rad
-    turn = found.turn_rad if found.turn_rad else LEAST_TURN_RAD
-    return np.array([way * math.cos(ahead), way * math.sin(ahead), turn])
+        return np.array([unseen_m, 0.0, 0.0])
+    way, ahead = _way_m(found, usual_m), found.direction_rad + yaw_rad
+    return np.array([way * math.cos(ahead), way * math.sin(ahead), found.turn_rad or LEAST_TURN_RAD])
 
 
 def _lens_of(recording: Recording, options: ReadingOptions) -> _Lens:

@@ -204,6 +204,9 @@ class PictureMotionParameters:
     way_share: float = 0.4  # sd of the logarithm of a length
     unseen_turn_sd_rad: float = 1.4  # where the pictures have nothing in common
     unseen_way_share: float = 0.5  # the same of a length then
+    standing_way_sd_m: float = 0.03  # of a robot that stands or turns in place, in any direction
+    standing_turn_sd_rad: float = 0.005
+    standing_turn_share: float = 0.05  # sd of its turn, of the turn: the field of view is known so well
 
     @classmethod
     def from_header(cls, values: Mapping[str, Any]) -> PictureMotionParameters:
@@ -216,7 +219,8 @@ class PictureMotion:
     """Odometry from pictures: sharp in the turn, vague in the length.
 
     A turn of exactly zero stands for pictures that tell nothing: any turn is possible then, and the
-    direction of travel is anywhere between the headings before and after.
+    direction of travel is anywhere between the headings before and after. Another turn with a length of
+    zero is a robot that stands or turns in place.
     """
 
     parameters: PictureMotionParameters = PictureMotionParameters()
@@ -226,6 +230,8 @@ class PictureMotion:
         p = self.parameters
         forward, left, turn = (float(v) for v in motion)
         way, unseen = float(np.hypot(forward, left)), turn == 0
+        if way == 0 and not unseen:
+            return self._standing(poses, turn, noise)
         turned = np.float32(turn) + noise[:, 2] * np.float32(
             p.unseen_turn_sd_rad if unseen else p.turn_sd_rad
         )
@@ -235,6 +241,12 @@ class PictureMotion:
         length = np.float32(way) * np.exp(noise[:, 1] * np.float32(share))
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(poses[:, 2] + turned))
+
+    def _standing(self, poses: F32, turn: float, noise: F32) -> F32:
+        p = self.parameters
+        sd = np.float32(np.hypot(p.standing_turn_sd_rad, p.standing_turn_share * turn))
+        x, y = (poses[:, k] + noise[:, k] * np.float32(p.standing_way_sd_m) for k in (0, 1))
+        return _poses(x, y, wrap(poses[:, 2] + np.float32(turn) + noise[:, 2] * sd))
 
 
 def _poses(x: F32, y: F32, heading: F32) -> F32:

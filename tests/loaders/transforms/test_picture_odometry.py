@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -25,11 +27,25 @@ from maurice_viz.cli.app import app
 MADE = ReadingOptions(odometry_from_pictures=True, picture_step_m=0.2, camera_fov_rad=0.9)
 GIVEN_BY = "--reading picture_step_m=0.2 --reading camera_fov_deg=50"
 STILL = np.zeros(3)
+FOCAL_PX = 80 / np.tan(0.45)
 SCENE = np.random.default_rng(2).integers(0, 255, (20, 60, 3)).astype(np.uint8).repeat(6, 0).repeat(6, 1)
 
 
 def view(x_px: int) -> U8:
     return SCENE[:, x_px : x_px + 160] if x_px >= 0 else np.full((120, 160, 3), 80, np.uint8)
+
+
+def nearer(x_px: int) -> U8:
+    """What a robot sees that went ahead: everything larger, and the upper half, which is nearer, by more."""
+    upper, lower = (cv2.resize(view(x_px), None, fx=by, fy=by)[:, :160] for by in (1.3, 1.1))
+    return np.asarray(np.concatenate([upper[18:78], lower[66:126]]), np.uint8)
+
+
+def zoomed(by: float) -> U8:
+    """What a robot sees that comes nearer: its picture, magnified about the middle."""
+    return np.asarray(
+        cv2.warpAffine(view(60), cv2.getRotationMatrix2D((79.5, 59.5), 0, by), (160, 120)), np.uint8
+    )
 
 
 def turning(shifts_px: list[int], *others: Record) -> Given:
@@ -47,7 +63,52 @@ def test_turns_are_found_and_a_blank_wall_is_unknown() -> None:
     assert right[2] == pytest.approx(-0.15, abs=0.05)
     assert left[2] == pytest.approx(0.15, abs=0.05)
     for unknown in (into_the_wall, out_of_it):
-        assert unknown.tolist() == [0.2, 0, 0]
+        assert unknown == pytest.approx([0.2 / 3, 0, 0])  # two of three movements known of went nowhere
+
+
+def test_a_robot_that_stands_or_turns_in_place_stays_where_it_is() -> None:
+    shifts = [60, 60, 62, 64, 66, 90, 90, 60, 60]
+    found = odometry_from_pictures(turning(shifts), MADE).odometry
+    ways = [float(np.hypot(*motion[:2])) for motion in found.motions]
+    assert ways == [0.0] * 8
+    assert found.standing == found.told == 8
+    assert "in 8 the robot stood or turned in place" in found.said
+    turned = np.cumsum([motion[2] for motion in found.motions])
+    expected = (60 - np.array(shifts[1:])) / FOCAL_PX  # near the middle of the picture
+    assert turned == pytest.approx(expected, abs=0.02)
+    assert all(motion[2] != 0 for motion in found.motions)  # exactly zero would be unknown
+
+
+def test_many_small_movements_are_seen_together() -> None:
+    """Each moves the picture by less than a standing robot's may; the robot went all the way."""
+    zooms = [1.0 + 0.004 * k for k in range(30)]
+    given = Given([Picture(k, partial(zoomed, by), "") for k, by in enumerate(zooms)])
+    found = odometry_from_pictures(given, MADE).odometry
+    went = [k for k, motion in enumerate(found.motions) if np.hypot(*motion[:2]) > 0]
+    assert found.told == 29
+    assert 0 < len(went) < 15
+    assert all(b - a > 1 for a, b in pairwise(went))
+
+
+def test_turns_that_no_picture_tells_are_like_the_others_where_those_are_small() -> None:
+    slow = odometry_from_pictures(turning([60, 62, 64, 66, -1, 66, 68]), replace(MADE, camera_fov_rad=0.9))
+    motion = slow.info.motion
+    assert motion is not None
+    assert motion["unseen_turn_sd_rad"] == pytest.approx(0.05, abs=0.03)
+    fast = odometry_from_pictures(turning([0, 60, 0, 60, -1, 0, 60]), replace(MADE, camera_fov_rad=0.9))
+    assert fast.info.motion == {"model": "pictures"}
+
+
+def test_a_standing_robot_is_narrow_in_any_direction() -> None:
+    noise = np.random.default_rng(0).standard_normal((4000, 3)).astype(np.float32)
+    start, usual = np.zeros((4000, 3), np.float32), PictureMotionParameters()
+    stood = PictureMotion().move(start, np.zeros(2), np.array([0.0, 0.0, 1e-9]), noise)
+    assert stood[:, :2].std(axis=0) == pytest.approx(usual.standing_way_sd_m, rel=0.1)
+    assert stood[:, 2].std() == pytest.approx(usual.standing_turn_sd_rad, rel=0.1)
+    turned = PictureMotion().move(start, np.zeros(2), np.array([0.0, 0.0, 0.5]), noise)
+    assert turned[:, :2].std(axis=0) == pytest.approx(usual.standing_way_sd_m, rel=0.1)
+    assert turned[:, 2].mean() == pytest.approx(0.5, abs=0.01)
+    assert turned[:, 2].std() < PictureMotionParameters().turn_sd_rad
 
 
 def test_what_is_unknown_is_told() -> None:
@@ -55,7 +116,7 @@ def test_what_is_unknown_is_told() -> None:
     with pytest.raises(InputError, match=r"no field of view.*camera_fov_deg"):
         odometry_from_pictures(given, replace(MADE, camera_fov_rad=0.0))
     with pytest.raises(InputError, match=r"no height of the camera.*picture_step_m"):
-        motions(given, ReadingOptions())
+        motions(turning([60, -1]), ReadingOptions())
     with pytest.raises(InputError, match="found no pictures"):
         motions(Given([Note(0, "on"), TruthPose(1, STILL)]))
     for measured in (OdometryPose(2, STILL), Motion(2, STILL)):
@@ -111,7 +172,7 @@ def test_the_command_says_so_too_and_a_saved_run_repeats(bare: Path) -> None:
 
 
 def test_the_camera_of_the_header_is_used() -> None:
-    given = turning([60, 85])
+    given = Given([Picture(0, partial(view, 60), ""), Picture(1, partial(nearer, 60), "")])
     info = replace(given.info, cameras=(Camera("front", horizontal_fov_rad=0.9, yaw_rad=np.pi / 2),))
     options = replace(MADE, camera_fov_rad=0.0)
     made = odometry_from_pictures(replace(given, info=info), options)

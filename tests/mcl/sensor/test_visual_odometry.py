@@ -13,6 +13,7 @@ from maurice_mcl.sensor.visual_odometry import (
     match_points,
     picture_points,
     relative_motion,
+    tells_tilt,
 )
 
 PIXEL = 1 / 190
@@ -48,7 +49,6 @@ def test_turn_direction_and_length_are_found(turn_deg: float) -> None:
     way = np.array([0.3 * np.cos(turn / 2), 0.3 * np.sin(turn / 2), turn])
     found = relative_motion(matched(way), HEIGHT_M)
     assert found is not None
-    assert found.tells
     assert found.turn_rad == pytest.approx(turn, abs=np.radians(1.5))
     assert found.direction_rad == pytest.approx(turn / 2, abs=np.radians(10))
     assert found.step_m == pytest.approx(0.3, rel=0.2)
@@ -57,9 +57,48 @@ def test_turn_direction_and_length_are_found(turn_deg: float) -> None:
 def test_matches_without_a_movement_in_common_tell_nothing() -> None:
     rng = np.random.default_rng(1)
     before, after = rng.uniform(-0.45, 0.45, (2, 60, 2))
-    found = relative_motion(MatchedPoints(before, after, PIXEL), HEIGHT_M)
-    assert found is None or not found.tells
+    assert relative_motion(MatchedPoints(before, after, PIXEL), HEIGHT_M) is None
     assert relative_motion(MatchedPoints(before[:7], after[:7], PIXEL)) is None
+
+
+@pytest.mark.parametrize("turn_deg", [-15, 0, 3, 15])
+def test_a_robot_that_stands_or_turns_in_place_goes_nowhere(turn_deg: float) -> None:
+    turn = np.radians(turn_deg)
+    for seed in range(5):
+        pair = matched(np.array([0.0, 0.0, turn]), seed)
+        found = relative_motion(pair, HEIGHT_M)
+        assert found is not None
+        assert found.step_m == 0
+        assert found.turn_rad == pytest.approx(turn, abs=np.radians(0.3))
+        assert not tells_tilt(pair)
+
+
+def test_a_robot_that_moves_does_not_stand() -> None:
+    for seed in range(5):
+        pair = matched(np.array([0.3, 0.0, 0.1]), seed)
+        found = relative_motion(pair, HEIGHT_M)
+        assert found is not None
+        assert found.step_m != 0
+        assert tells_tilt(pair)
+
+
+def test_before_a_bare_wall_a_few_matches_tell_that_a_robot_stands() -> None:
+    def few(motion: F64, kept: int) -> MatchedPoints:
+        pair = matched(motion)
+        rows = np.r_[40 : 40 + kept, 75:80]  # on walls, and five that are wrong
+        return MatchedPoints(pair.before[rows], pair.after[rows], PIXEL)
+
+    found = relative_motion(few(np.array([0.0, 0.0, 0.1]), 5))
+    assert found is not None
+    assert found.step_m == 0
+    assert found.turn_rad == pytest.approx(0.1, abs=np.radians(0.6))
+    assert relative_motion(few(np.array([0.0, 0.0, 0.1]), 2)) is None
+    assert relative_motion(few(np.array([0.5, 0.0, 0.1]), 5)) is None
+
+
+def test_the_tilt_does_not_make_a_turn_in_place_a_movement() -> None:
+    turn = np.radians(8.0)
+    assert not tells_tilt(matched(np.array([0.0, 0.0, turn]), tilt_rad=np.radians(15)))
 
 
 def test_without_a_height_there_is_no_length() -> None:
