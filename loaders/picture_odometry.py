@@ -64,10 +64,14 @@ class PictureOdometry:
     def said(self) -> str:
         """What everybody has to know who sees a result."""
         lengths = f"{self.by_floor} lengths by the floor, the others near {self.step_m:.2g} m"
-        tilt = f"camera tilted up by {math.degrees(self.tilt_rad):.0f} degrees, as fits the pictures best"
-        stood = f" (in {self.standing} the robot stood or turned in place)" if self.standing else ""
-        found = f"{FROM_PICTURES}: {self.told} of {len(self.motions)} movements found{stood}"
-        return f"{found}, the others are unknown; {lengths}; {tilt}"
+        tilt_deg = round(math.degrees(self.tilt_rad))
+        tilt = f"camera tilted {'down' if tilt_deg < 0 else 'up'} by {abs(tilt_deg)} degrees, as fits best"
+        found = f"{FROM_PICTURES}: {self.told} of {len(self.motions)} movements found"
+        if self.standing:
+            found += f" (in {self.standing} the robot stood, turned in place or moved too little to be seen)"
+        if self.told < len(self.motions):
+            found += ", the others are unknown"
+        return f"{found}; {lengths}; {tilt}"
 
 
 class WithPictureOdometry:
@@ -115,7 +119,8 @@ class WithPictureOdometry:
         tilt_rad = camera_tilt(list(islice(self._moves(), TILT_MOVES)))
         found = self._found(tilt_rad)
         steps = [one.step_m for one in found if one is not None and one.step_m]
-        usual_m = self._usual_m(steps) if any(one is None or one.step_m != 0 for one in found) else 0.0
+        moved = any(one is None or one.step_m != 0 for one in found)
+        usual_m = self._usual_m(steps, _pictures_a_movement(found)) if moved else 0.0
         told = [one for one in found if one is not None]
         ways = [_way_m(one, usual_m) for one in told]
         # a robot that often stands may also stand where no picture tells
@@ -165,9 +170,9 @@ class WithPictureOdometry:
             if moved or len(matched.before) < FEWEST_SHARED:
                 since = points
 
-    def _usual_m(self, steps: Sequence[float]) -> float:
+    def _usual_m(self, steps: Sequence[float], pictures: float) -> float:
         if self._options.picture_step_m:
-            return self._options.picture_step_m
+            return self._options.picture_step_m * pictures
         if len(steps) >= FEWEST_STEPS:
             return float(np.median(steps))
         known = f"found {len(steps)} movements whose length the floor tells"
@@ -184,6 +189,18 @@ class WithPictureOdometry:
                     yield picture_points(record.read(), self._lens.fov_rad)
                 except PictureError:
                     yield None
+
+
+def _pictures_a_movement(found: Sequence[RelativeMotion | None]) -> float:
+    """Return after how many pictures a robot is seen to have moved, in the median; one if it never is."""
+    counts, since = list[int](), 1
+    for one in found:
+        if one is not None and one.step_m == 0:
+            since += 1
+            continue
+        counts += [since] if one is not None else []
+        since = 1
+    return float(np.median(counts)) if counts else 1.0
 
 
 def _after_turn(found: RelativeMotion, turned_rad: float) -> RelativeMotion:
