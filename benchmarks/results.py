@@ -21,6 +21,7 @@ import polars as pl
 from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.statistics import Interval, mean, rate
 from maurice_datasets.trials.table import curve_of
+from maurice_loaders.errors import InputError
 from maurice_mcl.geometry import INCH_M
 
 TITLES = (
@@ -52,7 +53,10 @@ PAIRS = (
 
 
 def main() -> None:
-    rows = read_rows(Path(sys.argv[1])).filter(pl.col("error").is_null())
+    try:
+        rows = read_rows(Path(sys.argv[1])).filter(pl.col("error").is_null())
+    except InputError as problem:
+        sys.exit(str(problem))
     print(f"| {' | '.join((*TITLES, *RATES))} |\n|{'---|' * (len(TITLES) + len(RATES))}")
     for _, some in rows.group_by("part", "session", "variant", maintain_order=True):
         print(row(some))

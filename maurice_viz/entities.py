@@ -22,6 +22,7 @@ PHASES_PER_STEP = 6  # phases of one update on the phase timeline, whether or no
 
 WORLD = "/world"
 FLOORS = "/world/floors"
+BARE_FLOORS = "/world/floors-bare"  # without names, for what is drawn over them
 WALLS = "/world/walls"
 NODES = "/world/nodes"
 PATHS_KEY = "/world/key/paths"  # of a drive by itself

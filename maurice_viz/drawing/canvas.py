@@ -147,7 +147,9 @@ class Canvas:
     unit_per_px: float
 
 
-def draw_ground(arena: Arena, scale: Scale, printed: FloorImage | None = None) -> Canvas:
+def draw_ground(
+    arena: Arena, scale: Scale, printed: FloorImage | None = None, *, named: bool = True
+) -> Canvas:
     """Draw the print of the floor, floors and obstacles with their names, and a ruler along two sides."""
     extent = map_extent(arena, scale)
     unit_per_px = max(extent.width, extent.height) / LONG_SIDE_PX
@@ -160,9 +162,9 @@ def draw_ground(arena: Arena, scale: Scale, printed: FloorImage | None = None) -
     for number, floor in enumerate(arena.floors):
         _fill_floor(canvas, _pixels(canvas, floor.polygon, scale), floor.name, number)
     for obstacle in arena.obstacles:
-        _fill_obstacle(canvas, obstacle, scale, text_px)
-    for region, at_top in [(r, True) for r in arena.rooms] + [(f, False) for f in arena.floors]:
-        _put_name(canvas.image, region.name, _pixels(canvas, region.polygon, scale), at_top, text_px)
+        _fill_obstacle(canvas, obstacle, scale)
+    if named:
+        _put_names(canvas, arena, scale, text_px)
     _ruler(canvas, arena, scale, text_px)
     return canvas
 
@@ -211,16 +213,27 @@ def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:
     cv2.copyTo(tiled, mask, canvas.image)
 
 
-def _fill_obstacle(canvas: Canvas, obstacle: Region, scale: Scale, text_px: float) -> None:
+def _fill_obstacle(canvas: Canvas, obstacle: Region, scale: Scale) -> None:
     polygon = _pixels(canvas, obstacle.polygon, scale)
     cv2.fillPoly(canvas.image, [polygon.round().astype(np.int32)], OBSTACLE, cv2.LINE_AA)
+
+
+def _put_names(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> None:
+    for obstacle in arena.obstacles:
+        _put_inside(canvas.image, obstacle.name, _pixels(canvas, obstacle.polygon, scale), text_px)
+    for region, at_top in [(r, True) for r in arena.rooms] + [(f, False) for f in arena.floors]:
+        _put_name(canvas.image, region.name, _pixels(canvas, region.polygon, scale), at_top, text_px)
+
+
+def _put_inside(image: U8, name: str, polygon: F64, text_px: float) -> None:
+    """Write a name in the middle of an obstacle, smaller if need be; not at all where it would not fit."""
     room = np.ptp(polygon[:, 0]) * 0.9
-    width, height = text_size(obstacle.name, text_px)
+    width, _ = text_size(name, text_px)
     shrunk = max(min(text_px, text_px * room / max(width, 1)), LEAST_SHRUNK * text_px)
     if width * shrunk / text_px < 1.3 * room:  # a little over the edge is better than too small to read
         middle = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
-        width, height = text_size(obstacle.name, shrunk)
-        put_text(canvas.image, obstacle.name, middle[0] - width / 2, middle[1] + height / 2, shrunk, GROUND)
+        width, height = text_size(name, shrunk)
+        put_text(image, name, middle[0] - width / 2, middle[1] + height / 2, shrunk, GROUND)
 
 
 def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) -> None:

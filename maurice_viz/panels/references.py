@@ -39,7 +39,7 @@ from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, TRUTH, Scale
 from .belief import run_key
 from .camera import CaptionedPicture
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
-from .views import MAP, map_view, picture_view, plane_view
+from .views import BARE_MAP, MAP, map_view, picture_view, plane_view
 from .world import distinct_places
 
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
@@ -305,7 +305,7 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo)
     """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
-        contents = [*MAP, f"{paths.phase_key(LIKELIHOOD)}/**", paths.likelihood(channel)]
+        contents = [*BARE_MAP, f"{paths.phase_key(LIKELIHOOD)}/**", paths.likelihood(channel)]
         contents += [paths.particles, paths.fresh]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else f"Likelihood ({scene.scale.units.name})"  # of all channels together

@@ -14,13 +14,14 @@ from maurice_mcl.arrays import U8
 
 from ..drawing.canvas import Extent, map_extent
 from ..drawing.keys import extent_with
-from ..entities import FLOORS, STEP, WALLS, RunPaths
+from ..entities import BARE_FLOORS, FLOORS, STEP, WALLS, RunPaths
 from ..scene import SceneInfo
 from ..style import CLOUD, GROUND, RUN_COLORS
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 MAP = (FLOORS, WALLS)
+BARE_MAP = (BARE_FLOORS, WALLS)  # without names: under colors they are hard to read
 FPS = 4.0  # updates a second when the viewer plays
 SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Radius.ui_points(1.0))
 

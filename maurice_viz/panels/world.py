@@ -151,9 +151,11 @@ class TruthPanel(Panel):
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     """Log everything about the map, static."""
     floor = library.sensors.get(REFLECTANCE)
-    ground = draw_ground(library.arena, scale, floor.floor if isinstance(floor, Reflectance) else None)
-    left, top, width = ground.extent.left, ground.extent.top, ground.extent.width
-    place_drawing(rec, entities.FLOORS, ground.image, (left, top), width / ground.image.shape[1], -10.0)
+    printed = floor.floor if isinstance(floor, Reflectance) else None
+    for path, named in ((entities.FLOORS, True), (entities.BARE_FLOORS, False)):
+        ground = draw_ground(library.arena, scale, printed, named=named)
+        corner = ground.extent.left, ground.extent.top
+        place_drawing(rec, path, ground.image, corner, ground.extent.width / ground.image.shape[1], -10.0)
     inside = clipped(library.arena.walls, library.arena.bounds)
     if len(inside):
         walls = rr.LineStrips2D(
