@@ -24,6 +24,10 @@ class Region:
     polygon: F64  # (K, 2) x_m, y_m, K >= 3, not closed
 
 
+SOLID, MOVABLE = "solid", "movable"  # what obstacles are to a filter: a robot is never there, or it may be
+OBSTACLES = (SOLID, MOVABLE)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Arena:
     """Where a robot can be, in meters. Without walls everything inside the bounds is free."""

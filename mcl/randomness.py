@@ -37,6 +37,7 @@ class Purpose(IntEnum):
     ROUGHEN = 6
     OUTLIER = 7
     BRANCH = 8
+    GUIDE = 9
 
 
 BLOCK = 64  # steps whose addresses are made at once: one by one they cost more than most draws

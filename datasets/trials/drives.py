@@ -65,11 +65,12 @@ class Bench:
             library = self._library(settings)
             configuration = available(configuration_of(settings), library)[0]
             given = configuration.parameters
-            like = self._sensors.get(repr((given.sensor, given.references)))
+            shared = repr((given.sensor, given.references, given.map))
+            like = self._sensors.get(shared)
             if like is None:
                 chosen = adapted(configuration, library, self.nearest)[0].parameters
                 like = build_localizer(library, None, chosen, reference=self.nearest)
-                self._sensors[repr((given.sensor, given.references))] = like
+                self._sensors[shared] = like
             return build_localizer(library, None, given, reference=self.nearest, sensor=like.sensor)
         except (KeyError, ValueError) as problem:
             raise InputError(None, str(problem)) from None

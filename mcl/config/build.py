@@ -17,7 +17,7 @@ from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
 from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
-from ..map import spacing
+from ..map import MOVABLE, spacing
 from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
 from ..radii import Radii, radii_of
 from ..sensor.descriptors.registry import weights_of
@@ -168,6 +168,8 @@ def build_localizer(
     """
     p = parameters or FilterParameters()
     nearest = reference or nearest_reference(library.poses, library.arena)
+    if p.map.obstacles == MOVABLE and library.arena.obstacles:
+        nearest = nearest_reference(library.poses, replace(library.arena, obstacles=()))
     where = regions(nearest, library.size)
     motion = session.info.motion if p.motion is None and session is not None else p.motion
     unknown = p.motion is None and session is None
@@ -186,6 +188,7 @@ def build_localizer(
         ),
         mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
         outliers=p.motion_outliers,
+        guided=p.guided_motion,
         particles=p.particles,
         seed=seed,
         radii=radii_of(library, p.radii) if radii is None else radii,

@@ -12,10 +12,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
+from ..filter.guided_motion import GuidedMotionParameters
 from ..filter.motion import MotionOutliers
 from ..filter.proposal import MixtureParameters
 from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
 from ..filter.resampling import KldParameters
+from ..map import SOLID
 from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import FEATURES, weights_of
 from ..sensor.model import SensorParameters
@@ -59,6 +61,13 @@ class RecoveryParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class MapParameters:
+    """What of the map the filter trusts."""
+
+    obstacles: str = SOLID  # OBSTACLES: "solid", or "movable" since the survey; walls are always solid
+
+
+@dataclass(frozen=True, slots=True)
 class FilterParameters:
     """One filter."""
 
@@ -67,6 +76,8 @@ class FilterParameters:
     resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
     recovery: RecoveryParameters = field(default_factory=RecoveryParameters)
     motion_outliers: MotionOutliers = field(default_factory=MotionOutliers)
+    guided_motion: GuidedMotionParameters = field(default_factory=GuidedMotionParameters)
+    map: MapParameters = field(default_factory=MapParameters)
     motion: Mapping[str, object] | None = None  # replaces the session header's
     particles: int = 2000
     radii: RadiiParameters = field(default_factory=RadiiParameters)
@@ -122,6 +133,8 @@ PRECISE = {
     "sensor.weights": dict(FEATURES["all"]),
     "recovery.strategy": "mixture",
     "recovery.mixture.teleport": 0.001,  # a proposal is wrong once in fifty pictures
+    "sensor.outlier_cost": 12.0,  # fitted: above what most pictures cost at the truth
+    "map.obstacles": "movable",
 }
 PRESETS = {**PRESETS, "precise": {**PRESETS["robust"], **PRECISE}}
 

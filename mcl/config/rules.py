@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ..filter.resampling import RESAMPLERS
+from ..map import OBSTACLES
 from ..pose_sensor import POSE_SENSORS
 from ..radii import NAMES as RADII
 from ..sensor.descriptors.registry import CHANNELS
@@ -133,6 +134,7 @@ RULES: Mapping[str, Rule] = {
     "sensor.distances": channels(choice(*DISTANCES)),
     "sensor.scales": channels(number(1e-9, 1e9)),
     "sensor.widening": number(1, 1e6),
+    "sensor.outlier_cost": number(0, 1e6),
     "references.method": choice("nearest", "interpolated"),
     "references.interpolation.virtual": truth,
     "references.interpolation.places": whole(1, 64),
@@ -168,6 +170,8 @@ RULES: Mapping[str, Rule] = {
     "recovery.mixture.teleport": SHARE,
     "motion_outliers.share": SHARE,
     "motion_outliers.widen": number(1, 1000),
+    "guided_motion.share": number(0, 0.99),
+    "map.obstacles": choice(*OBSTACLES),
     "motion": table,
     **{f"radii.{name}": radius for name in RADII},
 }

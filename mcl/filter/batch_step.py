@@ -45,6 +45,7 @@ def can_batch(localizer: Localizer) -> bool:
     """Return whether every choice of a filter is one that batches know."""
     resampling = localizer.resampling
     known = localizer.mixture is None and resampling.kld is None and resampling.roughening <= 0
+    known = known and not localizer.is_guided
     return known and localizer.particles <= MOST_PARTICLES and localizer.motion is not None
 
 

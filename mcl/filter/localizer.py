@@ -9,7 +9,7 @@ the filter cannot see it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import perf_counter
@@ -37,7 +37,8 @@ from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..session import Frame, Moment, Session
 from .estimate import entry_weights, estimates, log_mean_likelihood
-from .motion import MotionModel, MotionOutliers, keep_in, motion_model, with_outliers
+from .guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
+from .motion import MotionModel, MotionOutliers, keep_in, motion_model, widths, with_outliers
 from .proposal import (
     MixtureParameters,
     ProposedParticles,
@@ -48,7 +49,7 @@ from .proposal import (
 )
 from .recovery import Recovery, RecoveryStep
 from .resampling import Resampled, Resampling
-from .sensor_proposal import can_propose, elsewhere, proposals_of
+from .sensor_proposal import can_propose, elsewhere, proposals_of, tracked
 
 RESAMPLED = "resampled"
 RESEEDED = "reseeded"
@@ -57,6 +58,7 @@ ALL_ZERO = "all weights zero"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 NO_OUTLIERS = MotionOutliers()
+USUALLY_GUIDED = GuidedMotionParameters()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +82,7 @@ class Localizer:
     recovery: RecoveryStep
     mixture: MixtureParameters | None = None  # None: all particles are proposed by the motion model
     outliers: MotionOutliers = NO_OUTLIERS
+    guided: GuidedMotionParameters = USUALLY_GUIDED
     particles: int = 2000
     seed: int = 0
     radii: Radii = USUAL  # by which the cloud is summarized, and the run judged
@@ -151,31 +154,73 @@ class Localizer:
         )
         return FilterState(frame.step, recovered.belief, recovery.state), record
 
+    @property
+    def is_guided(self) -> bool:
+        """Whether sensors propose poses, and particles follow them."""
+        return self.guided.share > 0 and can_propose(self.sensor.sensors.values())
+
     def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> ProposedParticles:
-        """Move the particles by the motion model; with a mixture, draw some from the picture's likelihood."""
+        """Move the particles by the motion model; with a mixture, draw some from the picture's likelihood.
+
+        Where a sensor proposes a pose that the cloud tracks, some particles move toward it. With such a
+        sensor the mixture is for poses where the cloud is not.
+        """
         predicted = self._predict(belief, frame)
-        if self.mixture is None:
+        can_follow = can_propose(self.sensor.sensors.values())
+        if self.mixture is None and not self.is_guided:
             return ProposedParticles(predicted)
-        rng = self._rng(frame.step, Purpose.MIXTURE)
-        likely = comparison.log_likelihood
-        proposals = proposals_of(comparison)
-        if can_propose(self.sensor.sensors.values()):
-            proposals = elsewhere(proposals, predicted, spacing(self.reference.places))
-            if not proposals:
-                return ProposedParticles(predicted)
-        return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, proposals)
+        proposals, reach_m = proposals_of(comparison), spacing(self.reference.places)
+        there = elsewhere(proposals, predicted, reach_m) if can_follow else proposals
+        if self.mixture is not None and (there or not can_follow):
+            likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)
+            return mixture_proposal(
+                predicted, likely, self.reference, self.regions, self.mixture, rng, there
+            )
+        near = tracked(proposals, predicted, reach_m)
+        if near is None or not self.is_guided or not len(frame.motions):
+            return ProposedParticles(predicted)
+        return self._guided(belief, frame, *near)
+
+    def _guided(self, belief: Belief, frame: Frame, pose: F64, covariance: F64) -> ProposedParticles:
+        """Move the particles, some of them toward a pose in the map's frame."""
+        drawn, rng = self._drawn(frame, belief.size), self._rng(frame.step, Purpose.GUIDE)
+
+        def move(noise: Sequence[F32]) -> F32:
+            return self._moved(belief, frame, noise)
+
+        there = pose - [*belief.origin, 0.0]
+        poses, correction = guided_motion(move, drawn, there, covariance, self.guided.share, rng)
+        return ProposedParticles(Belief(poses, belief.log_weights, belief.origin), correction)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
+        noise = []
+        # one generator per movement, so that a larger N keeps the draws of a smaller one in each of them
+        for number in range(len(frame.motions)):
+            drawn = normals(self._rng(frame.step, Purpose.MOTION, number), belief.size)
+            if self.outliers.share > 0:
+                drawn = with_outliers(drawn, self.outliers, self._rng(frame.step, Purpose.OUTLIER, number))
+            noise.append(drawn)
+        return Belief(self._moved(belief, frame, noise), belief.log_weights, belief.origin)
+
+    def _moved(self, belief: Belief, frame: Frame, noise: Sequence[F32]) -> F32:
+        """Return poses (N, 3) after every movement of a frame, with the noise (N, 3) of each."""
         if self.motion is None:
             raise InputError(None, "found no motion model; use `run`, or `of_session` before the first step")
         poses: F32 = belief.poses
-        # one generator per movement, so that a larger N keeps the draws of a smaller one in each of them
-        for number, motion in enumerate(frame.motions):
-            noise = normals(self._rng(frame.step, Purpose.MOTION, number), belief.size)
-            if self.outliers.share > 0:
-                noise = with_outliers(noise, self.outliers, self._rng(frame.step, Purpose.OUTLIER, number))
-            poses = self.motion.move(poses, belief.origin, motion, noise)
-        return Belief(poses, belief.log_weights, belief.origin)
+        for motion, drawn in zip(frame.motions, noise, strict=True):
+            poses = self.motion.move(poses, belief.origin, motion, drawn)
+        return poses
+
+    def _drawn(self, frame: Frame, n: int) -> DrawnNoise:
+        """Return the noise that `_predict` draws, and how much of it is that of outliers."""
+        movements = range(len(frame.motions))
+        drawn = [normals(self._rng(frame.step, Purpose.MOTION, number), n) for number in movements]
+        wide = np.ones((n, len(drawn)))
+        if self.outliers.share > 0:
+            for number in movements:
+                rng = self._rng(frame.step, Purpose.OUTLIER, number)
+                wide[:, number] = widths(n, self.outliers, rng)
+        return DrawnNoise(np.concatenate(drawn, axis=1, dtype=np.float64), np.repeat(wide, 3, axis=1))
 
     def _is_inside(self, belief: Belief) -> bool:
         """Return whether a particle with any weight is in free space."""

@@ -294,5 +294,9 @@ def with_outliers(noise: F32, outliers: MotionOutliers, rng: np.random.Generator
     """Return standard normals (N, 3) with some rows, chosen at random, multiplied by `outliers.widen`."""
     if outliers.share <= 0:
         return noise
-    wide = rng.random(len(noise)) < outliers.share
-    return np.asarray(noise * np.where(wide, outliers.widen, 1.0)[:, None], np.float32)
+    return np.asarray(noise * widths(len(noise), outliers, rng)[:, None], np.float32)
+
+
+def widths(n: int, outliers: MotionOutliers, rng: np.random.Generator) -> F64:
+    """Return what the noise of each of n particles is multiplied with: 1, or `outliers.widen`."""
+    return np.where(rng.random(n) < outliers.share, outliers.widen, 1.0)

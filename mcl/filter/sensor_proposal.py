@@ -48,6 +48,21 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
     return found
 
 
+def tracked(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float) -> tuple[F64, F64] | None:
+    """Return the pose (3,) and covariance (3, 3) of the proposed mode that the predicted cloud tracks.
+
+    It is that with the most weight of both, in the map's frame; None where the cloud tracks none
+    (`elsewhere`).
+    """
+    best, found = 0.0, None
+    for one in proposals:
+        for pose, covariance, weight in zip(one.poses, one.covariances, one.weights.tolist(), strict=True):
+            near = _held_near(pose, predicted, reach_m)
+            if near >= COVERED and near * weight > best:
+                best, found = near * weight, (pose, covariance)
+    return found
+
+
 def _deviation_m(belief: Belief) -> float:
     """Return the standard deviation of a cloud's places, of x and y together."""
     weights = belief.weights

@@ -117,6 +117,8 @@ class SensorParameters:
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
     scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
     widening: float = 1.0  # multiplies the scales of SCALES: above 1 where a library has few places
+    # nats: channels cost a pose about this much at most, as the picture may show what no reference does; 0: no bound
+    outlier_cost: float = 0.0
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""
@@ -217,6 +219,8 @@ class SensorModel:
         quality = QUALITIES[p.quality]
         blended = BLENDS[p.blend](distances, weights, scales, quality)
         log_likelihood = LIKELIHOODS[p.likelihood](blended, p.sharpness)
+        if p.outlier_cost > 0:
+            log_likelihood = np.logaddexp(log_likelihood, np.float32(-p.outlier_cost))
         distances = distances[:, :entries]
         channel_cost = np.asarray(distances / scales[:, None], np.float32)
         return Comparison(
