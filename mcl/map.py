@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -43,6 +43,10 @@ class Arena:
         """Width along x and depth along y."""
         x_min, y_min, x_max, y_max = self.bounds
         return x_max - x_min, y_max - y_min
+
+    def trusted(self, obstacles: str) -> Arena:
+        """Return the map by which a filter rules poses out: without obstacles that may have been moved."""
+        return replace(self, obstacles=()) if obstacles == MOVABLE and self.obstacles else self
 
 
 def open_arena(poses: F64, margin_m: float | None = None) -> Arena:

@@ -104,6 +104,7 @@ def _signal_json(result: RunResult) -> dict[str, Any] | None:
 
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
+IN_OBSTACLE = ("obstacle", "first", "last")
 TROUBLE = ("kind", "step", "recovered", "lost", "fresh", "updates", "is_sure")
 CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
 
@@ -111,6 +112,7 @@ CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
 def _verdict_json(result: RunResult) -> dict[str, Any]:
     verdict = result.verdict
     facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, METRIC)}
+    facts["in_obstacles"] = [_values(one, IN_OBSTACLE) for one in verdict.in_obstacles]
     facts["troubles"] = [_values(one, TROUBLE) for one in verdict.troubles]
     facts["failures"] = [failure_json(one, METRIC) for one in verdict.failures]
     return facts | {"causes": [_values(one, CAUSE) for one in verdict.causes]}

@@ -39,7 +39,7 @@ def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: b
     did = _predicate(verdict, scale, kidnapping_said)
     before = _before(verdict, scale)
     why = _why(verdict, scale)
-    because = f" ({why})" if why else ""
+    because = f" ({why})" if why else f" ({ruled_out(verdict)})" if verdict.in_obstacles else ""
     return f"{name}: {before}; it {did}{because}" if before else f"{name} {did}{because}"
 
 
@@ -55,7 +55,7 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
     if not verdict.updates:
         return NOTHING_YET
     shared = _shared([verdict], scale)
-    left = f" Its cloud would have left the map at {_listed(verdict.left_map)}." if verdict.left_map else ""
+    left = _off_map(verdict)
     if not verdict.has_truth:
         return f"{shared}{_sentence(_without_truth(verdict, scale))}{left}"
     before = _before(verdict, scale)
@@ -63,6 +63,25 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
     who = "It" if sentences.startswith(KIDNAPPED_ROBOT) else "The robot"
     because = f" Why: {why}." if (why := _why(verdict, scale)) else ""
     return f"{sentences}{who} {_predicate(verdict, scale, bool(_kidnappings([verdict])))}.{because}{left}"
+
+
+def _off_map(verdict: RunVerdict) -> str:
+    """Return where map and run contradict each other, as sentences after the others."""
+    if verdict.in_obstacles:
+        ruled = ruled_out(verdict)
+        return f" {ruled[:1].upper()}{ruled[1:]}: --set map.obstacles=movable allows it."
+    if not verdict.left_map:
+        return ""
+    return f" No particle was left on the map at {_listed(verdict.left_map)}, so the cloud was kept in place."
+
+
+def ruled_out(verdict: RunVerdict) -> str:
+    """Return where the map ruled the truth out, as a clause: "the map has the sofa where the robot was"."""
+    first, more = verdict.in_obstacles[0], len(verdict.in_obstacles) - 1
+    at = f"at {first.first}" if first.first == first.last else f"from {first.first} to {first.last}"
+    times = f" and {more} more time{'s' * (more > 1)}" if more else ""
+    there = f"the map has the {first.obstacle} where the robot was {at}{times}"
+    return f"{there}, so no particle could be there"
 
 
 def _sentence(clause: str) -> str:

@@ -184,7 +184,7 @@ def with_dense_references(localizer: Localizer) -> Localizer:
     dense = np.repeat(floor[order][first], DENSE_HEADINGS, axis=0)
     headings = np.tile(np.arange(DENSE_HEADINGS) * (2 * np.pi / DENSE_HEADINGS) - np.pi, len(first))
     poses = np.column_stack([dense, headings])
-    library = Library("dense", poses, (None,) * len(poses), {}, localizer.library.arena)
+    library = Library("dense", poses, (None,) * len(poses), {}, localizer.arena)
     nearest = nearest_reference(poses, library.arena)
     where = regions(nearest, library.size)
     return replace(

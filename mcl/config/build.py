@@ -17,7 +17,7 @@ from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
 from ..filter.recovery import always as always_some
 from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
 from ..library import Library
-from ..map import MOVABLE, spacing
+from ..map import spacing
 from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
 from ..radii import Radii, radii_of
 from ..sensor.descriptors.registry import weights_of
@@ -160,16 +160,18 @@ def build_localizer(
     radii: Radii | None = None,
     sensor: SensorModel | None = None,
 ) -> Localizer:
-    """Build the localizer that some parameters describe; `reference` and `sensor` can be shared.
+    """Build the localizer that some parameters describe.
+
+    `reference`, that of the library's own map, and `sensor` can be shared.
 
     The motion model is that of the parameters, else of the session, else of the one that `run` is given. The
     radii, unless they are known (those of a saved run), are derived from the library.
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
-    nearest = reference or nearest_reference(library.poses, library.arena)
-    if p.map.obstacles == MOVABLE and library.arena.obstacles:
-        nearest = nearest_reference(library.poses, replace(library.arena, obstacles=()))
+    arena = library.arena.trusted(p.map.obstacles)
+    shared = reference if arena is library.arena else None
+    nearest = shared or nearest_reference(library.poses, arena)
     where = regions(nearest, library.size)
     motion = session.info.motion if p.motion is None and session is not None else p.motion
     unknown = p.motion is None and session is None
@@ -189,6 +191,7 @@ def build_localizer(
         mixture=p.recovery.mixture if p.recovery.strategy == "mixture" else None,
         outliers=p.motion_outliers,
         guided=p.guided_motion,
+        obstacles=p.map.obstacles,
         particles=p.particles,
         seed=seed,
         radii=radii_of(library, p.radii) if radii is None else radii,

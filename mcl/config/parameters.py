@@ -129,7 +129,7 @@ PRESETS: Mapping[str, Mapping[str, Any]] = {
 # the same with regions that hold the truth as often as they say (docs/lost-signal.md, calibration of belief)
 PRESETS = {**PRESETS, "calibrated": {**PRESETS["robust"], "sensor.sharpness": 0.7}}
 # the same with landmarks, found in the library's pictures at the first run (docs/landmarks.md)
-PRECISE = {
+PRECISE: Mapping[str, Any] = {
     "sensor.weights": dict(FEATURES["all"]),
     "recovery.strategy": "mixture",
     "recovery.mixture.teleport": 0.001,  # a proposal is wrong once in fifty pictures

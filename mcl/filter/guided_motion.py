@@ -1,11 +1,13 @@
 """Guided motion: movements drawn toward where a sensor alone would put the robot, and weighted for it.
 
-Motion noise that is wide beside what a sensor knows wastes particles: most of them land where the likelihood
-is nothing. Here some draw their noise from what it is likely to have been, given the pose that the sensor
-proposes: the improved proposal of FastSLAM 2.0 (Montemerlo et al. 2003), the optimal importance function of
-Doucet et al. (2000) for a motion model that is linear in its noise. The draws are those of a mixture, weighted
-by the balance heuristic (Veach and Guibas 1995), so the filter stays exact whatever the proposal says: it
-decides where particles are spent, and is no evidence. No weight is multiplied by more than 1 / (1 - share).
+Where motion noise is wide beside what a sensor knows, most particles land where the likelihood is nearly
+zero. Here some of them draw their noise from what it is likely to have been, given the pose that the sensor
+proposes: the improved proposal of FastSLAM 2.0 (Montemerlo et al. 2003), which is the optimal importance
+function of Doucet et al. (2000) for a motion model that is linear in its noise.
+
+The draws are those of a mixture, weighted by the balance heuristic (Veach and Guibas 1995). So the filter
+stays exact whatever the proposal says: a proposal decides where particles are spent, and is no evidence. No
+weight is multiplied by more than 1 / (1 - share).
 """
 
 from __future__ import annotations
@@ -52,7 +54,7 @@ def guided_motion(
     off[:, 2] = wrap(off[:, 2])
     seen = covariance + SURE * np.eye(3)
     predicted = by_noise @ np.swapaxes(by_noise, 1, 2) + seen
-    # a draw from the noise's posterior: one from its prior, moved by what it fails to explain (Matheron's rule)
+    # a draw from the noise's posterior: one from its prior, moved by what it does not explain (Matheron)
     missed = rng.standard_normal((len(off), 3)) @ np.linalg.cholesky(seen).T
     unexplained = off - _applied(by_noise, drawn.normals) - missed
     change = np.linalg.solve(predicted, unexplained[:, :, None])[:, :, 0]
@@ -69,10 +71,11 @@ def guided_motion(
 
 def _linearized(move: Move, drawn: DrawnNoise) -> tuple[F64, F64]:
     """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals."""
-    zero = np.zeros(drawn.normals.shape, np.float32)
+    zero: F32 = np.zeros(drawn.normals.shape, np.float32)
     still = move(_by_movement(zero)).astype(np.float64)
-    by_noise = np.empty((len(zero), 3, zero.shape[1]))
-    for column in range(zero.shape[1]):
+    count, columns = drawn.normals.shape
+    by_noise = np.empty((count, 3, columns))
+    for column in range(columns):
         changed = zero.copy()
         changed[:, column] = UNIT
         there = move(_by_movement(changed)) - still
@@ -87,7 +90,7 @@ def _by_movement(noise: F32) -> list[F32]:
 
 
 def _applied(by_noise: F64, normals: F64) -> F64:
-    return np.einsum("nij,nj->ni", by_noise, normals)
+    return np.asarray(np.einsum("nij,nj->ni", by_noise, normals))
 
 
 def _log_normal(off: F64, covariance: F64) -> F64:

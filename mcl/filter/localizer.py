@@ -20,7 +20,7 @@ import numpy as np
 from ..arrays import F32, F64
 from ..errors import InputError
 from ..library import Library
-from ..map import spacing
+from ..map import SOLID, Arena, spacing
 from ..radii import USUAL, Radii
 from ..randomness import Domain, Purpose, normals, stream
 from ..records import (
@@ -83,6 +83,7 @@ class Localizer:
     mixture: MixtureParameters | None = None  # None: all particles are proposed by the motion model
     outliers: MotionOutliers = NO_OUTLIERS
     guided: GuidedMotionParameters = USUALLY_GUIDED
+    obstacles: str = SOLID  # of the library's map: `map.OBSTACLES`
     particles: int = 2000
     seed: int = 0
     radii: Radii = USUAL  # by which the cloud is summarized, and the run judged
@@ -155,6 +156,11 @@ class Localizer:
         return FilterState(frame.step, recovered.belief, recovery.state), record
 
     @property
+    def arena(self) -> Arena:
+        """The map by which poses are ruled out: the library's, with or without its obstacles."""
+        return self.library.arena.trusted(self.obstacles)
+
+    @property
     def is_guided(self) -> bool:
         """Whether sensors propose poses, and particles follow them."""
         return self.guided.share > 0 and can_propose(self.sensor.sensors.values())
@@ -173,9 +179,7 @@ class Localizer:
         there = elsewhere(proposals, predicted, reach_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)
-            return mixture_proposal(
-                predicted, likely, self.reference, self.regions, self.mixture, rng, there
-            )
+            return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, there)
         near = tracked(proposals, predicted, reach_m)
         if near is None or not self.is_guided or not len(frame.motions):
             return ProposedParticles(predicted)

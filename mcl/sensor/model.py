@@ -117,7 +117,7 @@ class SensorParameters:
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
     scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
     widening: float = 1.0  # multiplies the scales of SCALES: above 1 where a library has few places
-    # nats: channels cost a pose about this much at most, as the picture may show what no reference does; 0: no bound
+    # nats that a pose costs at most, as a picture may show what no reference does; 0: no bound
     outlier_cost: float = 0.0
 
     def distance_of(self, channel: str) -> str:

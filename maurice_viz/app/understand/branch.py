@@ -165,13 +165,13 @@ class BranchPoint:
         if (found.parameters.sensor, found.parameters.references) != (before.sensor, before.references):
             found = adapted(found, self.library, own.reference)[0]
         after = found.parameters
-        same = (after.sensor, after.references) == (before.sensor, before.references)
+        same = (after.sensor, after.references, after.map) == (before.sensor, before.references, before.map)
         try:
             return build_localizer(
                 self.library,
                 self.session,
                 after,
-                reference=own.reference,
+                reference=own.reference if own.arena is self.library.arena else None,
                 seed=seed,
                 radii=self.run.manifest.radii,
                 sensor=own.sensor if same else None,

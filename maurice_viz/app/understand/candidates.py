@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from maurice_mcl.config.parameters import PRESETS, FilterParameters
+from maurice_mcl.config.parameters import PRECISE, PRESETS, FilterParameters
+from maurice_mcl.map import MOVABLE
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 
 from .branch import BranchChange, BranchPoint
@@ -15,6 +16,7 @@ STRATEGIES = ("none", "always", "threshold", "sensor", "augmented", "expansion",
 FOUR = 4
 MANY_TIMES = (16, 64)  # the particles, where that is
 MOST_PARTICLES = 32_000  # at most
+OUTLIER_COST: float = PRECISE["sensor.outlier_cost"]
 ROBUST = "robust"  # the preset that is also tried with more particles
 
 
@@ -69,6 +71,11 @@ def _settings(own: FilterParameters) -> Iterator[tuple[str, Mapping[str, Any]]]:
     if own.resampling.scheme != "systematic":
         yield "resampling systematic", {"resampling.scheme": "systematic"}
     yield "motion noise x2", {"motion_outliers.share": 1.0, "motion_outliers.widen": 2.0}
+    moved = {"map.obstacles": MOVABLE, "sensor.outlier_cost": OUTLIER_COST}
+    if own.map.obstacles != MOVABLE:
+        yield "obstacles movable", {"map.obstacles": MOVABLE}
+    if own.sensor.outlier_cost <= 0:
+        yield f"obstacles movable, outlier cost {OUTLIER_COST:g}", moved
     if own.motion_outliers.share < 0.1:
         yield "motion outliers 10 %", {"motion_outliers.share": 0.1, "motion_outliers.widen": 4.0}
     weights = own.sensor.weights

@@ -19,6 +19,7 @@ from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
 from .causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause, CauseFinder
 from .diagnosis import DiagnosisBuilder
+from .in_obstacle import InObstacle, ObstacleFinder
 from .kinds import Failure
 from .near_truth import has_near
 
@@ -102,6 +103,7 @@ class RunVerdict:
     sure_share: float = 0.0  # of the updates: wrong and confident
     converged_share: float = 0.0  # of the updates
     left_map: tuple[int, ...] = ()  # steps at which the whole cloud would have left the map
+    in_obstacles: tuple[InObstacle, ...] = ()  # when the truth was where the map has something solid
     causes: tuple[Cause, ...] = ()  # what befell the robot and its camera
     failures: tuple[Failure, ...] = ()  # each time it was lost or never found itself, with its one cause
     ambiguity: Ambiguity | None = None  # two places that shared the weight
@@ -173,6 +175,7 @@ class VerdictBuilder:
     _status: LocalizationStatus = field(default_factory=LocalizationStatus)
     _causes: CauseFinder = field(default_factory=CauseFinder)
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
+    _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
     _sum_m: float = 0.0
     _known: int = 0  # updates with truth
@@ -183,6 +186,7 @@ class VerdictBuilder:
 
     def __post_init__(self, localizer: Localizer | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer)
+        self._obstacles = ObstacleFinder(localizer)
         if localizer is not None and isinstance(localizer.motion, PictureMotion):
             self._causes = CauseFinder(too_long=OVERSTATED)
 
@@ -197,6 +201,7 @@ class VerdictBuilder:
         self._recent = [*self._recent, _Update(step, fresh, sure, bereft)][-LOCALIZED_OF[1] :]
         self._causes.see(moment, record)
         self._ambiguity.see(step, record, moment.truth)
+        self._obstacles.see(step, moment.truth)
         self._diagnosis.add(moment, record)
         if verdict.updates == 0:
             verdict = replace(verdict, first=step)
@@ -229,6 +234,7 @@ class VerdictBuilder:
             error_mean_m=self._sum_m / known if known else None,
             sure_share=self._sure / count,
             converged_share=self._converged / count,
+            in_obstacles=self._obstacles.found,
             causes=self._causes.found,
             failures=self._diagnosis.result(),
             ambiguity=self._ambiguity.found,

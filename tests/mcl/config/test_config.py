@@ -11,6 +11,7 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import (
     FilterParameters,
     Layer,
+    MapParameters,
     RecoveryParameters,
     ReferenceParameters,
     ResamplingParameters,
@@ -23,7 +24,9 @@ from maurice_mcl.filter.localizer import RESEEDED, run
 from maurice_mcl.filter.motion import MotionOutliers
 from maurice_mcl.filter.proposal import MixtureParameters
 from maurice_mcl.filter.resampling import KldParameters
+from maurice_mcl.map import OBSTACLES, Region
 from maurice_mcl.sensor.model import SensorParameters
+from maurice_mcl.sensor.references import nearest_reference
 
 
 @pytest.mark.parametrize(
@@ -188,3 +191,24 @@ def test_a_later_layer_wins_and_errors_name_todays_key():
         ValueError, match=r"old\.toml: motion_outliers\.share: found 2, expected a number from 0"
     ):
         configure([Layer("old.toml", {"tail.share": 2})])
+
+
+def test_movable_obstacles_leave_particles_where_the_map_has_one_and_walls_stay(world):
+    """After the survey a wardrobe may have been moved, and the robot be where it was."""
+    middle = world.library.poses[0, :2]
+    box = Region("wardrobe", middle + np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]))
+    arena = replace(world.library.arena, obstacles=(*world.library.arena.obstacles, box))
+    library = replace(world.library, arena=arena)
+    pose = np.array([[*(middle - library.origin), 0.0]], np.float32)
+    free = {}
+    for obstacles in OBSTACLES:
+        made = build_localizer(library, world.drive, FilterParameters(map=MapParameters(obstacles)))
+        free[obstacles] = made.reference.grid.free
+        inside = made.reference.entries(pose, library.origin)[0] >= 0
+        there = np.isfinite(
+            made.sensor.references.at(np.zeros(library.size + 9999, np.float32), pose, library.origin)
+        )
+        assert inside == there[0] == (obstacles == "movable")
+    walls = replace(arena, obstacles=())
+    assert np.array_equal(free["movable"], nearest_reference(library.poses, walls).grid.free)
+    assert free["movable"].sum() > free["solid"].sum()

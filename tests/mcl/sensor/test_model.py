@@ -136,3 +136,20 @@ def test_the_best_few_are_the_beginning_of_the_ranking():
         assert np.all(np.diff(quality[ranking]) <= 0)
         assert sorted(ranking.tolist()) == list(range(size))
         np.testing.assert_array_equal(quality[best], quality[ranking[:5]])
+
+
+FUSED = SensorParameters({"color": 1.0, "edges": 1.0})
+
+
+@pytest.mark.parametrize("sharpness", [0.1, 2.0])
+def test_an_outlier_cost_bounds_what_a_picture_that_shows_nothing_known_can_say(world, sharpness):
+    """Without it such a picture prefers some pose by many nats; poses that fit well keep their nats."""
+    chosen = replace(FUSED, sharpness=sharpness)
+    free, bound = (_compare(_model(world, chosen, outlier_cost=cost), world) for cost in (0.0, 6.0))
+    np.testing.assert_allclose(bound.log_likelihood, np.logaddexp(free.log_likelihood, -6.0), rtol=1e-5)
+    np.testing.assert_array_equal(bound.cost, free.cost)  # which diagnosis and recovery read
+    if sharpness < 1:
+        assert bound.log_likelihood.argmax() == free.log_likelihood.argmax()
+    else:  # nothing is known of what it shows
+        assert np.ptp(free.log_likelihood) > 6
+        assert np.ptp(bound.log_likelihood) < 1e-3

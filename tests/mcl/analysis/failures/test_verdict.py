@@ -11,6 +11,7 @@ from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTAT
 from maurice_mcl.analysis.failures.kinds import PROPOSAL
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.filter.localizer import LEFT_MAP
+from maurice_mcl.map import Region
 
 HERE = at(1, 1, 1.0)
 FAR = (4.0, 1.0, 0.0)  # where the robot is while the cloud is at (1, 1)
@@ -51,6 +52,23 @@ def test_without_truth_nothing_is_judged():
     found = verdict_of([None] * 6, events={4: (LEFT_MAP,)})
     assert (found.has_truth, found.error_mean_m, found.troubles) == (False, None, ())
     assert (found.converged_share, found.left_map, found.decisive) == (1.0, (4,), 4)
+
+
+@pytest.mark.parametrize(("obstacles", "seen"), [("solid", True), ("movable", False)])
+def test_a_robot_where_the_map_has_an_obstacle_is_told_once_a_stay_unless_obstacles_may_move(obstacles, seen):
+    library = mcl.tiny_library()
+    corners = np.array([[0.5, 0.5], [0.9, 0.5], [0.9, 0.9], [0.5, 0.9]])
+    arena = replace(library.arena, obstacles=(Region("sofa", corners),))
+    library = replace(library, arena=arena)
+    settings = {"map.obstacles": obstacles}
+    localizer = mcl.make_localizer(library, settings=settings).of_session(mcl.tiny_session())
+    builder = VerdictBuilder(localizer)
+    inside, edge, out = (0.7, 0.7, 0.0), (0.505, 0.7, 0.0), (1.5, 1.0, 0.0)
+    for step, truth in enumerate([out, inside, inside, edge, out, None, inside], 1):
+        record = made(HERE, step=step)
+        builder.add(moment(record, truth), record)
+    found = [(one.obstacle, one.first, one.last) for one in builder.result().in_obstacles]
+    assert found == ([("sofa", 2, 3), ("sofa", 7, 7)] if seen else [])
 
 
 def test_before_the_first_update_there_is_nothing_to_say():
