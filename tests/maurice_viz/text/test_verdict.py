@@ -60,7 +60,8 @@ SURE = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29))
         (
             replace(GOOD, left_map=(25,), in_obstacles=BOTH),
             "The robot stayed localized: 4.0 in off on average, 9.0 in at most (step 41). "
-            "The map has the sofa where the robot was from 20 to 27 and 1 more time, so no particle could be there: "
+            "The map has the sofa where the robot was from 20 to 27 and 1 more time, "
+            "so no particle could be there: "
             "--set map.obstacles=movable allows it.",
         ),
         (
