@@ -2,7 +2,6 @@
 
 - `causes`: what befell the robot or its camera during the drive
 - `near_truth`: what became of the particles at the true place
-- `in_obstacle`: when the robot was where the map has an obstacle
 - `ambiguity`: two places that shared the weight
 - `verdict`: what happened to a run, its troubles and their causes, and the step to look at
 - `kinds`: the kinds of cause, and one failure with its evidence

@@ -10,10 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
+import cv2
 import numpy as np
 
 from ...arrays import F64
+from ...filter.localizer import Localizer
 from ...geometry import compose_motions
+from ...map import SOLID, Region
 from ...radii import Radii
 from ...records import StepRecord
 from ...session import Moment
@@ -32,6 +35,7 @@ SLIP_SHARE = 0.5  # of the longer distance that truth and odometry must differ b
 DARKER = 2 / 3  # of the darkest picture before
 DARK_FOR = 3  # updates in a row, unless the log tells of another light
 KNOWN = 5  # pictures that must have been seen before one is dark
+DEEP_CELLS = 1.0  # of the map's raster: nearer to its outline a pose may be off, or a cell too large
 ALIKE = 0.5  # of the usual scatter of the references' likelihoods: below it they score alike
 
 
@@ -129,3 +133,52 @@ class CauseFinder:
 
 def _slips(events: Sequence[str]) -> list[str]:
     return [text for text in events if text.startswith("slip") and "deg" in text]
+
+
+# A robot where the map has an obstacle: a filter that trusts the map has no particle there.
+
+
+@dataclass(frozen=True, slots=True)
+class InObstacle:
+    """Updates in a row at which the truth was inside an obstacle of the map."""
+
+    obstacle: str  # its name
+    first: int  # step
+    last: int
+
+
+@dataclass(slots=True)
+class ObstacleFinder:
+    """Follows the truth of one run; without a localizer, or with one that doubts obstacles, finds nothing."""
+
+    localizer: Localizer | None = None
+    found: tuple[InObstacle, ...] = ()
+    _outlines: list[tuple[str, cv2.typing.MatLike]] = field(default_factory=list)
+    _deep_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.localizer is None or self.localizer.obstacles != SOLID:
+            return
+        self._deep_m = DEEP_CELLS * self.localizer.reference.grid.cell_m
+        self._outlines = [_outline(one) for one in self.localizer.library.arena.obstacles]
+
+    def see(self, step: int, truth: F64 | None) -> None:
+        """Process the next update."""
+        if truth is None:
+            return
+        place = float(truth[0]), float(truth[1])
+        for name, outline in self._outlines:
+            if cv2.pointPolygonTest(outline, place, measureDist=True) > self._deep_m:
+                self._add(name, step)
+                return
+
+    def _add(self, name: str, step: int) -> None:
+        last = self.found[-1] if self.found else None
+        if last is not None and last.obstacle == name and last.last == step - 1:
+            self.found = (*self.found[:-1], replace(last, last=step))
+        else:
+            self.found = (*self.found, InObstacle(name, step, step))
+
+
+def _outline(obstacle: Region) -> tuple[str, cv2.typing.MatLike]:
+    return obstacle.name, obstacle.polygon.astype(np.float32)

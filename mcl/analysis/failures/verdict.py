@@ -17,9 +17,18 @@ from ...session import Moment
 from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
 from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
-from .causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause, CauseFinder
+from .causes import (
+    CARRIED,
+    DARK,
+    JUMPED,
+    OVERSTATED,
+    SLIPPED,
+    Cause,
+    CauseFinder,
+    InObstacle,
+    ObstacleFinder,
+)
 from .diagnosis import DiagnosisBuilder
-from .in_obstacle import InObstacle, ObstacleFinder
 from .kinds import Failure
 from .near_truth import has_near
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.in_obstacle import InObstacle
+from maurice_mcl.analysis.failures.causes import InObstacle
 from maurice_mcl.analysis.failures.kinds import AMBIGUITY, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
 from maurice_viz.style import UNITS, Scale
