@@ -23,6 +23,7 @@ HERE = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
 FOUND = 43  # step of the demo at which one of the two filters has found itself
 ASTRAY, BACK = 38, 56  # steps of `demo features` that docs/tutorial.md describes
+RULED_OUT = 25  # a step at which the robot is where a table was at the survey, of docs/landmarks.md
 AGREED = 60  # a step of the demo at which some landmarks agree, of docs/landmarks.md
 PREDICT, WEIGHT, RESAMPLE = 0, 2, 3
 # of docs/layouts.md: which layout, where on which timeline
@@ -94,6 +95,26 @@ def ambiguity(folder: Path) -> Path:
     return drawn
 
 
+def ruled_out(folder: Path) -> Path:
+    """Record a drive on which the robot is where the map has a table, which was carried away."""
+    drive, recording = folder / "moved", folder / "moved.rrd"
+    told = ("--moved", "3", "--updates", "100", "--seed", "13", "--arena-seed", "1")
+    maurice("simulate", "tracking", *told, "-o", str(drive))
+    solid = ("--preset", "precise", "--set", "map.obstacles=solid", "--particles", "1000")
+    maurice("replay", str(drive / "session.log"), *solid, "--save", str(recording))
+    return recording
+
+
+def sensors(session: str, folder: Path) -> None:
+    """Draw what landmarks show, and a map that rules the truth out."""
+    landmarks = folder / "landmarks.rrd"
+    maurice("replay", session, "--preset", "precise", "--layout", "sensors", "--save", str(landmarks))
+    with headless_viewer(landmarks) as viewer:
+        keep("layout-sensors.jpg", viewer.picture("step", AGREED))
+    with headless_viewer(ruled_out(folder)) as viewer:
+        keep("ruled-out.jpg", viewer.picture("step", RULED_OUT))
+
+
 def main() -> None:
     HERE.mkdir(exist_ok=True)
     session = str(demo_paths(0).session)
@@ -110,10 +131,7 @@ def main() -> None:
         keep("explain.png", Path(explained).read_bytes())
         keep("diagnose.jpg", diagnosis(Path(name)).read_bytes())
         keep("ambiguity.png", ambiguity(Path(name)).read_bytes())
-        landmarks = str(Path(name) / "landmarks.rrd")
-        maurice("replay", session, "--preset", "precise", "--layout", "sensors", "--save", landmarks)
-        with headless_viewer(Path(landmarks)) as viewer:
-            keep("layout-sensors.jpg", viewer.picture("step", AGREED))
+        sensors(session, Path(name))
         with headless_viewer(as_recorded(kept, Path(name))) as viewer:
             keep("as-recorded.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(told)) as viewer:
