@@ -3,6 +3,8 @@
 - `localizer`: the step: propose, measure, weight, estimate, resample, recover; and a run over a session
 - `batch`: many runs with different seeds, from one comparison of every picture
 - `motion`: motion models and motion outliers
+- `guided_motion`: movements drawn toward where a sensor puts the robot, and weighted for it
+- `sensor_proposal`: poses that sensors propose, and which of them the cloud tracks
 - `proposal`: initialization, pose sampling, and the mixture proposal
 - `resampling`: schemes, policies, roughening, adaptive size (KLD)
 - `recovery`: strategies that help a lost filter, and the particles that they draw
