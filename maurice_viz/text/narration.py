@@ -6,7 +6,7 @@ import numpy as np
 
 from maurice_mcl.analysis.events import say_recovery_test
 from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLED
+from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER, RESAMPLED
 from maurice_mcl.geometry import angle_between, circular_mean
 from maurice_mcl.records import Belief, Estimate, StepRecord
 from maurice_mcl.session import Moment
@@ -106,9 +106,10 @@ def predicted(record: StepRecord, scale: Scale) -> str:
     cloud = record.predicted
     _, heading = circular_mean(cloud.poses[:, 2], cloud.weights)
     turned = f"{np.degrees(heading):.0f} deg" if heading < ALL_ROUND_RAD else "every heading"
+    toward = ", some toward the pose that a sensor proposes" if GUIDED in record.events else ""
     return (
-        f"The robot {motion(record.frame.motions, scale)}. Every particle moved likewise with its own noise; "
-        f"the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
+        f"The robot {motion(record.frame.motions, scale)}. Every particle moved likewise with its own noise"
+        f"{toward}; the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
     )
 
 

@@ -55,6 +55,7 @@ RESAMPLED = "resampled"
 RESEEDED = "reseeded"
 EXPANDED = "expanded"
 ALL_ZERO = "all weights zero"
+GUIDED = "guided"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 NO_OUTLIERS = MotionOutliers()
@@ -148,7 +149,7 @@ class Localizer:
             parents=recovered.parents,
             injected=recovered.injected,
             belief=recovered.belief,
-            events=_events(left, broken, log_evidence, recovery, recovered),
+            events=_events(proposal.is_guided, left, broken, log_evidence, recovery, recovered),
             took_s=took,
             recovery_test=recovery.test,
             library_evidence=comparison.library_evidence,
@@ -194,7 +195,7 @@ class Localizer:
 
         there = pose - [*belief.origin, 0.0]
         poses, correction = guided_motion(move, drawn, there, covariance, self.guided.share, rng)
-        return ProposedParticles(Belief(poses, belief.log_weights, belief.origin), correction)
+        return ProposedParticles(Belief(poses, belief.log_weights, belief.origin), correction, is_guided=True)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
         noise = []
@@ -277,9 +278,10 @@ def calibrated_evidence(proposal: ProposedParticles, sighting: Sighting) -> tupl
 
 
 def _events(
-    left: bool, broken: bool, log_evidence: float, recovery: Recovery, recovered: Resampled
+    guided: bool, left: bool, broken: bool, log_evidence: float, recovery: Recovery, recovered: Resampled
 ) -> tuple[str, ...]:
     happened = {
+        GUIDED: guided,
         LEFT_MAP: left,
         NO_NUMBER: broken,
         ALL_ZERO: not np.isfinite(log_evidence),

@@ -148,6 +148,7 @@ class ProposedParticles:
 
     belief: Belief
     correction: F64 | None = None  # (N,) log of predicted over proposal density; None: drawn as predicted
+    is_guided: bool = False  # some moved toward where a sensor puts the robot (`guided_motion`)
 
     @property
     def prior_log_weights(self) -> F64:

@@ -9,6 +9,7 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.filter.guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
+from maurice_mcl.filter.localizer import GUIDED
 from maurice_mcl.filter.motion import MauriceMotion, MauriceParameters, MotionOutliers, OdometryMotion, widths
 from maurice_mcl.geometry import wrap
 from maurice_mcl.map import Arena, make_grid
@@ -132,6 +133,7 @@ def _step(settings, pose=None, proposes=True):
 def test_a_localizer_follows_what_a_sensor_proposes_and_a_share_of_zero_turns_that_off():
     plain, guided = (_step({"guided_motion.share": share}) for share in (0.0, 0.5))
     assert guided.effective_sample_size > plain.effective_sample_size
+    assert (GUIDED in guided.events, GUIDED in plain.events) == (True, False)
     np.testing.assert_array_equal(plain.predicted.poses, _step({}, proposes=False).predicted.poses)
 
 
