@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from maurice_mcl.config.parameters import Configuration, configure
+from maurice_mcl.config.parameters import Configuration, Layer, configure
+from maurice_mcl.config.rules import BEFORE_IT_EXISTED
 from maurice_mcl.map import Arena
 
 from ..config_files import read_config
@@ -102,7 +103,8 @@ def open_run(folder: str | Path) -> SavedRun:
         found = "was changed after it was written" if file.is_file() else "is missing"
         raise InputError(file, f"{found}; replay the session again with --save-run")
     try:
-        return SavedRun(folder, manifest, configure([read_config(file)]))
+        before = Layer("an earlier version", BEFORE_IT_EXISTED)
+        return SavedRun(folder, manifest, configure([before, read_config(file)]))
     except ValueError as problem:  # a channel that is not installed here, a key of another version
         raise InputError(file, f"{problem}; was it made by another version?") from None
 

@@ -191,4 +191,6 @@ RENAMED_KEYS: Mapping[str, str] = {
         if key.startswith("recovery.")
     },
 }
+# Keys that saved runs of before lack, and what they ran with, where that is not today's default.
+BEFORE_IT_EXISTED: Mapping[str, Any] = {"guided_motion.share": 0.0}
 RENAMED_WORDS: Mapping[tuple[str, str], str] = {("recovery.strategy", "dual"): "mixture"}

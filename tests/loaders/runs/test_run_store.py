@@ -18,8 +18,10 @@ from polars.testing import assert_frame_equal
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.tables import ExportStep, table_row
+from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.runs import writer as writing
 from maurice_loaders.runs.manifest import (
+    CONFIGURATION,
     RunManifest,
     library_hash,
     put,
@@ -117,6 +119,19 @@ def test_runs_saved_before_recovery_wrote_what_it_compared_are_read(save_run: Sa
         assert_same(found, replace(record, recovery_test=None))
         assert first_difference(rows, writing.rows_of(moment, record)) is None  # `verify` agrees
         assert table_row(ExportStep(rows, 0.0, record.estimate.pose, None, np.zeros(3)))["step"]
+
+
+def test_runs_saved_before_motion_was_guided_are_not_guided_when_they_are_made_again(save_run: Save) -> None:
+    folder, _ = save_run()
+    assert opened(folder).configuration.parameters.guided_motion.share == 0.5
+    file = next(folder.rglob(CONFIGURATION))
+    text = file.read_text(encoding="utf-8")
+    older = re.sub(r"\[guided_motion\]\nshare = 0\.5\n", "", text)
+    assert older != text
+    file.write_text(older, encoding="utf-8")
+    manifest = read_manifest(file.parent)
+    write_manifest(file.parent, replace(manifest, configuration_sha256=hash_file(file)))
+    assert opened(folder).configuration.parameters.guided_motion.share == 0
 
 
 def test_the_manifest_reads_back_and_says_how_far_it_got(save_run: Save) -> None:
