@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check gate bench causes difficulty results landmarks landmark-figures reflectance lost-signal belief fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench causes difficulty results landmarks landmark-figures lost-signal belief fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -57,10 +57,6 @@ landmark-figures: .venv/installed-dev
 	$(BIN)/maurice-replay trials channels -o .channels --seeds $(SEEDS) --resume
 	$(BIN)/maurice-replay trials landmarks-spacing -o .spacing --seeds $(SEEDS) --resume
 	$(BIN)/python benchmarks/landmark_figures.py .channels .spacing -o $(FIGURES)
-
-# The robot on a printed floor of docs/sensors.md, and its pictures: a minute or two. With a software Vulkan driver.
-reflectance: .venv/installed-dev
-	$(BIN)/python docs/make_reflectance.py
 
 # The lost signal's false alarms and misses on unseen arenas: half an hour, and it goes on where it stopped.
 lost-signal: .venv/installed-dev

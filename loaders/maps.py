@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 
 from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.floor import FloorImage
 from maurice_mcl.map import Arena, open_arena
 
 from .errors import FieldError, InputError
@@ -91,8 +90,6 @@ def _near(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 
 MOST_MAP_BYTES = 2**16
 THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # defaults of map_server
-FLOOR = "floor"  # ours: the picture is the print of a floor, and all of it is free
-SAVED_UNKNOWN = 205 / 255  # the shade that map_saver gives to unknown cells
 MODES = ("trinary", "scale")  # which differ only in what lies between free and occupied
 _LINE = re.compile(r"(?P<key>\w+)\s*:(?:\s+(?P<value>.*))?$")
 _ITEM = re.compile(r"\s*-\s+(?P<value>.*)$")
@@ -104,14 +101,12 @@ def read_ros_map(file: Path) -> Arena:
     """Read `map.yaml` and its picture (PGM, PNG and others) as walls. Raises InputError.
 
     Robots can only be in free cells. Walls run along the borders between free cells and those that are
-    occupied or unknown; the bounds are those of the free cells. A floor's print (`mode: floor`) has no walls.
+    occupied or unknown; the bounds are those of the free cells.
     """
-    if _yaml_values(file).get("mode") == FLOOR:
-        floor = read_floor(file)
-        return Arena(floor.bounds, np.zeros((0, 4)))
     try:
         values = _yaml_values(file)
-        side_m, origin = _placing(values)
+        side_m = number(values.get("resolution"), "resolution")
+        origin = [number(item, "origin") for item in _three(values.get("origin"))]
         occupied, free = (number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
         mode, picture = str(values.get("mode", MODES[0])), text(values.get("image"), "image")
         if not 1e-4 <= side_m <= 1e3 or mode not in MODES or not 0 <= free <= occupied <= 1:
@@ -132,40 +127,6 @@ def read_ros_map(file: Path) -> Arena:
     cropped = is_free[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     walls, frame = cell_walls(cropped, side_m, low * side_m, (origin[0], origin[1], origin[2]), np.all)
     return Arena(frame, walls)
-
-
-def read_floor(file: Path) -> FloorImage:
-    """Read `map.yaml` and its picture as the print of a floor: 0 black to 1 white. Raises InputError.
-
-    With `mode: trinary` a cell is occupied (black), free (white) or unknown, as in the maps that ROS saves.
-    """
-    try:
-        values = _yaml_values(file)
-        side_m, origin = _placing(values)
-        picture = text(values.get("image"), "image")
-        occupied, free = (number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
-        if not 1e-4 <= side_m <= 1e3:
-            raise FieldError(f"found a resolution of {side_m:g} m, expected 0.1 mm to 1 km")
-    except FieldError as problem:
-        raise InputError(file, f"{problem}; is this a ROS map?") from None
-    shade = _shades(file, file.parent / picture, unknown=math.nan)
-    light = 1 - shade if values.get("negate") in (1.0, "true") else shade
-    if values.get("mode") == MODES[0]:
-        saved = (
-            np.abs(shade - SAVED_UNKNOWN) < 1e-3
-        )  # with a free_thresh of 0.25 ROS itself would call it free
-        conditions = [light < 1 - occupied, saved, light > 1 - free]
-        light = np.select(conditions, [np.zeros(1), np.full(1, math.nan), np.ones(1)], math.nan)
-        if not np.isfinite(light).any():
-            raise InputError(
-                file, f"found no free or occupied cell in {picture}, expected a print; see {FLOOR}"
-            )
-    return FloorImage(np.flipud(light).astype(np.float32), side_m, np.array(origin))
-
-
-def _placing(values: dict[str, Any]) -> tuple[float, list[float]]:
-    side_m = number(values.get("resolution"), "resolution")
-    return side_m, [number(one, "origin") for one in _three(values.get("origin"))]
 
 
 def _yaml_values(file: Path) -> dict[str, Any]:
@@ -211,8 +172,8 @@ def _three(value: Any) -> Sequence[Any]:
     return value
 
 
-def _shades(file: Path, picture: Path, unknown: float = 0.5) -> F64:
-    """Read a map's picture as shades (H, W), 0 black to 1 white; transparent pixels are `unknown`."""
+def _shades(file: Path, picture: Path) -> F64:
+    """Read a map's picture as shades (H, W), 0 black to 1 white; transparent pixels are unknown, 0.5."""
     expect_regular(picture, "a picture")
     try:
         image = cv2.imdecode(np.frombuffer(picture.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
@@ -227,7 +188,7 @@ def _shades(file: Path, picture: Path, unknown: float = 0.5) -> F64:
     if shades.ndim == 2:
         return shades
     gray: F64 = shades[..., :3].mean(axis=2)
-    return np.where(shades[..., 3] > 0, gray, unknown) if shades.shape[2] == 4 else gray
+    return np.where(shades[..., 3] > 0, gray, 0.5) if shades.shape[2] == 4 else gray
 
 
 # Cells as walls.

@@ -31,18 +31,15 @@ if TYPE_CHECKING:
     from .errors import InputError
     from .examples import tiny_library, tiny_session
     from .filter.localizer import Localizer, run
-    from .floor import FloorImage
     from .library import Library
     from .pose_sensor import PoseProposal, PoseSensor, PoseSpread, Shown, ShownMarks
     from .records import Belief, FilterState, StepRecord
-    from .sensor.reflectance import Probe, Reflectance
     from .session import Frame, Moment, Session
 
 # Looked up when first used, so that a command which needs one chapter does not load them all.
 _HOME = {
     "Belief": "records",
     "FilterState": "records",
-    "FloorImage": "floor",
     "Frame": "session",
     "InputError": "errors",
     "Library": "library",
@@ -52,8 +49,6 @@ _HOME = {
     "PoseProposal": "pose_sensor",
     "PoseSensor": "pose_sensor",
     "PoseSpread": "pose_sensor",
-    "Probe": "sensor.reflectance",
-    "Reflectance": "sensor.reflectance",
     "RunScore": "analysis.metrics",
     "Session": "session",
     "Shown": "pose_sensor",
@@ -70,7 +65,6 @@ __all__ = [
     "PRESETS",
     "Belief",
     "FilterState",
-    "FloorImage",
     "Frame",
     "InputError",
     "Library",
@@ -79,8 +73,6 @@ __all__ = [
     "PoseProposal",
     "PoseSensor",
     "PoseSpread",
-    "Probe",
-    "Reflectance",
     "RunScore",
     "Session",
     "Shown",

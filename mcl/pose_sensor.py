@@ -16,7 +16,7 @@ from .arrays import F32, F64, U8, Bool
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures
-POSE_SENSORS = ("landmarks", "reflectance")  # ours, as keys of `sensor.weights`
+POSE_SENSORS = ("landmarks",)  # ours, as keys of `sensor.weights`
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,6 @@ MODULES = (  # in the order in which they are asked whether a file looks like th
     ".carmen",
     ".cmucam",
     ".donkeycar",
-    ".odometry_folder",
     ".video",
     ".picture_folder",
 )

@@ -216,7 +216,6 @@ def _pictures_in(folder: Path) -> set[str]:
 # name to where its class is, imported only for a library that holds one; it has `to_arrays`, `from_arrays`
 STORED: Mapping[str, tuple[str, str]] = {
     "landmarks": ("maurice_mcl.sensor.landmarks.sensor", "Landmarks"),
-    "reflectance": ("maurice_mcl.sensor.reflectance", "Reflectance"),
 }
 
 

@@ -25,7 +25,6 @@ from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
 from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
-from .floor import is_floor_folder, library_of_folder
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
@@ -184,10 +183,6 @@ def open_library(
         (2, 3)
     """
     path = survey_in(Path(path))
-    if is_floor_folder(path):
-        library, said = library_of_folder(path)
-        (warn or silent)(said)
-        return library
     log = open_table(path) if is_table(path) else None
     if path.is_dir() and log is None:
         return load_library(path)

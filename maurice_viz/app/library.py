@@ -12,14 +12,11 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, temporary_folder, toml_value, write_whole
 from maurice_loaders.libraries.files import hash_file
-from maurice_loaders.libraries.floor import floor_library, read_probes, readings_of
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
-from maurice_loaders.maps import read_floor, read_ros_map
 from maurice_loaders.reading import ReadingOptions
-from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.sensor import (
     Measuring,
     Sample,
@@ -38,12 +35,10 @@ from maurice_mcl.library_quality import Coverage, coverage_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.sensor.reflectance import Reflectance
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from .open import (
-    as_recorded_session,
     default_said,
     library_at,
     open_session,
@@ -112,42 +107,6 @@ def build_library(
             built = with_landmarks(built, progress=listener.progress, warn=listener.warning)
         save_library(built, Path(to), force=force)
         return built, None if chosen is None else coverage_of(built, chosen.distance_m)
-
-
-def build_floor_library(
-    drive: str | Path | None,
-    to: str | Path,
-    *,
-    floor: str | Path,
-    probes: str | Path,
-    map_file: str | Path | None = None,
-    options: ReadingOptions | None = None,
-    force: bool = False,
-    listener: Listener = SILENT,
-) -> Library:
-    """Build a library of a printed floor for a robot without a camera, and save it to the folder `to`.
-
-    `floor` is a ROS `map.yaml` whose picture is the print, `probes` a TOML file with a table `[probes.NAME]`
-    for each downward sensor: `x_m` and `y_m` on the robot, and if known `black` and `white` (what it reads
-    there) and `sd`. Otherwise these are fitted to the readings of `drive`, which needs no truth, and a remark
-    tells them. `map_file` is a ROS `map.yaml` of walls; without it all of the print is free.
-
-    Raises InputError for broken files, for levels that nothing tells, and for a folder that exists.
-    """
-    floor, probes = Path(floor), Path(probes)
-    described, print_of_it = read_probes(probes), read_floor(floor)
-    readings: dict[str, F64] = {}
-    if drive is not None and described.unknown:
-        session = open_session(Path(drive), options or ReadingOptions(), listener)
-        readings = readings_of(as_recorded_session(session, options or ReadingOptions()).recording)
-    fitted, said = described.fitted(probes, readings)
-    if said:
-        listener.remark(said)
-    sensor = Reflectance(print_of_it, fitted, described.outliers, described.spot_m, said=said)
-    arena = None if map_file is None else read_ros_map(Path(map_file))
-    built = floor_library(floor.stem, sensor, arena)
-    save_library(built, Path(to), force=force)
-    return built
 
 
 BEFORE = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with

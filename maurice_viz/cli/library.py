@@ -16,11 +16,10 @@ from maurice_mcl.library_advice import AMBIGUITY, CONFUSED, GAP, HEADING, Librar
 from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
 
-from ..app.library import TuningResult, build_floor_library, build_library
+from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
 from ..app.library_check import check_library
 from ..app.open import library_at
-from ..errors import OptionError
 from ..style import Scale, scale_for, units_named
 from ..text.places import places_said, scores_of
 from .shared import options as opt
@@ -39,11 +38,9 @@ LibraryArgument = Annotated[
 
 def build(
     survey: Annotated[
-        Path | None,
-        argument(
-            None, "A survey log, or any recording of a drive with truth; with --floor, one with readings."
-        ),
-    ] = None,
+        Path,
+        argument("SURVEY", "A survey log, or any recording of a drive with truth."),
+    ],
     *,
     output: Annotated[
         Path, option("-o --output", "The folder to write.", metavar="LIBRARY", show_default=False)
@@ -70,14 +67,6 @@ def build(
             max=180,
         ),
     ] = 0.0,
-    floor: Annotated[
-        Path | None,
-        option("--floor", "Print of the floor, for a robot without a camera.", metavar="MAP.YAML"),
-    ] = None,
-    probes: Annotated[
-        Path | None,
-        option("--probes", "Downward sensors of that robot.", metavar="PROBES.TOML"),
-    ] = None,
     map_file: opt.MapFile = None,
     map_unit: opt.MapUnit = "mm",
     landmarks: Annotated[
@@ -89,28 +78,6 @@ def build(
 ) -> None:
     """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
     how, yaw_rad = reading_of(reading, keep_going=keep_going), float(np.radians(yaw))
-    if (floor is None) != (probes is None):
-        given, other = ("--floor", "--probes") if probes is None else ("--probes", "--floor")
-        raise OptionError(f"found {given} without {other}; give both: the floor's print and its sensors")
-    if floor is not None and probes is not None:
-        with listening() as listener:
-            made = build_floor_library(
-                survey,
-                output,
-                floor=floor,
-                probes=probes,
-                map_file=map_file,
-                options=how,
-                force=force,
-                listener=listener,
-            )
-        width, depth = made.arena.size_m
-        results.print(
-            f"{output}: {made.size} poses over {width:.3g} m x {depth:.3g} m, {', '.join(made.sensors)}"
-        )
-        return
-    if survey is None:
-        raise OptionError("found no survey; give a survey log or a drive with truth")
     with listening() as listener:
         built, covered = build_library(
             survey,

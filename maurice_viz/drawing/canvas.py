@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.floor import FloorImage
 from maurice_mcl.map import Arena, Region
 
 from ..style import EMPTY, GROUND, OBSTACLE, PALE, RGB, Scale
@@ -147,18 +146,14 @@ class Canvas:
     unit_per_px: float
 
 
-def draw_ground(
-    arena: Arena, scale: Scale, printed: FloorImage | None = None, *, named: bool = True
-) -> Canvas:
-    """Draw the print of the floor, floors and obstacles with their names, and a ruler along two sides."""
+def draw_ground(arena: Arena, scale: Scale, *, named: bool = True) -> Canvas:
+    """Draw floors and obstacles with their names, and a ruler along two sides."""
     extent = map_extent(arena, scale)
     unit_per_px = max(extent.width, extent.height) / LONG_SIDE_PX
     shape = (round(extent.height / unit_per_px), round(extent.width / unit_per_px), 3)
     canvas = Canvas(np.full(shape, GROUND, np.uint8), extent, unit_per_px)
     text_px = TEXT * long_side(arena, scale) / unit_per_px
     _fill_arena(canvas, arena, scale)
-    if printed is not None:
-        _fill_print(canvas, printed, arena, scale)
     for number, floor in enumerate(arena.floors):
         _fill_floor(canvas, _pixels(canvas, floor.polygon, scale), floor.name, number)
     for obstacle in arena.obstacles:
@@ -179,23 +174,6 @@ def _fill_arena(canvas: Canvas, arena: Arena, scale: Scale) -> None:
     corners = _pixels(canvas, np.array([[x_min, y_min], [x_max, y_max]]), scale).round().astype(int)
     (left, bottom), (right, top) = corners.tolist()
     canvas.image[top:bottom, left:right] = EMPTY
-
-
-PRINT_BLACK, PRINT_WHITE = 26.0, 84.0  # of the floor's print: dark enough for a white truth on it
-
-
-def _fill_print(canvas: Canvas, floor: FloorImage, arena: Arena, scale: Scale) -> None:
-    """Fill the map with the print of its floor, in dark grays."""
-    x_min, y_min, x_max, y_max = arena.bounds
-    corners = _pixels(canvas, np.array([[x_min, y_min], [x_max, y_max]]), scale).round().astype(int)
-    (left, bottom), (right, top) = corners.tolist()
-    x = x_min + (np.arange(right - left) + 0.5) / max(right - left, 1) * (x_max - x_min)
-    y = y_max - (np.arange(bottom - top) + 0.5) / max(bottom - top, 1) * (y_max - y_min)
-    points = np.column_stack([axis.ravel() for axis in np.meshgrid(x, y)])
-    light = floor.at(points).reshape(bottom - top, right - left)
-    known = ~np.isnan(light)
-    gray = (PRINT_BLACK + (PRINT_WHITE - PRINT_BLACK) * light[known]).astype(np.uint8)
-    canvas.image[top:bottom, left:right][known] = gray[:, None]
 
 
 def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:

@@ -11,8 +11,6 @@ from maurice_mcl.analysis.events import KIDNAPPED
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
-from maurice_mcl.sensor.reflectance import NAME as REFLECTANCE
-from maurice_mcl.sensor.reflectance import Reflectance
 
 from .. import entities
 from ..drawing import keys
@@ -150,10 +148,8 @@ class TruthPanel(Panel):
 
 def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     """Log everything about the map, static."""
-    floor = library.sensors.get(REFLECTANCE)
-    printed = floor.floor if isinstance(floor, Reflectance) else None
     for path, named in ((entities.FLOORS, True), (entities.BARE_FLOORS, False)):
-        ground = draw_ground(library.arena, scale, printed, named=named)
+        ground = draw_ground(library.arena, scale, named=named)
         corner = ground.extent.left, ground.extent.top
         place_drawing(rec, path, ground.image, corner, ground.extent.width / ground.image.shape[1], -10.0)
     inside = clipped(library.arena.walls, library.arena.bounds)

@@ -108,10 +108,8 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
     """
     weights = configuration.parameters.sensor.weights
     origins = {setting.key: setting.origin for setting in configuration.settings}
-    if not library.index and library.sensors:
-        configuration = _without_camera(configuration, library)
-        if origins["sensor.weights"] == "default":
-            return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
+    if not library.index and library.sensors and origins["sensor.weights"] == "default":
+        return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
     if origins["sensor.weights"] == "preset robust" and "landmarks" in library.sensors:
         return _with_weights(configuration, {**weights, "landmarks": 1.0}, library), ()
     holds = {**library.index, **library.sensors}
@@ -126,18 +124,6 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         again = "build the library again, or " if lacking else ""  # another build finds no more landmarks
         raise InputError(None, f"{wanted}; {again}choose another feature")
     return _with_weights(configuration, kept, library), missing
-
-
-# One reading of a floor says far less than a picture: more particles, which stay apart.
-WITHOUT_CAMERA = {"particles": 20000, "resampling.when": "effective", "resampling.roughening": 0.2}
-
-
-def _without_camera(configuration: Configuration, library: Library) -> Configuration:
-    """Set what suits sensors without a camera, where nobody chose otherwise."""
-    chosen = [
-        Layer(one.origin, {one.key: one.value}) for one in configuration.settings if one.origin != "default"
-    ]
-    return configure([Layer(f"library {library.name}", WITHOUT_CAMERA), *chosen])
 
 
 def _with_weights(

@@ -47,16 +47,6 @@ def write_native(folder: Path, updates: int, truth: bool) -> Path:
     return folder / "session.log"
 
 
-def write_odometry_folder(folder: Path, updates: int, truth: bool) -> Path:
-    rows = [(0.05 * k, 1.0, 0.005 * k) for k in range(updates)]
-    files: dict[str, list[tuple[float, ...]]] = {"odom_pose": [row[:2] for row in rows]}
-    files["sensor_left"] = [(900 * (k % 2),) for k in range(updates)]
-    files["odom_quaternion"] = [(np.sin(turn / 2), np.cos(turn / 2)) for *_, turn in rows]
-    for name, found in (files | ({"gt": rows} if truth else {})).items():
-        np.savetxt(folder / f"{name}.txt", found)
-    return folder
-
-
 def write_tum(
     folder: Path, updates: int, truth: bool, *, pictures: str = "rgb", odometry: str = "odometry"
 ) -> Path:
@@ -227,9 +217,6 @@ SAMPLES = {
     "carmen": Sample(write_carmen, pictures=False),
     "cmucam": Sample(write_dump, truth=False),
     "donkeycar": Sample(write_tub, truth=False),
-    "odometry-folder": Sample(
-        write_odometry_folder, pictures=False, readings=True, growth=3_000_000
-    ),  # is held whole
     "video": Sample(write_video, truth=False, long=200),
     "table": Sample(write_table),
     "pictures": Sample(write_pictures, truth=False, long=200),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import cv2
@@ -12,7 +11,7 @@ import pytest
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.store import build_library, library_key
-from maurice_loaders.maps import read_floor, read_map, read_ros_map
+from maurice_loaders.maps import read_map, read_ros_map
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.arrays import U8
 from maurice_mcl.map import Arena, make_grid
@@ -78,19 +77,6 @@ def test_negate_thresholds_lists_and_quotes_are_respected(tmp_path: Path) -> Non
     assert np.array_equal(read_ros_map(file).walls, same)
     wide = read_ros_map(ros_map(tmp_path, HEAD.replace("0.196", "0.3")))  # now unknown cells count as free
     assert wide.bounds == (-1.0, 2.0, 1.0, 4.0)
-
-
-def test_a_trinary_map_as_a_floor_is_black_white_or_unknown(tmp_path: Path) -> None:
-    cells = np.array([[254, 205, 0], [0, 254, 205]], np.uint8)
-    nan = math.nan
-    for free in ("0.196", "0.25"):  # as map_saver writes them; unknown is 205 with either
-        head = HEAD.replace("0.196", free)
-        trinary = read_floor(ros_map(tmp_path, f"mode: trinary\n{head}", cells)).values
-        assert np.array_equal(trinary, [[0, 1, nan], [1, nan, 0]], equal_nan=True)
-    gray = read_floor(ros_map(tmp_path, f"mode: floor\n{HEAD}", cells)).values
-    assert gray == pytest.approx(np.flipud(cells) / 255)
-    with pytest.raises(InputError, match="found no free or occupied cell"):
-        read_floor(ros_map(tmp_path, f"mode: trinary\n{HEAD}", np.full((2, 3), 205, np.uint8)))
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,6 @@ FEATURES: Mapping[str, Mapping[str, float]] = {
     "best": {"chromaticity": 0.54, "blurred": 0.28, "edges": 0.22, "tiny": 0.21},  # of all sets tried
     # pose sensors, which weigh every particle at its own pose (pose_sensor.py)
     "landmarks": {"landmarks": 1.0},
-    "reflectance": {"reflectance": 1.0},
     "all": {"chromaticity": 0.54, "blurred": 0.28, "edges": 0.22, "tiny": 0.21, "landmarks": 1.0},
 }
 
