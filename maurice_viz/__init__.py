@@ -13,7 +13,7 @@
 | `what_if`, `remedies` | branches a saved run with something changed; ranks what would have helped |
 | `snapshot`, `movie` | a picture or a movie of what the viewer shows |
 | `report` | one self-contained page about a saved run |
-| `events`, `keep_bookmark`, `drop_bookmarks`, `jump` | events, your notes, the open viewer's cursor |
+| `events` | what happened in a saved run, step by step |
 | `verify`, `export` | filter a saved run again to the last bit; files for other tools |
 | `inspect`, `doctor`, `formats`, `convert` | what a recording holds, its faults, rewriting it |
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
@@ -44,10 +44,7 @@ if TYPE_CHECKING:
     from .app.compare import compare as compare
     from .app.convert import convert as convert
     from .app.convert import export as export
-    from .app.events import drop_bookmarks as drop_bookmarks
     from .app.events import events as events
-    from .app.events import jump as jump
-    from .app.events import keep_bookmark as keep_bookmark
     from .app.library import build_library as build_library
     from .app.library import tune as tune
     from .app.library_check import check_library as check_library
@@ -92,7 +89,6 @@ _WHERE = {
     "diagnose": ".app.understand.diagnose",
     "doctor": ".app.understand.inspect",
     "draw_figures": ".plots.drawn",
-    "drop_bookmarks": ".app.events",
     "error_budget": ".app.understand.budget",
     "events": ".app.events",
     "explain": ".app.understand.explain",
@@ -100,8 +96,6 @@ _WHERE = {
     "export": ".app.convert",
     "formats": ".app.understand.inspect",
     "inspect": ".app.understand.inspect",
-    "jump": ".app.events",
-    "keep_bookmark": ".app.events",
     "make_trials": ".app.calibrate",
     "movie": ".app.understand.snapshot",
     "remedies": ".app.understand.remedies",
@@ -133,7 +127,6 @@ __all__ = [
     "diagnose",
     "doctor",
     "draw_figures",
-    "drop_bookmarks",
     "error_budget",
     "events",
     "explain",
@@ -141,8 +134,6 @@ __all__ = [
     "figures",
     "formats",
     "inspect",
-    "jump",
-    "keep_bookmark",
     "make_trials",
     "movie",
     "remedies",

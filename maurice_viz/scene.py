@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 from maurice_mcl.filter.localizer import Localizer
@@ -46,7 +45,6 @@ class RunView:
     channels: tuple[str, ...]  # one histogram panel each; none: another localizer's, as recorded
     sensor: SensorModel | None = None  # None: comparisons are not available, and their panels stay empty
     particles: int = 0
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     radii: Radii = USUAL  # by which it is judged
     draws_new: str | None = None  # where recovery draws new particles, NEVER: nowhere; None: not known
     localizer: Localizer | None = None  # None: failures are judged by the records alone

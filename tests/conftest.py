@@ -43,7 +43,6 @@ def _no_test_hangs() -> Iterator[None]:
 def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     """Keep every test out of the user's folders; one cache serves the whole run of tests."""
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
-    monkeypatch.setenv("MAURICE_STATE", str(tmp_path_factory.getbasetemp() / "maurice-state"))
 
 
 @pytest.fixture(autouse=True)

@@ -83,7 +83,6 @@ def observed(
             detail=detail,
             sensor=run.sensor,
             updates=scene.updates,
-            bookmarks=run.bookmarks,
             radii=run.radii,
             color=color,
         )

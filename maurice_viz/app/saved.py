@@ -40,7 +40,6 @@ from ..errors import SinkError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun, ResultCollector, shared
 from ..scene import LIKELY, NEVER, RunView
-from .events import find_notes
 from .open import AnySession, landmarked
 from .output import DriveScene, OutputOptions
 from .run import Playback, remark_zeros
@@ -126,15 +125,12 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     if problems:
         empty = "pictures and comparisons" if session is None else "comparisons"
         listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
-    notes, unread = find_notes(folder, runs)
-    for problem in unread:
-        listener.warning(problem)
     labelled, localizers = {one.manifest.label: one for one in runs}, dict[str, Localizer]()
     if session is not None and library is not None:
         localizers = {name: localizer_of(one, session, library) for name, one in labelled.items()}
     else:
         library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
-    restored = [Restored(one, localizers.get(label), notes[label]) for label, one in labelled.items()]
+    restored = [Restored(one, localizers.get(label)) for label, one in labelled.items()]
     reading = first.reading
     made = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
     notes_then = tuple(named for named, asked in made if asked)
@@ -173,7 +169,6 @@ def view_of(one: Restored) -> RunView:
         manifest.channels,
         one.sensor,
         parameters.particles,
-        one.bookmarks,
         radii=manifest.radii,
         draws_new=draws_new if manifest.channels else None,
         localizer=one.localizer,

@@ -64,7 +64,6 @@ class Restored:
 
     saved: SavedRun
     localizer: Localizer | None  # None: session or library is gone
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
 
     @property
     def sensor(self) -> SensorModel | None:
@@ -202,7 +201,7 @@ def collect(
     """Go through all updates of saved runs once."""
     known = {run.saved.manifest.label: run for run in runs}
     tracks = {label: Track(label) for label in known}
-    detectors = {label: EventDetector(scale.say, bookmarks=one.bookmarks) for label, one in known.items()}
+    detectors = {label: EventDetector(scale.say) for label in known}
     localizers = {label: one.localizer for label, one in known.items()}
     scores = ResultCollector(list(known), arena_m, scale.say, localizers=localizers)
     size: tuple[int, int] | None = None

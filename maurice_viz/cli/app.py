@@ -56,7 +56,6 @@ COMMANDS = {
         Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND),
         Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND),
         Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND),
-        Listed("jump", "runs", "Move the open viewer to a step or an event.", _UNDERSTAND),
         Listed("record", "convert", "Record a live source into a session log.", _CONVERT),
         Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT),
         Listed("export", "convert", "Write a saved run for other tools.", _CONVERT),

@@ -1,4 +1,4 @@
-"""`maurice-replay events|jump|explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
+"""`maurice-replay events|explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option
 
 ALL_RUNS = "all"  # in a table: an event that every run of a comparison has
-BOOKMARKS, MORE, PICTURE, MOVIE = "Bookmarks", "One more reference", "Picture", "Movie"  # panels of the help
+MORE, PICTURE, MOVIE = "One more reference", "Picture", "Movie"  # panels of the help
 PHASES = " | ".join(phase.name.lower() for phase in Phase)
 
 
@@ -31,37 +31,12 @@ def events(
         option("--kind", f"Only this kind; may be repeated: {', '.join(KINDS)}.", metavar="KIND"),
     ] = None,
     everything: Annotated[bool, option("--all", "List routine events too: resampling, a new floor.")] = False,
-    add: Annotated[
-        tuple[int, str] | None,
-        option("--add", 'Add a bookmark to the run: --add 40 "odd turn".', BOOKMARKS, metavar="STEP NOTE"),
-    ] = None,
-    remove: Annotated[
-        str | None,
-        option(
-            "--remove",
-            "Remove the bookmarks of a step, or those with this note.",
-            BOOKMARKS,
-            metavar="STEP|NOTE",
-        ),
-    ] = None,
     json_output: opt.Json = False,
 ) -> None:
-    """List the events of a saved run, and add your own bookmarks to it."""
-    from ..app.events import drop_bookmarks, keep_bookmark
+    """List the events of a saved run."""
     from ..app.events import events as find
 
-    if add is not None and remove is not None:
-        raise typer.BadParameter("give --add or --remove, not both")
     with listening() as listener:
-        if add is not None:
-            step, text = add
-            file = keep_bookmark(run, step, text)
-            note(f"{file}: bookmark at step {step}: {' '.join(text.split())}")
-            return
-        if remove is not None:
-            gone = drop_bookmarks(run, remove)
-            note(f"{run}: {gone} bookmark{'s' * (gone != 1)} removed")
-            return
         found = find(run, kinds=kinds or (), routine=everything, listener=listener)
     if json_output:
         print_json(found.to_json())
@@ -95,43 +70,6 @@ def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, lis
             labels.setdefault(event, []).append(label)
     order = list(KINDS)
     return sorted(labels.items(), key=lambda item: (item[0].step, order.index(item[0].kind)))
-
-
-def jump(
-    run: opt.Run,
-    to: Annotated[
-        str | None,
-        option(
-            "--to",
-            "An event by its kind, a failure by its cause (kidnapped, lighting, motion, ...), "
-            "or a bookmark by its text.",
-            metavar="KIND|CAUSE|NOTE",
-        ),
-    ] = None,
-    nth: Annotated[int, option("--nth", "Which of them: 2 for the second, 3 for the third.", min=1)] = 1,
-    step: Annotated[int | None, option("--step", "A step by its number.")] = None,
-    phase: Annotated[str | None, option("--phase", f"Inside the step: {PHASES}.")] = None,
-    run_label: Annotated[
-        str | None, option("--run-label", "Only events of this run of a comparison.")
-    ] = None,
-    port: Annotated[
-        int | None,
-        option(
-            "--port",
-            "The port of a viewer that you opened. [default: one opened by a command]",
-            min=1,
-            max=65535,
-        ),
-    ] = None,
-) -> None:
-    """Move the open viewer to an event, a bookmark or a step of a saved run."""
-    from ..app.events import jump as move
-
-    with listening() as listener:
-        place = move(
-            run, to, nth=nth, step=step, phase=phase, run_label=run_label, port=port, listener=listener
-        )
-    results.print(f"step {place.step}{f', {phase}' if phase else ''}: {place.text}")
 
 
 def explain(

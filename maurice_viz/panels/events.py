@@ -95,7 +95,6 @@ NOTICED_COLORS: Mapping[str, RGB] = {
     kinds.PARTED: DOUBTFUL,
     RESEEDED: ACTS,
     EXPANDED: ACTS,
-    kinds.BOOKMARK: NOTE,
 }  # of several at one step the first is shown
 LOG_COLORS: Mapping[str, RGB] = {
     kinds.KIDNAPPED: LOST,

@@ -101,7 +101,6 @@ class RerunObserver:
     detail: Detail = Detail.FULL
     sensor: SensorModel | None = None  # to explain with; None: that panel stays empty
     updates: int = 0  # how many there will be; 0 where that is not known
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # the user's notes, by step
     radii: Radii = USUAL  # by which the run is judged
     color: RGB = RUN_COLORS[0]  # of its estimate
     failures: Sequence[Failure] = ()  # why the run failed: known only before `end`
@@ -117,7 +116,7 @@ class RerunObserver:
     def begin(self, info: SessionInfo, library: Library) -> None:
         """Log all that does not change."""
         scale = scale_for(info.display_units, library.arena)
-        self._detector = EventDetector(scale.say, bookmarks=self.bookmarks)
+        self._detector = EventDetector(scale.say)
         run = DrawnRun(
             paths=RunPaths(self.label),
             library=library,

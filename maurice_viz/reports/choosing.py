@@ -14,7 +14,7 @@ from ..app.saved_steps import Collected
 MAX_PICTURES = 12
 MANY = 20  # a kind with more events in a run is counted, not listed
 BY_WEIGHT = (
-    "kidnapped", "lost", "recovered", "parted", "bookmark", "mode-switch", "localized", "lights-changed",
+    "kidnapped", "lost", "recovered", "parted", "mode-switch", "localized", "lights-changed",
     "all-weights-zero", "beyond-three-sigma", "session", "expanded", "reseeded", "ess-dip",
 )  # fmt: skip
 RULE = (

@@ -27,8 +27,6 @@ from .open_viewers import (
     address,
     ends_within,
     free_port,
-    remember,
-    remember_recording,
     start_viewer,
     viewer_binary,
     wait_until_listening,
@@ -126,7 +124,6 @@ def bring_up_viewer(options: Sequence[str] = ("--expect-data-soon",)) -> int:
         raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
     if not wait_until_listening(viewer, port, PATIENCE_S) or ends_within(viewer, SETTLE_S):
         raise SinkError(viewer_binary(), "opened no window on this display")
-    remember(viewer.pid, port)
     return port
 
 
@@ -138,7 +135,6 @@ def to_viewer(port: int, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
     """
     rec = recording(name)
     rec.connect_grpc(address(port), default_blueprint=blueprint)
-    remember_recording(port, name, rec.get_recording_id() or "")
     try:
         yield rec
     finally:
@@ -225,12 +221,12 @@ def to_file_and_viewers(
         if web is not None:
             web.serve(remark, [address(port)])
         elif window:
-            _bring_up(port, name, rec.get_recording_id() or "", remark)
+            _bring_up(port, remark)
         yield rec
 
 
-def _bring_up(port: int, name: str, recording: str, remark: Remark) -> None:
-    """Start a viewer that follows, and that `jump` finds; where none opens, only remark it."""
+def _bring_up(port: int, remark: Remark) -> None:
+    """Start a viewer that follows; where none opens, only remark it."""
     own = free_port()
     try:
         process = start_viewer(own, ["--connect", address(port)])
@@ -240,5 +236,3 @@ def _bring_up(port: int, name: str, recording: str, remark: Remark) -> None:
     if ends_within(process, SETTLE_S):
         remark(f"{viewer_binary()}: opened no window on this display; going on without")
         return
-    remember(process.pid, own)
-    remember_recording(own, name, recording)

@@ -214,7 +214,7 @@ class Leader:
 FAILURE = "failure"
 KIDNAPPED, LIGHTS_CHANGED, SESSION = "kidnapped", "lights-changed", "session"
 ESS_DIP, ALL_WEIGHTS_ZERO, MODE_SWITCH = "ess-dip", "all-weights-zero", "mode-switch"
-BEYOND_THREE_SIGMA, PARTED, BOOKMARK = "beyond-three-sigma", "parted", "bookmark"
+BEYOND_THREE_SIGMA, PARTED = "beyond-three-sigma", "parted"
 RECOVERED, LEFT_THE_MAP = "recovered", "left-the-map"  # and LOCALIZED and LOST, which begin the states
 
 KINDS: Mapping[str, str] = {
@@ -234,7 +234,6 @@ KINDS: Mapping[str, str] = {
     ESS_DIP: "very few particles hold nearly all weight",
     ALL_WEIGHTS_ZERO: "no particle is in free space, or none has a likelihood: weights cannot be updated",
     PARTED: "two runs of a comparison diverge from here",
-    BOOKMARK: "a note of the user",
     RESAMPLED: "the cloud was resampled",
 }  # the order in which events of one step are listed
 
@@ -260,7 +259,6 @@ class EventDetector:
 
     say: Say = in_meters
     thresholds: EventThresholds = field(default_factory=EventThresholds)
-    bookmarks: Mapping[int, Sequence[str]] = field(default_factory=dict)  # notes of the user, by step
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of STATES
     knows: float | None = None  # probability that the last update's estimate is right, without truth
@@ -278,7 +276,6 @@ class EventDetector:
         self.modes = self._tracker.see(record)
         was_lost, self.knows = self._signal.probably_lost, self._signal.add(record)
         happened = [
-            *((BOOKMARK, note) for note in self.bookmarks.get(step, ())),
             *logged(moment.events),
             *self._of_filter(step, record),
             *self._judged(moment, record),

@@ -160,7 +160,7 @@ def run(
     work: Path, base: Path, words: tuple[str, ...], way: int = 0, after_s: float = 0.0, limit: int = 0
 ) -> Ended:
     """Run a command in its folder, and send it a signal after some time, or limit the size of its files."""
-    own = {"TMPDIR": str(work / "tmp"), "MAURICE_CACHE": str(base / "cache"), "MAURICE_STATE": str(work)}
+    own = {"TMPDIR": str(work / "tmp"), "MAURICE_CACHE": str(base / "cache"), "MAURICE_WORK": str(work)}
     (work / "tmp").mkdir(exist_ok=True)
     limited: Callable[[], None] | None = None
     if limit:
@@ -197,7 +197,7 @@ def _wait_until_it_listens(process: subprocess.Popen[str]) -> None:
 
 def _end_orphans(work: Path) -> list[int]:
     """End processes that outlive the command that started them, known by its environment; Linux only."""
-    marked, patient_until = f"MAURICE_STATE={work}\0".encode(), time.monotonic() + 3
+    marked, patient_until = f"MAURICE_WORK={work}\0".encode(), time.monotonic() + 3
     found = [0]
     while found and time.monotonic() < patient_until:  # they may just be ending
         time.sleep(0.05)

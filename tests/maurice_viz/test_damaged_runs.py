@@ -145,7 +145,6 @@ def test_every_command_says_so_in_one_line(kept: Path, bad: Path, damage: Damage
         ["report", bad],
         ["explain", bad],
         ["verify", bad],
-        ["jump", bad, "--to", "resampled"],
     ):
         line = failure(*words)
         assert f"{damage[0]}/00000001.parquet: found {damage[1]}" in line

@@ -102,7 +102,6 @@ def test_a_viewer_that_fails_is_one_line(monkeypatch, tmp_path):
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
 def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(monkeypatch, tmp_path):
     """The real viewer, without its window: everything else is as where there is a display."""
-    monkeypatch.setenv("MAURICE_STATE", str(tmp_path))
     started = []
 
     def headless(port: int, options: list[str]) -> subprocess.Popen[bytes]:

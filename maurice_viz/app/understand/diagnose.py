@@ -69,7 +69,6 @@ class RunDiagnosis:
         run, step = shlex.quote(str(self.source)), failure.first
         return [
             f"maurice-replay explain {run} --step {step}",
-            f"maurice-replay jump {run} --step {step}",
             f"maurice-replay snapshot {run} --step {step} -o step-{step}.png",
         ]
 

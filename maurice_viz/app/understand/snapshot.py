@@ -17,11 +17,11 @@ from ...viewer import sinks
 from ...viewer.movie import SUFFIXES as MOVIES
 from ...viewer.movie import film, from_png
 from ...viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
-from ..events import PHASES
 from ..output import layout_of, observed
 from ..run import collector_of, step_through
 from ..saved import open_saved, playback_of
 
+PHASES = tuple(phase.name.lower() for phase in Phase)
 SMALLEST_PX, LARGEST_PX = 200, 8000
 SIZE = (1600, 1000)
 ALIKE_IN_MOVIE = 2  # equal pictures that a frame waits for: its step number stands in it, so that it moved on

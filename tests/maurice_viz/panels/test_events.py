@@ -96,7 +96,7 @@ def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path):
 
 
 def test_of_several_marks_the_gravest_is_shown(tmp_path):
-    several = [("bookmark", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
+    several = [("beyond-three-sigma", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
     path = drawn(tmp_path / "a.rrd", [("lost", several)])
     assert lane_of(path, draw_events.noticed_path(PATHS)) == [(1, "lost")]
     path = drawn(tmp_path / "b.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)

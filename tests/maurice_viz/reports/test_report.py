@@ -147,15 +147,6 @@ def test_one_picture_one_reference_and_hostile_names(tmp_path):
     assert "1 at 1 places" in " ".join(found.text)
 
 
-def test_bookmarks_are_events_with_a_picture(small_session, tmp_path):
-    maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
-    (tmp_path / "kept" / "bookmarks.jsonl").write_text('{"step": 5, "note": "odd <turn>"}\nbroken\n')
-    assert "bookmarks.jsonl:2" in one_line(maurice("report", "kept", "-o", "r.html")[1])
-    found = check(Path("r.html").read_text(encoding="utf-8"))
-    assert "bookmark: odd <turn>" in found.text
-    assert any("step 5" in alt for alt in found.values("img", "alt"))
-
-
 def test_what_is_no_run_is_a_line(tmp_path):
     assert "expected a saved run's folder" in one_line(maurice("report", "none", expect=1)[1])
     assert "ends in .html" in maurice("report", "none", "-o", "r.pdf", expect=2)[1]

@@ -1,31 +1,15 @@
-"""`events` and `jump` as a person types them."""
+"""`events` as a person types it."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from rerun.experimental import ViewerClient
 
 from helpers.commands import maurice, one_line
 from helpers.small_session import write_small_session, write_small_survey
-from maurice_loaders.runs.store import bookmarks_file
-from maurice_mcl.analysis.events import RunEvent
-from maurice_viz.app.events import is_named, names_in
-from maurice_viz.viewer import open_viewers, sinks
-from maurice_viz.viewer import open_viewers as viewer
-from maurice_viz.viewer.snapshot import software_driver
-
-
-@pytest.fixture(autouse=True)
-def _no_viewers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(open_viewers.STATE, str(tmp_path / "state"))
 
 
 def told(log: Path) -> None:
@@ -106,62 +90,15 @@ def test_kinds_choose_in_runs_and_comparisons(runs):
     assert "run" not in maurice("events", "both/color")[0].splitlines()[1].split()
 
 
-def test_bookmarks_are_added_listed_and_removed(runs):
-    assert "bookmark at step 12: odd turn" in one_line(
-        maurice("events", "kept", "--add", 12, " odd  turn ")[1]
-    )
-    maurice("events", "kept", "--add", 3, "späte Bilder")
-    found = listed("kept", "--kind", "bookmark")
-    assert [(one["step"], one["text"]) for one in found] == [(3, "späte Bilder"), (12, "odd turn")]
-    assert float(str(found[0]["time_s"])) > 0
-    assert "1 bookmark removed" in maurice("events", "kept", "--remove", 12)[1]
-    assert "1 bookmark removed" in maurice("events", "kept", "--remove", "späte Bilder")[1]
-    assert listed("kept", "--kind", "bookmark") == []
-    assert "there are at steps: none" in one_line(maurice("events", "kept", "--remove", 3, expect=1)[1])
-    maurice("events", "both", "--add", 4, "shared")
-    maurice("events", "both/edges", "--add", 4, "own")
-    parts = json.loads(maurice("events", "both", "--kind", "bookmark", "--json")[0])["runs"]
-    assert [[one["text"] for one in part["events"]] for part in parts] == [["shared"], ["shared", "own"]]
-    assert [one["text"] for one in listed("both/edges", "--kind", "bookmark")] == ["own"]
-
-
-def test_broken_bookmarks_are_said_and_kept(runs):
-    maurice("events", "kept", "--add", 2, "good")
-    file = bookmarks_file(runs / "kept")
-    file.write_bytes(file.read_bytes() + b"{broken\n")
-    out, err = maurice("events", "kept", "--kind", "bookmark")
-    assert "bookmarks.jsonl:2" in one_line(err)
-    assert "good" in out
-    maurice("events", "kept", "--remove", 2)
-    assert file.read_bytes() == b"{broken\n"
-
-
 @pytest.mark.parametrize(
     ("args", "status", "said"),
     [
         (["nowhere"], 1, "expected a saved run's folder"),
-        (["kept", "--add", 15, "late"], 1, "expected one from 1 to 14"),
-        (["kept", "--add", 0, "early"], 1, "expected one from 1 to 14"),
-        (["kept", "--add", "x", "early"], 2, "--add"),
-        (["kept", "--add", 3, "  "], 2, "has a text"),
-        (["kept", "--add", 3, "a", "--remove", "3"], 2, "not both"),
-        (["nowhere", "--add", 3, "a"], 1, "expected a saved run's folder"),
+        (["kept", "--kind", "bump"], 2, "no kind called 'bump'"),
     ],
 )
 def test_what_is_wrong_is_said(args, status, said, runs):
     assert said in " ".join(maurice("events", *args, expect=status)[1].split())
-    assert not bookmarks_file(runs / "kept").exists()
-
-
-def test_replay_and_verify_do_not_mind_bookmarks(runs, made):
-    for name in ("kept", "both"):
-        maurice("events", name, "--add", 4, "note")
-    whole = {
-        name: json.loads(maurice(name, "--no-recording", "--json")[0])["runs"] for name in ("kept", "both")
-    }
-    assert [run["updates"] for some in whole.values() for run in some] == [14, 14, 14]
-    shutil.copytree(runs / "kept", made / "noted")
-    assert "the same, all 14 steps" in maurice("verify", made / "noted")[0]
 
 
 def test_without_truth_nothing_is_judged(runs, made):
@@ -172,92 +109,6 @@ def test_without_truth_nothing_is_judged(runs, made):
     assert {"lost", "localized", "recovered", "beyond-three-sigma"}.isdisjoint(
         str(one["kind"]) for one in listed("blind", "--all")
     )
-
-
-@pytest.mark.parametrize(
-    ("args", "status", "said"),
-    [
-        (["kept", "--to", "kidnapped"], 1, "no viewer is open; open one with: maurice-replay kept"),
-        (["kept", "--to", "kidnapped", "--nth", 2], 1, "1 times, so there is no --nth 2"),
-        (["kept", "--to", "all-weights-zero"], 1, "what happened in it: kidnapped, lights-changed"),
-        (["kept", "--step", 15], 1, "expected one from 1 to 14"),
-        (["both", "--to", "kidnapped", "--run-label", "blue"], 1, "expected one of color, edges"),
-        (["kept", "--step", 3, "--port", 9], 1, "no viewer on port 9"),
-        (["kept"], 2, "--to KIND, or --step N"),
-        (["kept", "--to", "lost", "--step", 3], 2, "--to KIND, or --step N"),
-        (["kept", "--step", 3, "--phase", "dream"], 2, "there are predict, measure, weight"),
-        (["nowhere", "--step", 3], 1, "expected a saved run's folder"),
-    ],
-)
-def test_what_is_wrong_with_a_jump_is_said(args, status, said, runs):
-    assert said in " ".join(maurice("jump", *args, expect=status)[1].split())
-
-
-@pytest.fixture
-def screen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """Let viewers be the real ones, without their windows; end them afterwards."""
-    started: list[subprocess.Popen[bytes]] = []
-    place = {
-        "HOME": str(tmp_path),
-        "XDG_RUNTIME_DIR": str(tmp_path),
-        "VK_ICD_FILENAMES": str(software_driver()),
-    }
-
-    def headless(port: int, options: list[str]) -> subprocess.Popen[bytes]:
-        started.append(viewer.start_viewer(port, [*options, "--headless"], place))
-        return started[-1]
-
-    monkeypatch.setattr(sinks, "start_viewer", headless)
-    yield started
-    for process in started:
-        process.kill()
-        process.wait()
-
-
-def cursor(port: int) -> tuple[str | None, int | None]:
-    """Ask the viewer itself where its cursor stands."""
-    shown = ViewerClient.connect(viewer.address(port)).get_state().recordings[0]
-    return shown.current_timeline, shown.current_time
-
-
-def settled(port: int, place: tuple[str, int]) -> bool:
-    deadline = time.monotonic() + 60
-    while cursor(port) != place and time.monotonic() < deadline:
-        time.sleep(0.1)
-    return cursor(port) == place
-
-
-@pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
-def test_jump_moves_the_viewer_that_replay_opened(runs, screen, monkeypatch):
-    monkeypatch.setattr(sinks, "has_display", lambda: True)
-    maurice("kept")
-    (open_one,) = open_viewers.open_viewers()
-    assert (open_one.pid, open_one.name) == (screen[0].pid, "kleine Fahrt")
-    maurice("events", "kept", "--add", 12, "odd turn")
-    for args, place in (
-        (("--to", "kidnapped"), ("step", 5)),
-        (("--to", "lights-changed", "--phase", "weight"), ("phase", 62)),
-        (("--to", "odd turn"), ("step", 12)),
-        (("--step", 7), ("step", 7)),
-        (("--step", 3, "--phase", "predict", "--port", open_one.port), ("phase", 18)),
-    ):
-        out, err = maurice("jump", "kept", *args)
-        assert (out.count("\n"), err) == (1, "")
-        assert settled(open_one.port, place), args
-    screen[0].kill()
-    screen[0].wait()
-    assert "no viewer is open" in one_line(maurice("jump", "kept", "--step", 7, expect=1)[1])
-
-
-def test_a_viewer_of_another_session_is_not_moved(runs):
-    import socket
-
-    with socket.create_server((viewer.HOST, 0)) as listener:
-        port = int(listener.getsockname()[1])
-        open_viewers.remember(os.getpid(), port)
-        open_viewers.remember_recording(port, "another drive", "an id")
-        line = one_line(maurice("jump", "kept", "--step", 7, expect=1)[1])
-    assert "the open viewers show 'another drive', not 'kleine Fahrt'" in line
 
 
 def test_a_run_that_ended_early_does_not_cut_the_others_short(runs, made):
@@ -287,15 +138,3 @@ def test_parted_runs_say_so_at_the_second(runs):
     assert parts[0]["events"] == []
     assert event["step"] == 7
     assert event["text"] == "edges and color are 1.00 m apart, since step 6"
-
-
-def test_what_the_log_says_is_found_by_its_first_word():
-    bump, lost = (
-        RunEvent(41, 332.5, "session", "bump into a wall"),
-        RunEvent(50, 400.0, "lost", "since step 47"),
-    )
-    assert is_named(bump, "bump")
-    assert not is_named(bump, "wall")
-    assert is_named(bump, "session")
-    assert is_named(lost, "lost")
-    assert names_in([bump, lost]) == ["session", "lost", "bump"]
