@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from maurice_loaders.libraries.measured import known_descriptors
+from maurice_mcl.analysis.dead_reckoning import DeadReckoning
 from maurice_mcl.analysis.events import Say, in_meters
 from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.analysis.lost_signal import SignalCollector, SignalSummary
@@ -99,11 +100,13 @@ class ResultCollector:
         say: Say = in_meters,
         other_drives: Collection[str] = (),
         localizers: Mapping[str, Localizer | None] | None = None,
+        starts: Mapping[str, F64 | None] | None = None,
     ) -> None:
         """Score runs of these labels, in an arena of this width and depth; all after the first against it.
 
         `other_drives` are the labels of those that replay another drive than the first one; with
-        `localizers`, the runs' filters, failures are diagnosed by references, motion and map, too.
+        `localizers`, the runs' filters, failures are diagnosed by references, motion and map, too; with
+        `starts`, poses (3,), runs are compared with their odometry alone.
         """
         self._scorers = {label: Scorer() for label in labels}
         self._judges = {label: SuccessJudge(arena_m) for label in labels}
@@ -111,7 +114,11 @@ class ResultCollector:
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
         }
-        self._verdicts = {label: VerdictBuilder((localizers or {}).get(label)) for label in labels}
+        filters, starts = localizers or {}, starts or {}
+        self._verdicts = {label: VerdictBuilder(filters.get(label)) for label in labels}
+        self._reckonings = {
+            label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
+        }
         self._signals = {label: SignalCollector() for label in labels}
         self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
@@ -132,6 +139,9 @@ class ResultCollector:
             self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
             self._judges[label].add(record, moment.truth)
             self._verdicts[label].add(moment, record)
+            reckoning = self._reckonings[label]
+            if reckoning is not None:
+                reckoning.add(moment, record)
             self._signals[label].add(record)
             self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
@@ -139,7 +149,12 @@ class ResultCollector:
 
     def verdicts(self) -> dict[str, RunVerdict]:
         """Return what happened to each run, up to now."""
-        return {label: builder.result() for label, builder in self._verdicts.items()}
+        return {label: self._verdict(label) for label in self._verdicts}
+
+    def _verdict(self, label: str) -> RunVerdict:
+        reckoning = self._reckonings[label]
+        alone = None if reckoning is None else reckoning.result()
+        return replace(self._verdicts[label].result(), odometry_alone=alone)
 
     def results(self) -> list[RunResult]:
         """Return a result for each run, in order, up to now."""
@@ -149,7 +164,7 @@ class ResultCollector:
         took_s = self._took_s[label]
         score = replace(score, success=self._judges[label].result())
         per_s = score.updates / took_s if took_s > 0 else None
-        verdict, signal = self._verdicts[label].result(), self._signals[label].result()
+        verdict, signal = self._verdict(label), self._signals[label].result()
         result = RunResult(label, score, per_s, verdict, self._radii[label], signal=signal)
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
 from maurice_mcl.map import Arena
@@ -49,6 +50,7 @@ class RunView:
     draws_new: str | None = None  # where recovery draws new particles, NEVER: nowhere; None: not known
     localizer: Localizer | None = None  # None: failures are judged by the records alone
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
+    start: F64 | None = None  # (3,) in the map's frame, where it is known to begin
 
     @property
     def is_recorded(self) -> bool:
@@ -61,7 +63,7 @@ class RunView:
         return () if self.sensor is None else tuple(self.sensor.sensors)
 
     @classmethod
-    def live(cls, label: str, localizer: Localizer) -> RunView:
+    def live(cls, label: str, localizer: Localizer, start: F64 | None = None) -> RunView:
         """Return the view of a run all of whose panels will be filled."""
         sensor = localizer.sensor
         names = tuple(sensor.distances)
@@ -74,6 +76,7 @@ class RunView:
             radii=localizer.radii,
             draws_new=draws_new,
             localizer=localizer,
+            start=start,
         )
 
 

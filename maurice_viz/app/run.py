@@ -141,7 +141,8 @@ def collector_of(playback: Playback) -> ResultCollector:
     arena = playback.scene.library.arena
     say = scale_for(playback.scene.info.display_units, arena).say
     localizers = {run.label: run.localizer for run in playback.views}
-    return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives, localizers)
+    starts = {run.label: run.start for run in playback.views}
+    return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives, localizers, starts)
 
 
 def step_through(

@@ -172,6 +172,7 @@ def view_of(one: Restored) -> RunView:
         radii=manifest.radii,
         draws_new=draws_new if manifest.channels else None,
         localizer=one.localizer,
+        start=one.start,
     )
 
 

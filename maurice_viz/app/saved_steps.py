@@ -203,7 +203,8 @@ def collect(
     tracks = {label: Track(label) for label in known}
     detectors = {label: EventDetector(scale.say) for label in known}
     localizers = {label: one.localizer for label, one in known.items()}
-    scores = ResultCollector(list(known), arena_m, scale.say, localizers=localizers)
+    starts = {label: one.start for label, one in known.items()}
+    scores = ResultCollector(list(known), arena_m, scale.say, localizers=localizers, starts=starts)
     size: tuple[int, int] | None = None
     for moment, records in restored_together(runs, pictures):
         paired = scores.add(moment, records)

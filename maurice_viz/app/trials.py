@@ -178,7 +178,9 @@ def _playback(material: Material, row: Row) -> Playback:
     again = FilterRun(label, localizer, drive.start)
     scene = DriveScene(drive.session.info, localizer.library, row["off_m"] is not None, row["updates"])
     updates = shared(run_together([again], drive.session.moments()))
-    return Playback(updates, row["updates"], [RunView.live(label, localizer)], scene, lambda collector: None)
+    return Playback(
+        updates, row["updates"], [RunView.live(label, localizer, drive.start)], scene, lambda collector: None
+    )
 
 
 def _draw(rec: rr.RecordingStream, chart: RunChart, rows: pl.DataFrame, row: Row, metric: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_mcl.analysis.dead_reckoning import CAMERA, SENSORS
 from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
 from maurice_mcl.analysis.run_comparison import (
@@ -91,6 +92,7 @@ def _run_json(result: RunResult) -> dict[str, Any]:
     relative = None if result.score.relative is None else asdict(result.score.relative)
     scores["relative_error"] = relative
     scores["knows_where_it_is"] = _signal_json(result)
+    scores["odometry_alone"] = _alone_json(result)
     tail = {"thesis_success": success, "radii": asdict(result.radii), "steps_per_s": result.steps_per_s}
     return head | scores | tail
 
@@ -101,6 +103,14 @@ def _signal_json(result: RunResult) -> dict[str, Any] | None:
         return None
     spans = [{"from_step": first, "to_step": last} for first, last in signal.probably_lost]
     return {"share": signal.share, "at_end": signal.at_end, "probably_lost": spans}
+
+
+def _alone_json(result: RunResult) -> dict[str, Any] | None:
+    alone = result.verdict.odometry_alone
+    if alone is None:
+        return None
+    errors_m = {"position_error_mean_m": alone.error_mean_m, "position_error_final_m": alone.error_final_m}
+    return errors_m | {"run_against_it": _difference_json(alone.against, "m"), "better": alone.is_better}
 
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
@@ -179,6 +189,7 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
         (f"position error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
         (f"position error, median ({unit})", lambda r: _length(r.score.position_error_median_m, units)),
         (f"position error, final ({unit})", lambda r: _length(r.score.position_error_final_m, units)),
+        (f"without the {_sensors(results)}, mean ({unit})", lambda r: _length(_alone_m(r), units)),
         ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
         (
             f"RPE over {_segment(results, units)}, median ({unit}, deg)",
@@ -195,6 +206,17 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
         (f"right, converged, lost ({unit})", lambda r: _radii(r.radii, units)),
         ("filter steps per second", lambda r: _written(r.steps_per_s, ".0f")),
     ]
+
+
+def _sensors(results: Sequence[RunResult]) -> str:
+    """Return what the runs had besides odometry."""
+    known = [one.verdict.odometry_alone for one in results]
+    return SENSORS if any(one is not None and one.sensors == SENSORS for one in known) else CAMERA
+
+
+def _alone_m(result: RunResult) -> float | None:
+    alone = result.verdict.odometry_alone
+    return None if alone is None else alone.error_mean_m
 
 
 def _known(result: RunResult) -> str:

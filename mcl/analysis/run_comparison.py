@@ -149,8 +149,8 @@ class RunComparison:
         """Return the comparison so far."""
         apart = self._apart
         return ComparisonResult(
-            _sum_up(np.array(self._position)),
-            _sum_up(np.array(self._heading)),
+            difference_of(np.array(self._position)),
+            difference_of(np.array(self._heading)),
             float(np.mean(apart)) if apart else None,
             max(apart) if apart else None,
             self.parted_at,
@@ -161,7 +161,8 @@ def _difference(first: float | None, other: float | None) -> float | None:
     return None if first is None or other is None else other - first
 
 
-def _sum_up(values: F64) -> ErrorDifference | None:
+def difference_of(values: F64) -> ErrorDifference | None:
+    """Sum up differences of errors (n,) at the updates of one drive; None for none."""
     if not len(values):
         return None
     mean, better, worse = float(values.mean()), int((values < 0).sum()), int((values > 0).sum())

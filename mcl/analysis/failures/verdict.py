@@ -14,6 +14,7 @@ from ...filter.motion import PictureMotion
 from ...radii import USUAL
 from ...records import StepRecord
 from ...session import Moment
+from ..dead_reckoning import OdometryAlone
 from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
 from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
@@ -117,6 +118,7 @@ class RunVerdict:
     failures: tuple[Failure, ...] = ()  # each time it was lost or never found itself, with its one cause
     ambiguity: Ambiguity | None = None  # two places that shared the weight
     sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
+    odometry_alone: OdometryAlone | None = None  # without its sensors; None: no known start, or no truth
 
     @property
     def is_off_at_end(self) -> bool:

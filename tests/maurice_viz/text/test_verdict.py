@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from maurice_mcl.analysis.dead_reckoning import OdometryAlone
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import InObstacle
 from maurice_mcl.analysis.failures.kinds import AMBIGUITY, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
+from maurice_mcl.analysis.run_comparison import ErrorDifference
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.failure import say_cause
 from maurice_viz.text.verdict import said, verdict_line
@@ -42,6 +44,16 @@ SURE = troubled(Trouble("kidnapped", 61, None, True, 0, 30, 29))
     [
         (RunVerdict(), "No update yet."),
         (GOOD, "The robot stayed localized: 4.0 in off on average, 9.0 in at most (step 41)."),
+        (
+            replace(
+                GOOD,
+                odometry_alone=OdometryAlone(
+                    INCH_M, 2 * INCH_M, ErrorDifference(3 * INCH_M, (0.01, 0.1), 2, 87, 9, 78)
+                ),
+            ),
+            "The camera made it worse: 4.0 in off on average, 1.0 in by odometry alone. "
+            "The robot stayed localized: 4.0 in off on average, 9.0 in at most (step 41).",
+        ),
         (BACK, "The robot was kidnapped at 61. It found itself at 63 by 100 fresh particles."),
         (
             SURE,
