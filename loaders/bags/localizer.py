@@ -10,6 +10,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar
@@ -87,7 +88,7 @@ class LocalizerPoseReader(OneTopic):
         pose = LocalizerPose(t_s, pose_of(found, self.plane), sd)
         yield pose
         if self.alone:
-            yield Cloud(t_s, sigma_points(pose.pose, covariance), None)
+            yield Cloud(t_s, stand_ins(pose.pose, covariance), None)
 
 
 def covariance_of(message: Any, plane: Plane) -> F64:
@@ -100,14 +101,28 @@ def covariance_of(message: Any, plane: Plane) -> F64:
     return covariance[np.ix_(PLANAR, PLANAR)]
 
 
-def sigma_points(pose: F64, covariance: F64) -> F64:
-    """Return six poses (6, 3) of this mean and covariance; what is no covariance counts as 0."""
+STAND_INS = 500  # so that shares of them within a radius are those of the normal distribution to 2 points
+
+
+def stand_ins(pose: F64, covariance: F64) -> F64:
+    """Return poses (500, 3), normally distributed, of exactly this mean and covariance.
+
+    What is no covariance counts as 0. The numbers are the same at every update.
+    """
     if not np.isfinite(covariance).all():
-        return np.repeat(pose[None], 6, axis=0)
+        return np.repeat(pose[None], STAND_INS, axis=0)
     variances, axes = np.linalg.eigh((covariance + covariance.T) / 2)
-    away = np.sqrt(3 * np.maximum(variances, 0)) * axes
-    points: F64 = pose + np.concatenate([away.T, -away.T])
+    points: F64 = pose + _standard_normals() @ (np.sqrt(np.maximum(variances, 0)) * axes).T
     return points
+
+
+@cache
+def _standard_normals() -> F64:
+    """Return normal numbers (500, 3) of mean 0 and covariance 1, to rounding."""
+    numbers = np.random.default_rng(0).standard_normal((STAND_INS, 3))
+    numbers -= numbers.mean(axis=0)
+    spread = np.linalg.cholesky(np.cov(numbers.T, bias=True))
+    return np.asarray(np.linalg.solve(spread, numbers.T).T)
 
 
 PLANAR = [0, 1, 5]  # x, y and the turn about z, of six

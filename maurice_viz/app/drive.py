@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_loaders.bags.localizer import Nearest, Overview, RecordedLocalizer, RecordedUpdate
+from maurice_loaders.bags.localizer import STAND_INS, Nearest, Overview, RecordedLocalizer, RecordedUpdate
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen, open_recording
@@ -148,7 +148,7 @@ AFTER_RESAMPLING = (
 
 WITHOUT_CLOUD = (
     "shown as recorded: poses without particles, so ellipses of two standard deviations are drawn along the "
-    "path, and six points of the same mean and covariance stand for the cloud"
+    f"path, and {STAND_INS} points of the same mean and covariance stand for the cloud"
 )
 
 

@@ -7,11 +7,11 @@ from functools import reduce
 
 import numpy as np
 
-from ...arrays import F32, F64, U8
+from ...arrays import F32, F64
 from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
 from ...geometry import compose_motions
 from ...records import StepRecord
-from ...session import Moment
+from ...session import Frame, Moment
 from ..events import is_kidnapping
 from ..lost_signal import LostSignal, evidence_by_channels
 from ..metrics import StepScore, score_step
@@ -34,7 +34,7 @@ class UpdateEvidence:
     time_s: float
     after_s: float | None  # since the picture before
     skipped: int  # numbers of pictures missing before it
-    repeated: bool  # whether the robot moved and the picture is the one before, to the last pixel
+    repeated: bool  # whether the robot moved and the picture compared is the one before, to the last pixel
     events: tuple[str, ...]  # of the log
     floor: str  # that the robot was on when it set off, if the log or the map tells it
     broken: bool  # whether a likelihood was no number
@@ -92,6 +92,7 @@ class EvidenceFinder:
         floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
         comparison = record.sighting.comparison
         cost, likely = comparison.by_channels.cost, comparison.log_likelihood
+        compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
         motions = frame.motions
         knows = self._signal.add(record)
         found = UpdateEvidence(
@@ -99,7 +100,7 @@ class EvidenceFinder:
             time_s=frame.time_s,
             after_s=None if before is None else frame.time_s - before.frame.time_s,
             skipped=0 if before is None else max(frame.step - before.frame.step - 1, 0),
-            repeated=before is not None and _moved(motions) and _same(frame.image, before.frame.image),
+            repeated=before is not None and compared and _moved(motions) and _same(frame, before.frame),
             events=moment.events,
             floor=floor,
             broken=bool(np.isnan(likely).any()),
@@ -138,11 +139,12 @@ def _moved(motions: F64) -> bool:
     return len(motions) > 0 and float(np.abs(motions).max()) > MOVED
 
 
-def _same(image: U8, before: U8) -> bool:
-    """Return whether two pictures are equal; not those without any contrast, which stand for none."""
-    if image.shape != before.shape or not image.size or image.min() == image.max():
+def _same(frame: Frame, before: Frame) -> bool:
+    """Return whether two pictures are equal; not those of one color, which stand for none."""
+    image = frame.image
+    if image.shape != before.image.shape or not image.size or (image == image[0, 0]).all():
         return False
-    return bool(np.array_equal(image, before))
+    return bool(np.array_equal(image, before.image))
 
 
 def _floor_told(events: tuple[str, ...], last: str) -> str:

@@ -13,14 +13,22 @@ from typer.testing import CliRunner
 
 from helpers import bags as making
 from helpers.bags import BEGIN_NS, Ros, Said
-from maurice_loaders.bags.localizer import RecordedLocalizer, RecordedUpdate, arena_of, sigma_points
+from maurice_loaders.bags.localizer import (
+    STAND_INS,
+    RecordedLocalizer,
+    RecordedUpdate,
+    arena_of,
+    stand_ins,
+)
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_session
 from maurice_loaders.maps import MOST_WALLS
 from maurice_loaders.reading import ReadingOptions
+from maurice_mcl.filter.estimate import modes, share_within
 from maurice_mcl.map import open_arena
-from maurice_mcl.records import StepRecord
+from maurice_mcl.radii import USUAL
+from maurice_mcl.records import Belief, StepRecord, uniform_log_weights
 from maurice_mcl.session import Moment
 from maurice_viz.app.drive import (
     AFTER_RESAMPLING,
@@ -153,12 +161,44 @@ def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
         open_several(path, ReadingOptions(localizer_topic="/amcl_pose,/nowhere"))
 
 
-def test_sigma_points_have_the_covariance() -> None:
+def test_stand_ins_have_the_covariance() -> None:
     turned = np.array([[2.0, 0.6, 0.1], [0.6, 1.0, 0.2], [0.1, 0.2, 0.3]])
-    points = sigma_points(np.array([1.0, 2.0, 3.0]), turned)
+    points = stand_ins(np.array([1.0, 2.0, 3.0]), turned)
     np.testing.assert_allclose(points.mean(axis=0), [1, 2, 3])
     np.testing.assert_allclose(np.cov(points.T, bias=True), turned, atol=1e-12)
-    assert (sigma_points(np.ones(3), np.full((3, 3), np.nan)) == 1).all()
+    assert (stand_ins(np.ones(3), np.full((3, 3), np.nan)) == 1).all()
+
+
+@pytest.mark.parametrize("sd_m", [0.1, 0.3, 0.6])
+def test_a_pose_without_a_cloud_has_the_shares_of_its_covariance(sd_m: float) -> None:
+    """Shares within a radius are those of the normal distribution, and the heaviest mode is about its mean."""
+    belief = Belief(
+        stand_ins(np.zeros(3), np.diag([sd_m**2, sd_m**2, 0.01])).astype(np.float32),
+        uniform_log_weights(STAND_INS),
+        np.zeros(2),
+    )
+    for radius_m in (0.3, 0.46, 0.61):
+        share = 1 - np.exp(-(radius_m**2) / (2 * sd_m**2))
+        margin = 4 * np.sqrt(share * (1 - share) / STAND_INS)
+        assert share_within(belief, np.zeros(3), radius_m) == pytest.approx(share, abs=margin)
+    np.testing.assert_allclose(modes(belief, USUAL)[0].pose[:2], 0, atol=0.3)
+
+
+@pytest.mark.parametrize("camera", ["none", "slow"])
+@pytest.mark.parametrize("cloud", [True, False])
+def test_a_localizer_is_not_lost_by_a_camera_that_it_does_not_use(
+    camera: str, cloud: bool, tmp_path: Path
+) -> None:
+    """Without pictures, or with one picture for many clouds, no verdict speaks of a camera."""
+    said = [one for one in making.amcl_drive(Ros(2), 12) if cloud or one.topic != "/particle_cloud"]
+    pictures = [one for one in said if "camera" in one.topic]
+    kept = pictures[:1] if camera == "slow" else []
+    path = making.write_ros2(tmp_path / "bag", [one for one in said if one not in pictures or one in kept])
+    none = OutputOptions("out", None, headless=True, no_recording=True)
+    [run] = replay_any(path, None, RunSpec(), none, as_recorded=True).runs
+    assert run.score.updates == 12
+    assert run.verdict.failures == ()
+    assert not run.verdict.causes
 
 
 def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
