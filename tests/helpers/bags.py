@@ -293,7 +293,7 @@ def amcl_drive(ros: Ros, updates: int = 4, *, weighted: bool = True) -> list[Sai
     for number in range(updates):
         t_ns = BEGIN_NS + number * 2 * 10**8 + 10**7
         middle = np.array([1.0 + 0.1 * number, 2.0, 0.5])
-        size = 200 - 40 * number
+        size = max(200 - 40 * number, 40)
         poses = middle + random.normal(0, 0.5 / (number + 1), (size, 3))
         if weighted:
             cloud = ros.particles(t_ns, poses, random.random(size))

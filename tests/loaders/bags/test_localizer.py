@@ -171,7 +171,7 @@ def test_stand_ins_have_the_covariance() -> None:
 
 @pytest.mark.parametrize("sd_m", [0.1, 0.3, 0.6])
 def test_a_pose_without_a_cloud_has_the_shares_of_its_covariance(sd_m: float) -> None:
-    """Shares within a radius are those of the normal distribution, and the heaviest mode is about its mean."""
+    """Shares within a radius are those of the normal distribution; the heaviest mode is at its mean."""
     belief = Belief(
         stand_ins(np.zeros(3), np.diag([sd_m**2, sd_m**2, 0.01])).astype(np.float32),
         uniform_log_weights(STAND_INS),
