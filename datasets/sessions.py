@@ -12,12 +12,12 @@ import numpy as np
 from maurice_loaders.files import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.session import KIDNAPPED, Frame, Moment, SessionInfo
 
 from .folders import NOTE, SimulationPaths, copy_whole, paths_in, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
-from .robot.segments import KIDNAPPED, Happened, Log, Moved, Progress, write_segments
+from .robot.segments import Happened, Log, Moved, Progress, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import (

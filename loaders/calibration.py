@@ -18,6 +18,7 @@ from maurice_mcl.calibration.motion import MotionSegment, Straights, Trials, Tur
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.geometry import INCH_M, motion_between
 from maurice_mcl.map import Arena
+from maurice_mcl.session import first_word
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files import PICTURES, number_in, read_csv, read_number_rows, show, write_whole
@@ -169,7 +170,7 @@ def mishaps(path: Path) -> dict[str, int]:
     """Count what a session log tells of slips and bumps: events that begin with these words."""
     found = dict.fromkeys(MISHAPS, 0)
     for record in read_records(path, "session", ReadingNotes(keep_going=False)):
-        if isinstance(record, EventRecord) and (word := record.text.split(" ")[0]) in found:
+        if isinstance(record, EventRecord) and (word := first_word(record.text)) in found:
             found[word] += 1
     return found
 

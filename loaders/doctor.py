@@ -38,7 +38,7 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.session import Moment, SessionInfo, is_kidnapping
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files import MOST
@@ -104,7 +104,7 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
         elif isinstance(record, Picture):
             pictures.add(record.t_s, np.zeros(3))
         else:
-            part += record.text.startswith("kidnapped")
+            part += is_kidnapping(record.text)
         if any(one.full for one in (moved, went, truth, pictures)):
             cut = True
             break

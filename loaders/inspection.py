@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import SessionInfo, is_kidnapping
 
 from .errors import InputError, PictureError, ReadingNotes
 from .pictures import decode_picture, picture_format
@@ -155,7 +155,7 @@ class _Tally:
     def add_event(self, t_s: float, text: str) -> None:
         """Take in an event; truth is not joined across a kidnapping."""
         self.count("event", t_s)
-        if text.startswith("kidnapped"):
+        if is_kidnapping(text):
             self._before.pop("truth", None)
         if len(self._events) < MOST_EVENTS:
             self._events.append(text)

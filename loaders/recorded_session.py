@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.analysis.events import is_kidnapping
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between, wrap_angle
-from maurice_mcl.session import Camera, Frame, Moment, SessionInfo
+from maurice_mcl.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from .errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from .reading import ReadingOptions
@@ -266,7 +265,7 @@ def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:
     motions: list[F64] = []
     for moved, truth, events in _between_truths(session):
         motions.extend(moved)
-        if any(is_kidnapping(text) for text in events):
+        if any(map(is_kidnapping, events)):
             before, motions = None, []
         if truth is None:
             continue

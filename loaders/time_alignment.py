@@ -12,6 +12,7 @@ import numpy as np
 
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose_motions, motion_between
+from maurice_mcl.session import is_kidnapping
 
 from .files import MOST_T_S
 from .recording import Motion, Note, OdometryPose, Picture, Readings, Record, TruthPose, interpolated
@@ -276,7 +277,7 @@ class Aligner:
     def _take_note(self, note: Note) -> None:
         """Keep an event; truth is not joined across a kidnapping."""
         self._events.append(note.text)
-        if note.text.startswith("kidnapped"):
+        if is_kidnapping(note.text):
             self._truth = None
             for one in self._waiting:
                 one.truth.settled = True

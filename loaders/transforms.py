@@ -13,7 +13,7 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, compose_motions, motion_between, wrap, wrap_angle
 from maurice_mcl.randomness import Domain, stream
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import SessionInfo, is_kidnapping
 
 from .errors import InputError, ReadingNotes
 from .reading import MOTIONS_ARE, ReadingOptions
@@ -322,7 +322,7 @@ class MadeOdometry(RecordingWrapper):
         for record in checked(self.measured, notes):
             if isinstance(record, TruthPose):
                 yield OdometryPose(record.t_s, wheels.go_to(record.pose))
-            elif isinstance(record, Note) and record.text.startswith("kidnapped"):
+            elif isinstance(record, Note) and is_kidnapping(record.text):
                 wheels.carried()
             yield record
 

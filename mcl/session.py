@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,6 +44,34 @@ class Moment:
     frame: Frame
     truth: F64 | None = None  # (3,) x_m, y_m, heading_rad; None when unknown
     events: tuple[str, ...] = ()  # free text since the last frame, as the log has it
+
+    @property
+    def kidnapped(self) -> bool:
+        """Whether the log says that the robot was carried away since the last frame."""
+        return any(map(is_kidnapping, self.events))
+
+    def told(self, word: str) -> tuple[str, ...]:
+        """Return the events of one kind: those whose first word is `word`."""
+        return tuple(text for text in self.events if first_word(text) == word)
+
+
+KIDNAPPED = "kidnapped"  # first word of an event that says so
+FIRST_WORD = re.compile(r"[^\W\d_]+")
+
+
+def first_word(text: str) -> str:
+    """Return the first word of an event, in lower case, which is its kind (docs/session-log.md).
+
+    >>> first_word("Kidnapped: by a visitor"), first_word("  ")
+    ('kidnapped', '')
+    """
+    word = FIRST_WORD.search(text)
+    return word[0].lower() if word else ""
+
+
+def is_kidnapping(text: str) -> bool:
+    """Return whether an event says that the robot was carried away, unseen by its odometry."""
+    return first_word(text) == KIDNAPPED
 
 
 @dataclass(frozen=True, slots=True)

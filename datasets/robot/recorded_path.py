@@ -23,9 +23,10 @@ from maurice_loaders.session_log.records import (
 )
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M, wrap
+from maurice_mcl.session import KIDNAPPED
 
 from .planner import Placement
-from .segments import KIDNAPPED, Happened, Moved, Segment
+from .segments import Happened, Moved, Segment
 
 ROW_S = 1 / 3  # between two rows of a folder's tables: about three a second, as their source says
 STRIDE_M = 9 * INCH_M  # the robot takes a picture when the odometry has covered this distance ...

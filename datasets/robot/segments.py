@@ -11,6 +11,7 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
+from maurice_mcl.session import KIDNAPPED
 
 from ..worlds.world import floor_at
 from .drive import DriveUpdate
@@ -19,7 +20,6 @@ FRAME_S = 3.3  # to fetch an 88 x 143 frame at 115,200 baud (worked out from the
 SETTLE_S = 0.5  # before and after each movement; invented
 TURN_RAD_S = float(np.radians(45))  # invented
 DRIVE_M_S = 0.15  # invented
-KIDNAPPED = "kidnapped"  # the event
 CARRY_S = 20.0  # to carry the robot somewhere else; invented
 
 Progress = Callable[[int, int, str], None]  # done, all, what is being made

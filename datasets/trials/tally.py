@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.events import is_kidnapping
 from maurice_mcl.analysis.failures.causes import JUMPED, SLIPPED, TURNED, Cause, CauseFinder
 from maurice_mcl.analysis.failures.near_truth import has_near, have_near
 from maurice_mcl.analysis.metrics import RunErrors, RunScore, Scorer, SuccessJudge, first_mostly
@@ -233,5 +232,5 @@ class BatchTally:
 
 def kidnapped_at(drive: Sequence[Moment]) -> int | None:
     """Return the last update, from 1, before which the robot was carried away."""
-    told = [number for number, one in enumerate(drive, 1) if any(map(is_kidnapping, one.events))]
+    told = [number for number, one in enumerate(drive, 1) if one.kidnapped]
     return told[-1] if told else None

@@ -15,6 +15,7 @@ import numpy as np
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import wrap_angle
 from maurice_mcl.session import SessionInfo
+from maurice_mcl.session import is_kidnapping as tells_of_kidnapping
 
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text, time_falls
@@ -306,7 +307,7 @@ def truth_between(before: TruthRecord | None, after: TruthRecord, t_s: float) ->
 
 def is_kidnapping(record: Record) -> bool:
     """Return whether a record tells that the robot was carried away."""
-    return isinstance(record, EventRecord) and record.text.startswith("kidnapped")
+    return isinstance(record, EventRecord) and tells_of_kidnapping(record.text)
 
 
 def _answer(

@@ -15,7 +15,7 @@ from maurice_mcl.analysis import events as states
 from maurice_mcl.analysis.events import RunEvent
 from maurice_mcl.analysis.failures.kinds import CAUSES, Failure
 from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
-from maurice_mcl.session import Moment
+from maurice_mcl.session import Moment, first_word
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
@@ -332,7 +332,7 @@ def events_view(labels: Sequence[str], title: str = "Events", brief: bool = Fals
 
 def name_of(event: RunEvent) -> str:
     """Return an event's kind; of what else the log says its first word, where lanes know it."""
-    first = event.text.split(" ")[0]
+    first = first_word(event.text)
     return first if event.kind == kinds.SESSION and first in LOG_COLORS else event.kind
 
 

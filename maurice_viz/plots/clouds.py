@@ -10,7 +10,6 @@ import polars as pl
 
 from maurice_datasets.trials.drives import Drive, turning_drive
 from maurice_datasets.trials.statistics import mean
-from maurice_mcl.analysis.events import is_kidnapping
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.proposal import belief_at
@@ -163,7 +162,7 @@ def _first_fresh(material: Material, row: dict[str, object]) -> tuple[Moment, St
     """Return the first update after the kidnapping at which fresh particles were drawn."""
     kidnapped = False
     for moment, record in material.run_of(row):
-        kidnapped = kidnapped or any(is_kidnapping(text) for text in moment.events)
+        kidnapped = kidnapped or moment.kidnapped
         if kidnapped and record.injected is not None:
             return moment, record
     return None

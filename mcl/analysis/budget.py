@@ -24,7 +24,6 @@ from ..records import Comparison
 from ..sensor.model import SensorModel
 from ..sensor.references import distinct_places, nearest_reference, virtual_references
 from ..session import Moment
-from .events import is_kidnapping
 from .trace_score import score_trace
 
 AS_IS = "as it is"
@@ -110,7 +109,7 @@ def with_true_motions(moments: Sequence[Moment], start: F64 | None) -> list[Mome
     """
     told, before = [], start
     for moment in moments:
-        truth, carried = moment.truth, any(is_kidnapping(text) for text in moment.events)
+        truth, carried = moment.truth, moment.kidnapped
         if truth is not None:
             motions = np.zeros((0, 3))
             if before is not None and not carried:

@@ -14,7 +14,6 @@ import numpy as np
 from ..arrays import F64, Bool
 from ..filter.batch import RunTrace
 from ..session import Moment
-from .events import is_kidnapping
 from .metrics import FIRST_SCORED, LOCALIZED_OF, LOST_FOR, first_mostly, first_run_of, score_step
 
 LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged"
@@ -80,7 +79,7 @@ class RunTrack:
 
 def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:
     """Return the updates, from 0, at which a run has to find itself: the first, and after kidnappings."""
-    carried = [k for k, one in enumerate(moments) if k and any(map(is_kidnapping, one.events))]
+    carried = [k for k, one in enumerate(moments) if k and one.kidnapped]
     return (0, *carried)
 
 

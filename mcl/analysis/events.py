@@ -15,7 +15,8 @@ import numpy as np
 from ..arrays import F64, dot
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLED, RESEEDED
 from ..records import AVERAGES, RecoveryTest, StepRecord
-from ..session import Moment
+from ..session import KIDNAPPED as KIDNAPPED
+from ..session import Moment, first_word
 from .lost_signal import LostSignal
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .modes import ModeTracker, TrackedMode
@@ -212,7 +213,8 @@ class Leader:
 # What a person reads: the kinds of event, and the detector that reports them for one run.
 
 FAILURE = "failure"
-KIDNAPPED, LIGHTS_CHANGED, SESSION = "kidnapped", "lights-changed", "session"
+CARRIED_AWAY = "the robot was carried away"
+LIGHTS_CHANGED, SESSION = "lights-changed", "session"  # and KIDNAPPED
 ESS_DIP, ALL_WEIGHTS_ZERO, MODE_SWITCH = "ess-dip", "all-weights-zero", "mode-switch"
 BEYOND_THREE_SIGMA, PARTED = "beyond-three-sigma", "parted"
 RECOVERED, LEFT_THE_MAP = "recovered", "left-the-map"  # and LOCALIZED and LOST, which begin the states
@@ -250,7 +252,7 @@ class RunEvent:
     @property
     def is_routine(self) -> bool:
         """Return whether it is so frequent that a list of important events leaves it out."""
-        return self.kind == RESAMPLED or (self.kind == SESSION and self.text.split()[:1] == ["floor"])
+        return self.kind == RESAMPLED or (self.kind == SESSION and first_word(self.text) == "floor")
 
 
 @dataclass(slots=True)
@@ -309,8 +311,7 @@ class EventDetector:
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
         score = score_step(record.estimate, moment.truth)
-        carried_off = any(kind == KIDNAPPED for kind, _ in logged(moment.events))
-        yield from self._status.see(moment.frame.step, score, carried_off, self.say)
+        yield from self._status.see(moment.frame.step, score, moment.kidnapped, self.say)
         self.state = self._status.state
         if moment.truth is not None:
             text = self._beyond.see(record, moment.truth, self.thresholds, self.say)
@@ -321,19 +322,12 @@ class EventDetector:
         return self._bursts[name].begins(step, name in record.events, self.thresholds)
 
 
-def is_kidnapping(text: str) -> bool:
-    """Return whether an event of a log says that the robot was carried away."""
-    return text.split()[:1] != [] and text.split()[0].lower() == KIDNAPPED
-
-
 def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
     """Yield kind and text of a log's events, by their first word (docs/session-log.md)."""
-    kinds = {"kidnapped": KIDNAPPED, "lights": LIGHTS_CHANGED}
+    kinds = {KIDNAPPED: KIDNAPPED, "lights": LIGHTS_CHANGED}
     for text in texts:
         line = " ".join(text.split())
-        first = line.split(" ")[0].lower()
-        said = "the robot was carried away" if line == "kidnapped" else line
-        yield kinds.get(first, SESSION), said
+        yield kinds.get(first_word(line), SESSION), CARRIED_AWAY if line == KIDNAPPED else line
 
 
 def _doubts(signal: LostSignal) -> str:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from helpers.recordings import Given, assert_same_drive
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import open_recording, open_session
+from maurice_loaders.inspection import inspect_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
@@ -150,6 +151,33 @@ def test_truth_is_interpolated_across_a_second_no_further_and_across_no_kidnappi
     found, _ = play(truth(0, 0), picture(0.2), Note(0.5, "kidnapped"), picture(0.7), truth(1, 9))
     assert [m.truth for m in found] == [None, None]
     assert [m.events for m in found] == [(), ("kidnapped",)]
+
+
+@pytest.mark.parametrize(
+    ("text", "carried"),
+    [
+        ("kidnapped", True),
+        ("Kidnapped by a visitor", True),
+        ("  KIDNAPPED: to the kitchen", True),
+        ("kidnapped_again", True),
+        ("kidnappedness", False),
+        ("not kidnapped", False),
+        ("?!", False),
+    ],
+)
+def test_a_kidnapping_is_the_same_for_every_reader(tmp_path: Path, text: str, carried: bool) -> None:
+    path = tmp_path / "session.log"
+    with SessionWriter(path, SessionInfo("drive")) as log:
+        log.truth(0.0, np.array([0.0, 1, 0]))
+        log.image(0.2, GRAY)
+        log.event(0.5, text)
+        log.image(0.7, GRAY)
+        log.truth(1.0, np.array([9.0, 1, 0]))
+    played, _ = play(truth(0, 0), picture(0.2), Note(0.5, text), picture(0.7), truth(1, 9))
+    for moments in (played, list(SessionLog(path).moments())):
+        assert [moment.truth is None for moment in moments] == [carried, carried]
+        assert [moment.kidnapped for moment in moments] == [False, carried]
+    assert inspect_session(path).distance_truth_m == pytest.approx(0 if carried else 9)
 
 
 def test_times_that_fall_and_numbers_that_are_none_are_problems() -> None:

@@ -9,7 +9,6 @@ from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_mcl.analysis.events import is_kidnapping
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.calibration.belief import BeliefCalibration, BeliefJudge
 
@@ -89,5 +88,5 @@ def _add(judge: BeliefJudge, run: SavedRun) -> bool:
         [record] = records.values()
         judge.add(record, moment.truth)
         scorer.add(record.estimate, moment.truth, moment.frame.motions)
-        carried |= any(is_kidnapping(text) for text in moment.events)
+        carried |= moment.kidnapped
     return not carried and scorer.result().lost is not True

@@ -6,7 +6,6 @@ where its source is missing. `verdict` connects them with what a run did.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
@@ -20,7 +19,6 @@ from ...map import SOLID, Region
 from ...radii import Radii
 from ...records import StepRecord
 from ...session import Moment
-from ..events import is_kidnapping
 from .light import mean_level
 
 CARRIED = "carried"  # the log says so: expected None, actual meters
@@ -73,22 +71,21 @@ class CauseFinder:
     def see(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
         self.drive(moment, record.estimate.radii)
-        lights = any(text.startswith("lights") for text in moment.events)
-        self._look(moment.frame.step, record, lights)
+        self._look(moment.frame.step, record, bool(moment.told("lights")))
 
     def drive(self, moment: Moment, radii: Radii) -> None:
         """Process what truth, odometry and log tell of the next update, without its picture."""
         step, truth, before = moment.frame.step, moment.truth, self._truth
         moved_m = None if truth is None or before is None else float(np.hypot(*(truth - before)[:2]))
         self._truth = truth
-        if any(is_kidnapping(text) for text in moment.events):
+        if moment.kidnapped:
             self._add(Cause(CARRIED, step, step, None, moved_m))
         elif moved_m is not None:
-            told = any(text.startswith("slip") and "deg" not in text for text in moment.events)
+            told = any("deg" not in text for text in moment.told("slip"))
             slip_m = 0.0 if told else radii.confidence_m / 2
             self._compare(step, moment.frame.motions, moved_m, slip_m, radii.lost_m)
-        lights = [text for text in moment.events if text.startswith("lights")]
-        for kind, texts in ((TURNED, _slips(moment.events)), (LIGHTS, lights)):
+        turned = [text for text in moment.told("slip") if "deg" in text]
+        for kind, texts in ((TURNED, turned), (LIGHTS, moment.told("lights"))):
             if texts:
                 self._add(Cause(kind, step, step, words=texts[0]))
 
@@ -129,10 +126,6 @@ class CauseFinder:
             self._add(now)
         else:
             self.found = tuple(now if (one.kind, one.step) == (DARK, first) else one for one in self.found)
-
-
-def _slips(events: Sequence[str]) -> list[str]:
-    return [text for text in events if text.startswith("slip") and "deg" in text]
 
 
 # A robot where the map has an obstacle: a filter that trusts the map has no particle there.

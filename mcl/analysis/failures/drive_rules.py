@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...session import first_word
 from .evidence import UpdateEvidence
 from .kinds import DATA, KIDNAPPED, LEFT_MAP, MOTION, Failure
 from .story import Story
@@ -107,7 +108,7 @@ def beyond_motion(story: Story) -> Failure | None:
 
 def slipped_as_told(story: Story) -> Failure | None:
     """The log tells that the wheels slipped, and the motion model hardly allows it."""
-    for one in story.some(story.moves, lambda one: any(text.startswith("slip") for text in one.events)):
+    for one in story.some(story.moves, lambda one: "slip" in map(first_word, one.events)):
         if one.surprise is not None and one.surprise.largest > TOLD_SD:
             return _motion(story, one, one, one.surprise.largest, 1)
     return None

@@ -11,8 +11,7 @@ from ...arrays import F32, F64
 from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
 from ...geometry import compose_motions
 from ...records import StepRecord
-from ...session import Frame, Moment
-from ..events import is_kidnapping
+from ...session import Frame, Moment, first_word, is_kidnapping
 from ..lost_signal import LostSignal, evidence_by_channels
 from ..metrics import StepScore, score_step
 from .around import PlaceFit, Surroundings
@@ -65,7 +64,7 @@ class UpdateEvidence:
     @property
     def kidnapped(self) -> bool:
         """Whether the log says that the robot was carried."""
-        return any(is_kidnapping(text) for text in self.events)
+        return any(map(is_kidnapping, self.events))
 
     @property
     def held(self) -> float:
@@ -148,5 +147,5 @@ def _same(frame: Frame, before: Frame) -> bool:
 
 
 def _floor_told(events: tuple[str, ...], last: str) -> str:
-    told = [text.split(" ", 1)[1] for text in events if text.startswith("floor ")]
+    told = [text.split(" ", 1)[1] for text in events if first_word(text) == "floor" and " " in text]
     return told[-1] if told else last

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...session import first_word
 from .around import PlaceFit
 from .evidence import UpdateEvidence
 from .kinds import AMBIGUITY, LIBRARY_GAP, LIGHTING, SENSOR, VIEW, Failure, Value
@@ -57,7 +58,7 @@ def lighting(story: Story) -> Failure | None:
     whole = float(np.median([one.light.colors for one in lit if one.light])) >= SAME_WAY
     if alike < UNLIKE_LAYOUT or not (repaired or (alike >= ALIKE and whole)):
         return None
-    told = [text for k in story.pictures for text in story.updates[k].events if text.startswith("lights")]
+    told = [text for k in story.pictures for text in story.updates[k].events if first_word(text) == "lights"]
     words: dict[str, Value] = {"told": told[0]} if told else {}
     return story.failure(
         LIGHTING,

@@ -15,7 +15,7 @@ from ...radii import USUAL
 from ...records import StepRecord
 from ...session import Moment
 from ..dead_reckoning import OdometryAlone
-from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters, is_kidnapping
+from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters
 from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
 from .ambiguity import Ambiguity, AmbiguityFinder
 from .causes import (
@@ -216,7 +216,7 @@ class VerdictBuilder:
         self._diagnosis.add(moment, record)
         if verdict.updates == 0:
             verdict = replace(verdict, first=step)
-        kidnapped = any(is_kidnapping(text) for text in moment.events)
+        kidnapped = moment.kidnapped
         changes = dict(self._status.see(step, score, kidnapped, in_meters))
         left = LEFT_MAP in record.events
         self._verdict = replace(
