@@ -16,6 +16,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import cache_root, discard
 from maurice_loaders.libraries.remembered import remembered
+from maurice_loaders.session_log.header import SESSION_LOG
 
 from .tasks import SURVEY
 
@@ -32,7 +33,7 @@ class SimulationPaths:
 
 def paths_in(folder: Path) -> SimulationPaths:
     """Return where the two logs of a simulation's folder are."""
-    return SimulationPaths(folder / "session.log", folder / SURVEY)
+    return SimulationPaths(folder / SESSION_LOG, folder / SURVEY)
 
 
 def seal(folder: Path, key: str) -> None:

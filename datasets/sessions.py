@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.files import new_folder
+from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
 from maurice_mcl.session import KIDNAPPED, Frame, Moment, SessionInfo
@@ -153,7 +154,7 @@ def write_simulation(
         else:
             camera = survey_camera(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
             write_survey(filling / SURVEY, set_up.surveyed, camera, surveyor, report)
-        with SessionWriter(filling / "session.log", session_info(set_up)) as log:
+        with SessionWriter(filling / SESSION_LOG, session_info(set_up)) as log:
             play(set_up, log, report)
         seal(filling, _key_of(plan))
     return paths_in(folder)

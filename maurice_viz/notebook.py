@@ -15,7 +15,8 @@ import polars as pl
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import temporary_folder
-from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
+from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.session_log.header import session_in
 
 from .app.output import verdict_of
 from .app.replay import replay
@@ -66,7 +67,7 @@ def show(
         return _widget(path, width, height)
     with temporary_folder("maurice-notebook") as folder:
         recording = folder / "shown.rrd"
-        if path.is_dir() or is_saved(path):
+        if path.is_dir() and session_in(path) == path:
             draw_saved(path, recording, layout)
         else:
             replay(

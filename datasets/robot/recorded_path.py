@@ -12,6 +12,7 @@ import numpy as np
 
 from maurice_loaders.calibration import Cutting, jumps, read_aligned
 from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import (
     OdometryRecord,
     PictureRecord,
@@ -59,6 +60,7 @@ class RecordedPath:
 
 def read_recording(path: Path, updates: int) -> RecordedPath:
     """Read at most so many updates from a folder of odometry or a log with truth; InputError for none."""
+    path = session_in(path)
     found = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
     if not found.segments:
         raise InputError(path, "found no movement with truth before and after it; choose a longer recording")

@@ -18,6 +18,7 @@ from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files import read_toml, show
+from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 
@@ -328,7 +329,7 @@ def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[Ses
         chosen = dict(zip(lists, values, strict=True))
         spec = {**given, **chosen}
         _expect(file, f"session {number}", spec, kinds)
-        name = spec.get("label") or spec.get("task") or Path(spec.get("path", "session")).stem
+        name = spec.get("label") or spec.get("task") or drive_name(Path(spec.get("path", "session")))
         if ("path" in spec) == ("task" in spec):
             both = "both task and path" if "path" in spec else "neither task nor path"
             raise InputError(file, f"session {number}: found {both}, expected one of them")

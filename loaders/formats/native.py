@@ -16,7 +16,7 @@ from ..errors import FieldError, InputError, ReadingNotes
 from ..pictures import decode_picture
 from ..reading import ReadingOptions
 from ..recording import Motion, Note, Picture, Readings, Record, TruthPose
-from ..session_log.header import FORMAT
+from ..session_log.header import FORMAT, session_in
 from ..session_log.reader import CameraChoice, SessionLog, picture_bytes
 from ..session_log.records import (
     OdometryRecord,
@@ -40,11 +40,11 @@ class NativeRecording:
     """A session log; covered pictures are no part of a drive and are left out."""
 
     def __init__(self, path: Path, camera: str | None = None, time_unit: str = "s") -> None:
-        self.path = path
         self._per_s = PER_SECOND[time_unit]
         log = SessionLog(path, camera=camera)  # checks the header and the camera's name
+        self.path = log.path
         if log.kind != "session":
-            raise InputError(path, f"found a {log.kind} log, expected a session log", 1)
+            raise InputError(log.path, f"found a {log.kind} log, expected a session log", 1)
         self._camera = camera or next((one.name for one in log.info.cameras), None)
         self._info = log.info
 
@@ -75,7 +75,7 @@ class RawLog:
     """A native log whose numbers may break the rules."""
 
     def __init__(self, path: Path, options: ReadingOptions) -> None:
-        self.path = path
+        self.path = path = session_in(path)
         self.info, kind = read_header(path)
         if kind != "session":
             advice = "expected a session log; `library check` is for those"
@@ -133,7 +133,11 @@ def _three(value: object) -> F64:
 
 
 def looks_native(path: Path) -> bool:
-    """Recognize a session or survey log by its first line, and a file ending in .log that is JSON at all."""
+    """Recognize a session or survey log by its first line, and a file ending in .log that is JSON at all.
+
+    A folder that holds a `session.log` stands for that log.
+    """
+    path = session_in(path)
     try:
         with path.open("rb") as file:
             begin = file.read(LOOKED_AT)

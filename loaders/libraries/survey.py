@@ -24,6 +24,7 @@ from ..pictures import encode_jpeg
 from ..reading import ReadingOptions
 from ..recorded_session import RecordedSession
 from ..recording import Picture, RecordingWrapper
+from ..session_log.header import session_in
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import read_header
 from .files import MANIFEST
@@ -146,7 +147,7 @@ def open_survey(
     odometry are taken completely unless `every` is given. Pictures that are no files are written to the
     folder `keep`, where there is one.
     """
-    path = survey_in(path)
+    path = session_in(survey_in(path))
     native = chosen(path, options).name == NATIVE
     if native and read_header(path)[1] == "survey":
         survey = SessionLog(path, keep_going=options.keep_going, camera=options.camera)

@@ -22,7 +22,7 @@ from maurice_mcl.session import Frame, Moment, SessionInfo
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
 from ..files import expect_absent
 from ..pictures import decode_picture
-from ..session_log.header import Kind, header_to_json
+from ..session_log.header import SESSION_LOG, Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import (
     EventRecord,
@@ -112,15 +112,13 @@ def joined(motions: list[F64]) -> list[F64]:
 
 # The recording: one session log, written line by line, complete whenever it stops.
 
-NAME = "session.log"
-
 
 class LiveRecorder:
     """Writes `session.log` into a folder, pictures inline; every line is passed to the system at once."""
 
     def __init__(self, folder: Path, *, force: bool = False) -> None:
         """Claim the folder. InputError if it holds a session already, or cannot be written to."""
-        self.path = folder / NAME
+        self.path = folder / SESSION_LOG
         self._file: BinaryIO | None = None
         self._made = not folder.exists()
         if folder.exists() and not folder.is_dir():

@@ -21,6 +21,7 @@ from ..errors import FieldError, InputError, SourceError
 from ..files import expect_regular
 from ..plane import TURNED
 from ..reading import ReadingOptions
+from ..session_log.header import session_in
 from ..session_log.records import LogLine
 
 STDIN = "-"
@@ -55,7 +56,7 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
         connect = partial(PipeStream, sys.stdin.fileno())
         return LiveSource("standard input", connect, once=True, folder=Path.cwd())
     if (scheme := _SCHEME.match(typed)) is None:
-        path = Path(text)
+        path = session_in(Path(text))
         return LiveSource(typed, partial(FileStream, path), folder=path.parent)
     name = f"{scheme[1]}://{typed[scheme.end() :]}"
     host, port, rest = _parts(name)

@@ -18,6 +18,21 @@ from ..files import items, mapping, number, numbers, show, text, whole_character
 from ..maps import read_ros_map
 
 REGIONS = ("obstacles", "floors", "rooms")
+SESSION_LOG = "session.log"  # what a folder that holds a session calls it
+
+
+def session_in(path: Path) -> Path:
+    """Return the session log in a folder that holds one, as `simulate` writes it; else the path itself."""
+    log = path / SESSION_LOG
+    return log if log.is_file() else path
+
+
+def drive_name(path: Path) -> str:
+    """Return what files about a recording are named after: itself, or the folder of a `session.log`."""
+    path = session_in(path).absolute()
+    if path.name == SESSION_LOG:
+        return path.parent.name
+    return path.name if path.is_dir() else path.stem
 
 
 def arena_to_json(arena: Arena) -> dict[str, Any]:
@@ -93,7 +108,7 @@ def _info(found: dict[str, Any], path: Path) -> SessionInfo:
     robot = mapping(found.get("robot") or {}, "robot")
     motion, (start, arena, survey) = robot.get("motion"), map(found.get, ("start", "map", "survey"))
     return SessionInfo(
-        name=text(found.get("name", path.stem), "name"),
+        name=text(found.get("name", drive_name(path)), "name"),
         display_units=_units(found.get("display_units", "m")),
         robot=text(robot.get("name", "robot"), "robot.name"),
         motion=None if motion is None else _motion(motion),

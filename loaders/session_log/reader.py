@@ -15,7 +15,7 @@ from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from ..pictures import decode_picture
-from .header import Kind
+from .header import Kind, session_in
 from .records import (
     EventRecord,
     OdometryRecord,
@@ -41,14 +41,15 @@ class SurveyPicture:
 
 
 class SessionLog(HasReadingNotes):
-    """A log on disk; a `maurice_mcl.session.Session`. The header is read at once, records as asked.
+    """A log on disk, or in a folder as `session.log`; a `maurice_mcl.session.Session`.
 
-    InputError for what is not a log, and for a broken line unless `keep_going`. `camera` chooses whose
-    pictures are read: by default the header's first, or the first one seen.
+    The header is read at once, records as asked. InputError for what is not a log, and for a broken line
+    unless `keep_going`. `camera` chooses whose pictures are read: by default the header's first, or the
+    first one seen.
     """
 
     def __init__(self, path: Path, *, keep_going: bool = False, camera: str | None = None) -> None:
-        self.path = Path(path)
+        self.path = session_in(Path(path))
         self._keep_going = keep_going
         self._info, self.kind = read_header(self.path)
         self._camera = self._choose(camera)

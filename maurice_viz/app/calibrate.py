@@ -25,6 +25,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import drive_segments
+from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.calibration.motion import Calibration, FloorOf, MotionSegment, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
@@ -105,7 +106,7 @@ def calibrate_motion(
         >>> round(fitted.fit.turns.gain.value, 2)
         0.73
     """
-    path = Path(source)
+    path = session_in(Path(source))
     if unit not in METERS:
         raise OptionError(f"a unit of length is one of {', '.join(METERS)}, found {unit!r}")
     if to is not None:

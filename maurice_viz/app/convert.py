@@ -32,6 +32,7 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.recording import Picture, Recording
 from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.transforms import PLACEHOLDER
 
 from ..errors import OptionError
@@ -76,7 +77,7 @@ def convert(
         raise OptionError(f"pictures are {' or '.join(PICTURES)}, found {pictures!r}")
     if not np.isfinite(t_offset_s):
         raise OptionError(f"a time offset is a number of seconds, found {t_offset_s}")
-    target = target if target.suffix else target / "session.log"
+    target = target if target.suffix else target / SESSION_LOG
     session = open_session(source, options, listener)
     notes = ReadingNotes(options.keep_going)
     recorded = as_recorded_session(session, options)

@@ -17,6 +17,7 @@ from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.session_log.header import session_in
 from maurice_mcl.calibration.sensor import (
     Measuring,
     Sample,
@@ -208,7 +209,7 @@ def tune(
         >>> result.fitted.pictures
         14
     """
-    fit, test = [Path(path) for path in sessions], [Path(path) for path in score]
+    fit, test = ([session_in(Path(path)) for path in paths] for paths in (sessions, score))
     if to is not None:
         expect_absent(Path(to), force=force)
     fitted = {hash_file(path): path for path in fit}

@@ -14,6 +14,7 @@ from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading import MADE_ODOMETRY, ReadingOptions
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
+from maurice_loaders.session_log.header import drive_name
 from maurice_loaders.transforms import Gate
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
@@ -89,7 +90,7 @@ def output_of(
     force: bool,
 ) -> OutputOptions:
     """Return the output that is asked for in Python: no viewer, and a recording only where it is named."""
-    stem = Path(session).stem if isinstance(session, (str, Path)) else "replay"
+    stem = drive_name(Path(session)) if isinstance(session, (str, Path)) else "replay"
     rrd, folder = None if to is None else Path(to), None if run is None else Path(run)
     return OutputOptions(stem, rrd, True, rrd is None, force, folder, layout, detail)
 

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from maurice_loaders.live.source import is_live
+from maurice_loaders.session_log.header import drive_name
 
 from ..layouts import DETAILS
 from ..style import Scale, Units, units_named
@@ -68,7 +69,7 @@ def replay(
     motion = given.pop("motion", None)
     motion = None if motion is None else Path(motion)
     spec = RunSpec(preset, feature, particles, seed, start, config, given, motion)
-    output = output_of(session.absolute().stem, rrd, save_run, layout, detail, force=force)
+    output = output_of(drive_name(session), rrd, save_run, layout, detail, force=force)
     with listening(usage=False) as listener, serving(output, listener):
         replay_any(
             session,
@@ -119,7 +120,7 @@ def compare(
     several = {"feature": feature, "preset": preset, "particles": particles, "seed": seed, "start": start}
     given: dict[str, Any] = {name: values or () for name, values in {**several, "config": config}.items()}
     given |= _settings(settings or [])
-    stem = paths[0].absolute().stem if len(paths) == 1 else SEVERAL
+    stem = drive_name(paths[0]) if len(paths) == 1 else SEVERAL
     output = output_of(stem, rrd, save_run, layout, detail, force=force)
     how = reading_of(reading, keep_going=keep_going)
     with listening(usage=False) as listener, serving(output, listener):

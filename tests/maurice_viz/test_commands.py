@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import time
@@ -11,8 +12,11 @@ from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
+from typer.testing import CliRunner
 
 from helpers.commands import COMMAND, failure, no_display, process, run, runs_of
+from helpers.small_session import write_small_session, write_small_survey
+from maurice_viz.cli.app import app
 
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
@@ -23,10 +27,10 @@ RUN_KEYS = {
 
 def test_a_session_alone_writes_a_recording_and_a_table(small_session, tmp_path):
     done = process(small_session)
-    assert "session.rrd written; open it with:" in done.stderr
+    assert f"{tmp_path.name}.rrd written; open it with:" in done.stderr
     assert "position error, mean (m)" in done.stdout
     assert "blended" in done.stdout
-    assert RrdReader(tmp_path / "session.rrd").recordings()[0].application_id == "maurice-replay"
+    assert RrdReader(tmp_path / f"{tmp_path.name}.rrd").recordings()[0].application_id == "maurice-replay"
     assert "--force" in failure(small_session)
     run(small_session, "--force")
 
@@ -69,19 +73,19 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path)
 @pytest.mark.parametrize(
     ("args", "name"),
     [
-        (["replay", "--preset", "robust", "--seed", "3"], "session-robust-particles-50-seed-3"),
+        (["replay", "--preset", "robust", "--seed", "3"], "-robust-particles-50-seed-3"),
         (
             ["replay", "--start", "global", "--set", "sensor.sharpness=0"],
-            "session-global-particles-50-sensor.sharpness-0",
+            "-global-particles-50-sensor.sharpness-0",
         ),
-        (["compare", "--feature", "color", "--feature", "edges", "--detail", "light"], "session-color-edges"),
-        (["compare", "--detail", "events"], "session-color-blended"),
+        (["compare", "--feature", "color", "--feature", "edges", "--detail", "light"], "-color-edges"),
+        (["compare", "--detail", "events"], "-color-blended"),
     ],
 )
 def test_a_recording_is_named_after_what_it_holds(small_session, tmp_path, args, name):
     words = [args[0], small_session, *args[1:], "--particles", "50", "--rrd", "auto"]
     run(*words)
-    assert [file.name for file in tmp_path.glob("*.rrd")] == [f"{name}.rrd"]
+    assert [file.name for file in tmp_path.glob("*.rrd")] == [f"{tmp_path.name}{name}.rrd"]
     assert "exists already" in run(*words, expect=1).stderr
 
 
@@ -92,7 +96,7 @@ def test_without_truth_figures_are_null_and_the_replay_still_draws(small_session
     assert found["position_error_mean_m"] is None
     assert found["lost"] is None
     assert found["distance_m"] == pytest.approx(14 * 0.12)
-    assert (tmp_path / "session.rrd").exists()
+    assert (tmp_path / f"{tmp_path.name}.rrd").exists()
 
 
 def test_inspect_and_one_picture(small_session):
@@ -218,7 +222,7 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, 
     assert b"Traceback" not in err
     (found,) = json.loads(out)["runs"]
     assert 0 < found["updates"] < 14
-    assert RrdReader(tmp_path / "session-particles-300000.rrd").recordings()
+    assert RrdReader(tmp_path / f"{tmp_path.name}-particles-300000.rrd").recordings()
 
 
 def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
@@ -245,20 +249,41 @@ def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
 def test_a_dead_display_counts_as_none(small_session, tmp_path):
     done = process(small_session, DISPLAY=":987")
     assert "writing a file instead" in done.stderr
-    assert (tmp_path / "session.rrd").exists()
+    assert (tmp_path / f"{tmp_path.name}.rrd").exists()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("section", ["Your first five minutes", "A robot of ours"])
-def test_the_commands_of_the_readme(section, tmp_path):
-    """Type its commands one after the other in one folder, as a newcomer does."""
-    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    block = text.split(f"## {section}")[1].split("```")[1]
-    typed = [line.split("#")[0].split() for line in block.splitlines() if line.startswith("maurice-replay ")]
-    assert len(typed) >= 4
-    for words in typed:
-        process(*words[1:])
-    assert list(tmp_path.glob("session*.rrd"))
+@pytest.mark.parametrize(
+    "words",
+    [
+        "replay {} --json --particles 50 --rrd none",
+        "compare {} --json --particles 50 --rrd none",
+        "diagnose {} --json --particles 50",
+        "budget {} --json --particles 20 --seeds 2",
+        "check {} --max-error 5m --particles 50",
+        "inspect {}",
+        "doctor {}",
+        "formats {}",
+        "convert {} out.log --force",
+        "calibrate drive {} --json",
+        "calibrate motion {} --json",
+        "library build {} -o built --force",
+        "library tune survey.log --session {} --channels color --json",
+    ],
+)
+def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):
+    """As `simulate`, `demo`, `convert` and `record` write it."""
+    (tmp_path / "drive").mkdir()
+    write_small_survey(tmp_path)
+    log = write_small_session(tmp_path).rename(tmp_path / "drive" / "session.log")
+    log.write_text(log.read_text().replace("survey.log", "../survey.log", 1))
+    outputs = []
+    for path in ("drive/session.log", "drive"):
+        done = CliRunner(env={"DISPLAY": None, "WAYLAND_DISPLAY": None}).invoke(
+            app, words.format(path).split()
+        )
+        outputs.append((done.exit_code, re.sub(r'"(filter_)?steps_per_s": [\d.]+', "", done.stdout)))
+    assert outputs[0] == outputs[1]
+    assert outputs[0][0] in (0, 1)
 
 
 def test_every_command_and_option_is_documented():

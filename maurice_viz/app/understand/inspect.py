@@ -15,6 +15,7 @@ from maurice_loaders.inspection import Inspection, inspect_recording, inspect_se
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions, write_reading
 from maurice_loaders.recorded_session import RecordedSession
+from maurice_loaders.session_log.header import session_in
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 
@@ -70,7 +71,7 @@ def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tu
     path, options = Path(session), replace(options or ReadingOptions(), keep_going=True)
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
-        found = inspect_session(path)
+        found = inspect_session(session_in(path))
     else:
         recording = open_recording(path, replace(options, format=one.name))
         found = inspect_recording(RecordedSession(recording, options))

@@ -14,6 +14,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.analysis.demands import (
     ERROR,
     Demands,
@@ -140,7 +141,7 @@ def check_drive(
     library = open_library_for(session, asked.library, keep_going=keep_going, listener=listener)
     run = make_runs(session, library, [asked.spec], listener)[0]
     moments, tracks = _run_all(run, session, asked, listener)
-    name = _unique(session.info.name or session.path.stem, taken)
+    name = _unique(session.info.name or drive_name(session.path), taken)
     made = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
     found = _judged(made, session, library, moments, asked, listener)
     has_truth = any(moment.truth is not None for moment in moments)
