@@ -168,27 +168,9 @@ class RunPaths:
         """The best five entries on the map: Points2D with their ranks."""
         return self.at("match", "best")
 
-    @property
-    def qualities(self) -> str:
-        """The quality of every library entry by its number (thesis fig. 17): one EncodedImage."""
-        return self.at("qualities")
-
     def likelihood(self, channel: str) -> str:
         """A map of one channel's likelihood, or of "all" together: one EncodedImage."""
         return self.at("likelihood", channel)
-
-    def film(self, column: int) -> str:
-        """One column of the filmstrip: one Transform3D."""
-        return self.at("film", "columns", str(column))
-
-    def film_cell(self, column: int, row: int) -> str:
-        """One picture of the filmstrip, with its caption below it: an EncodedImage each."""
-        return self.at("film", "columns", str(column), str(row))
-
-    @property
-    def columns(self) -> str:
-        """All columns of the filmstrip together: one Transform3D."""
-        return self.at("film", "columns")
 
     @property
     def contact_sheet(self) -> str:

@@ -85,37 +85,34 @@ def explain(
         option("--particle", "Explain this particle too, by its number in the saved cloud.", MORE, min=0),
     ] = None,
     run_label: opt.RunLabel = None,
-    rrd: opt.Rrd = None,
     output: Annotated[
-        Path | None, option("-o --output", "Write a picture of the panel to this file.", metavar="OUT.png")
+        Path | None,
+        option("-o --output", "Write a picture of the tab explain.", metavar="OUT.png"),
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Explain and show why the filter believed what it believed at one update of a saved run."""
-    from ..app.understand.explain import check_picture, record, serve, show
+    """Explain why the filter believed what it believed at one update of a saved run."""
     from ..app.understand.explain import explain as explain_run
 
     with listening() as listener:
-        if output is not None:
-            check_picture(output, force=force)
-        found = explain_run(
-            run, step, at=at, entry=entry, particle=particle, run_label=run_label, listener=listener
+        explained = explain_run(
+            run,
+            step,
+            at=at,
+            entry=entry,
+            particle=particle,
+            run_label=run_label,
+            to=output,
+            force=force,
+            listener=listener,
         )
         if json_output:
-            print_json(found.to_json())
+            print_json(explained.to_json())
         else:
-            typer.echo(found.text)
+            typer.echo(explained.text)
         if output is not None:
-            found.save(output, force=force)
             listener.remark(f"{output} written")
-        usual = Path(f"{run.absolute().stem}-step-{found.step.step}.rrd")
-        if rrd is None and output is None:
-            show(found, usual, force=force, listener=listener)
-        elif rrd == "web":
-            serve(found, listener)
-        elif rrd not in (None, "none"):
-            record(found, usual if rrd == "auto" else Path(str(rrd)), force=force, listener=listener)
 
 
 def report(

@@ -7,7 +7,6 @@ sensors             what pose sensors read: the map with their marks, their pict
 several_runs        compare and traces: runs side by side, and one number per update over the session
 trials              many runs as curves, beside one of them
 drive               a drive by itself, without a filter: its panels and its screen
-explanation_screen  one update explained at full size, as a recording of its own
 """
 
 # names on their own: the command line lists them without importing Rerun

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from ..drawing.canvas import map_extent
 from ..entities import RunPaths
 from ..panels.belief import belief_view, closeup_view
-from ..panels.camera import camera_view, edges_view, filmstrip_view
+from ..panels.camera import camera_view, edges_view
 from ..panels.events import words_view
 from ..panels.explanation import (
     CAMERA_CARD,
@@ -20,12 +20,11 @@ from ..panels.explanation import (
 )
 from ..panels.histograms import difference_views, histogram_views
 from ..panels.population import ancestry_plot, headings_view, modes_view
-from ..panels.references import best_references_view, circles_view, likelihood_views, quality_view
+from ..panels.references import best_references_view, circles_view, likelihood_views
 from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
 from ..scene import RunView, SceneInfo
 from .story import over_events
 
-QUALITY_SHARE = 0.42  # height of the chart of qualities, where that of the figures is about 1
 LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
 
@@ -71,13 +70,11 @@ def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
         ancestry_plot(paths),
         row_shares=[2, 1.25, 1],
     )
-    film = [filmstrip_view(paths, scene)] if run.channels else []
     right = rrb.Vertical(
-        *film,
         modes_view(paths),
         evidence_plot(paths),
         evidence_key(paths),
-        row_shares=[*[1.12] * len(film), 0.85, 1.1, key_share(run)],
+        row_shares=[0.85, 1.1, key_share(run)],
     )
     body = rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
     return over_events(body, [run], brief=False)
@@ -91,9 +88,8 @@ def explain(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     table_share = 0.65 + 0.1 * len(run.channels)
     left = rrb.Vertical(
         references_map_view(paths, scene),
-        quality_view(paths),
         figures_view(paths),
-        row_shares=[map_share, QUALITY_SHARE, table_share],
+        row_shares=[map_share, table_share],
     )
     columns = [column_view(paths, who) for who in (CAMERA_CARD, *columns_of(scene.has_truth))]
     right = rrb.Vertical(sentence_view(paths), rrb.Horizontal(*columns), row_shares=[1, 2.6])

@@ -8,7 +8,7 @@ views        kinds of views: maps, pictures, bar charts, plots, and the window
 world        the map with its walls, its library nodes and its keys
 belief       the cloud, the close-up, the estimate and the truth
 population   the cloud's headings, its modes, and the ancestors of its survivors
-camera       the picture, its edges, and a filmstrip of the last updates
+camera       the picture and its edges
 references   match circles, the five best references, likelihood maps
 histograms   the picture's descriptors over its best match's
 traces       one number per update, over the session

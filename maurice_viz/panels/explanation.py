@@ -17,7 +17,6 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.analysis.explanation import (
-    ASKED,
     ESTIMATE,
     TRUTH,
     WINNER,
@@ -46,8 +45,7 @@ from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
 from .views import MAP, map_view, picture_view
 
-ASKED_COLOR: RGB = (86, 180, 233)
-NAMES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
+NAMES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner"}
 OUTSIDE = "outside free space"
 NOT_KNOWN = "truth not known here"
 
@@ -56,7 +54,7 @@ Column = tuple[str, Explained | None]  # which reference; None: the truth is not
 
 def colors_of(run_color: RGB) -> dict[str, RGB]:
     """Return the color of each reference's arrow: the estimate's is the run's."""
-    return {TRUTH: look.TRUTH, ESTIMATE: run_color, WINNER: RANK, ASKED: ASKED_COLOR}
+    return {TRUTH: look.TRUTH, ESTIMATE: run_color, WINNER: RANK}
 
 
 def columns_of(has_truth: bool) -> tuple[str, ...]:
@@ -279,6 +277,6 @@ def sentence_view(paths: RunPaths) -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name="Why the best match wins", origin=paths.explain("words"))
 
 
-def figures_view(paths: RunPaths, channels: str = "nats lost · rank") -> rrb.TextDocumentView:
+def figures_view(paths: RunPaths) -> rrb.TextDocumentView:
     """Show the figures of all references in a table."""
-    return rrb.TextDocumentView(name=f"Figures (channels: {channels})", origin=paths.explain("table"))
+    return rrb.TextDocumentView(name="Figures (channels: nats lost · rank)", origin=paths.explain("table"))

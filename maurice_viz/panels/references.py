@@ -32,14 +32,13 @@ from ..drawing.contact_sheet import (
 )
 from ..drawing.indexed import IndexedColors
 from ..drawing.keys import LIKELIHOOD, MATCHES
-from ..drawing.quality_chart import COLORS, MarkedEntry, QualityChart
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
-from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, TRUTH, Scale
+from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
 from .belief import run_key
 from .camera import CaptionedPicture
 from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
-from .views import BARE_MAP, MAP, map_view, picture_view, plane_view
+from .views import BARE_MAP, MAP, map_view, plane_view
 from .world import distinct_places
 
 OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
@@ -153,42 +152,6 @@ class BestReferencesPanel(Panel):
             cell.draw(rec, no_picture(self._sheet.height), no_caption(CAPTION_PX))
 
 
-class QualityPanel(Panel):
-    """Draws the quality of every reference against its number, the truth's and the estimate's marked."""
-
-    def __init__(self, run: DrawnRun) -> None:
-        assert run.finder is not None  # this panel is only made where the library has entries
-        super().__init__(run)
-        self._finder, self._chart = run.finder, QualityChart(run.library.size)
-
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
-        rec.log(self._paths.qualities, kind, static=True)
-
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        quality = update.record.sighting.comparison.quality
-        if not update.whole or not len(quality):
-            return
-        set_phase(rec, update.moment, Phase.ESTIMATE)
-        chart = COLORS.png(self._chart.draw(quality, self._marked(update)))
-        rec.log(self._paths.qualities, row_of(rr.EncodedImage, blob=blob_of(chart)))
-
-    def clear(self, rec: rr.RecordingStream) -> None:
-        rec.log(self._paths.qualities, rr.Clear(recursive=False))
-
-    def _marked(self, update: StepUpdate) -> list[MarkedEntry]:
-        """Return the best reference, the estimate's and the truth's, which is drawn on top."""
-        best = int(update.record.sighting.comparison.best(1)[0])
-        marked = [MarkedEntry("best", best, RANK)]
-        entry = self._finder.entry_at(update.record.estimate.pose)
-        if entry >= 0:
-            marked.append(MarkedEntry("estimate's", entry, self._run.color))
-        truth = update.moment.truth
-        if truth is not None and self._run.has_truth and (entry := self._finder.entry_at(truth)) >= 0:
-            marked.append(MarkedEntry("truth's", entry, TRUTH))
-        return marked
-
-
 class LikelihoodPanel(Panel):
     """Draws for every place the likelihood of the picture there in the best heading.
 
@@ -278,11 +241,6 @@ def _circles_of(paths: RunPaths) -> list[str]:
         paths.particles,
         paths.fresh,
     ]
-
-
-def quality_view(paths: RunPaths) -> rrb.Spatial2DView:
-    """Show the quality of every reference by its number."""
-    return picture_view("Quality (0 to 1) of every reference, by its number", paths.qualities)
 
 
 def best_references_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel
-from .camera import CameraPanel, FilmstripPanel
+from .camera import CameraPanel
 from .events import EventsPanel, WordsPanel
 from .explanation import ExplanationPanel
 from .histograms import HistogramsPanel
 from .panel import DrawnRun, Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
-from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel, QualityPanel
+from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .sensors import SensorsPanel
 from .story import ErrorLinePanel, LimitsPanel
 from .traces import TracesPanel
@@ -45,15 +45,11 @@ OF_A_RUN: tuple[PanelMaker, ...] = (
     EventsPanel,
     WordsPanel,
 )
-OF_REFERENCES: tuple[PanelMaker, ...] = (
-    LikelihoodPanel,
-    QualityPanel,
-    FilmstripPanel,
-)  # where the library has entries
+OF_REFERENCES: tuple[PanelMaker, ...] = (LikelihoodPanel,)  # where the library has entries
 
 
 OF_CHANNELS: frozenset[PanelMaker] = frozenset(
-    (MatchCirclesPanel, BestReferencesPanel, HistogramsPanel, ExplanationPanel, QualityPanel, FilmstripPanel)
+    (MatchCirclesPanel, BestReferencesPanel, HistogramsPanel, ExplanationPanel)
 )  # which a robot without a camera has not
 
 

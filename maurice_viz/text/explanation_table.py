@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -32,17 +32,8 @@ def winner_first(step: StepExplanation) -> StepExplanation:
     return replace(step, shown=tuple(shown))
 
 
-def markdown_table(step: StepExplanation, scale: Scale, order: Sequence[int] | None = None) -> str:
-    """Write all figures of an update's references side by side; `order` is that of the channels' rows."""
-    heads = ("", *(_head(explained) for explained in step.shown))
-    channels = range(len(step.channels)) if order is None else order
-    rows = [heads, ("---",) * len(heads), *_of_all(step, scale)]
-    rows += [_of_channel(step, k, step.channels[k]) for k in channels]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
 def brief_table(step: StepExplanation, scale: Scale) -> str:
-    """Write the same with nats and rank alone of each channel, for a narrow panel."""
+    """Write the figures of an update's references side by side; of each channel nats and rank."""
     heads = ("", *(_head(explained) for explained in step.shown))
     rows = [heads, ("---",) * len(heads), *_of_all(step, scale)]
     rows += [_brief(step, k, name) for k, name in enumerate(step.channels)]
@@ -82,16 +73,6 @@ def _head(explained: Explained) -> str:
 
 def _row(step: StepExplanation, title: str, cell: Callable[[Explained], str]) -> tuple[str, ...]:
     return (title, *(cell(explained) for explained in step.shown))
-
-
-def _of_channel(step: StepExplanation, number: int, name: str) -> tuple[str, ...]:
-    def cell(explained: Explained) -> str:
-        if explained.entry is None:
-            return ""
-        c = explained.entry.channels[number]
-        return f"{c.loses:.2f} · {c.distance:.3g} · {c.quality:.2f} · {c.rank}"
-
-    return _row(step, f"**{name}**", cell)
 
 
 def _pose(explained: Explained, scale: Scale) -> str:

@@ -1,41 +1,29 @@
-"""Explaining one update of a saved run, as text, numbers and a panel: why the filter believed what it did."""
+"""Explaining one update of a saved run, as text and numbers: why the filter believed what it did."""
 
 from __future__ import annotations
 
-import shlex
-import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import rerun.blueprint as rrb
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, temporary_folder, write_whole
 from maurice_mcl.analysis.explanation import Asked, StepExplanation, explain_step
 from maurice_mcl.arrays import F64
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
 
-from ...entities import STEP, RunPaths
-from ...errors import OptionError, SinkError
-from ...layouts.explanation_screen import ExplainedUpdate, draw_explanation, explanation_blueprint
+from ...errors import OptionError
 from ...listener import SILENT, Listener
-from ...scene import SceneInfo
-from ...style import scale_for
+from ...style import Scale, scale_for
 from ...text.explanation import say_step
 from ...text.explanation_table import to_json
-from ...viewer import sinks
-from ...viewer.open_viewers import viewer_binary
-from ...viewer.snapshot import expect_driver, headless_viewer
-from ...viewer.web import WebViewer
+from ...text.sensors import say_sensors
 from ..convert import chosen_label
 from ..open import typed_pose
-from ..output import OutputOptions, serving
 from ..saved import Opened, open_saved
 from ..saved_steps import Restored
-
-SIZE = (1600, 1000)
+from .snapshot import snapshot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,13 +32,13 @@ class Explanation:
 
     label: str  # of the run
     step: StepExplanation  # every number, per channel and reference
-    update: ExplainedUpdate  # what the panel shows
+    of_sensors: tuple[str, ...]  # what the pose sensors say, a paragraph each
+    scale: Scale
 
     @property
     def text(self) -> str:
         """The explanation in sentences, paragraphs separated by blank lines."""
-        update = self.update
-        paragraphs = say_step(self.step, update.scale) + update.of_sensors
+        paragraphs = [*say_step(self.step, self.scale), *self.of_sensors]
         return "\n\n".join([f"{self.label}, step {self.step.step}", *paragraphs])
 
     def __str__(self) -> str:
@@ -59,45 +47,6 @@ class Explanation:
     def to_json(self) -> dict[str, object]:
         """Return every number as JSON, lengths in meters and angles in radians."""
         return to_json(self.label, self.step)
-
-    def save(self, to: str | Path, *, force: bool = False) -> Path:
-        """Write the panel to a Rerun recording (.rrd) or a picture (.png) and return the path.
-
-        Raises InputError for another ending, a file that exists (unless `force`), or where no picture can be
-        drawn.
-        """
-        path = Path(to)
-        _check_target(path, force=force)
-        if path.suffix == ".rrd":
-            self.record(path, force=force)
-            return path
-        with temporary_folder("maurice-explain") as folder:
-            recording = folder / "explain.rrd"
-            self.record(recording, force=False)
-            with headless_viewer(recording, SIZE) as viewer:
-                write_whole(path, viewer.picture(STEP, self.step.step), force=force)
-        return path
-
-    def show(self, port: int | None = None) -> None:
-        """Show the panel in the viewer on a port, or in a new one. Raises SinkError if none comes up."""
-        port = sinks.bring_up_viewer() if port is None else port
-        with sinks.to_viewer(port, self._name, self._layout) as rec:
-            draw_explanation(rec, RunPaths(self.label), self.update)
-
-    def record(self, path: Path, *, force: bool = False) -> None:
-        """Write the panel to a Rerun recording. Raises SinkError if it exists (unless `force`)."""
-        with sinks.to_file(path, self._name, self._layout, force=force) as rec:
-            draw_explanation(rec, RunPaths(self.label), self.update)
-
-    @property
-    def _name(self) -> str:
-        return f"{self.update.library.name}, {self.label}: step {self.step.step}"
-
-    @property
-    def _layout(self) -> rrb.Blueprint:
-        update = self.update
-        scene = SceneInfo(update.library.arena, update.scale, update.has_truth)
-        return explanation_blueprint(RunPaths(self.label), self.step, scene)
 
 
 def explain(
@@ -117,8 +66,8 @@ def explain(
     The references nearest to the truth and to the estimate are compared with the one that matches best. One
     more may be asked for: the one nearest to the pose `at`, (3,) in meters and radians or as text
     "X,Y,HEADING" in display units and degrees; the library's `entry`; or the one of a `particle`, by its
-    number in the saved cloud. `run_label` chooses a run of a comparison. `to` also saves the panel as a
-    recording (.rrd) or a picture (.png).
+    number in the saved cloud. `run_label` chooses a run of a comparison. `to` also writes a picture (.png) of
+    the layout `explain` at that step, as `snapshot` does.
 
     Raises OptionError for arguments out of range and InputError for a folder that is no saved run, a step
     that it does not have, or where its session or library is gone.
@@ -130,8 +79,6 @@ def explain(
     """
     if sum(given is not None for given in (at, entry, particle)) > 1:
         raise OptionError("--at, --entry and --particle exclude each other")
-    if to is not None:
-        _check_target(Path(to), force=force)
     folder = Path(run)
     opened = open_saved(folder, listener)
     labels = [one.saved.manifest.label for one in opened.restored]
@@ -155,10 +102,11 @@ def explain(
         asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
     explained = explain_step(record, chosen.sensor, moment.truth, asked, weigh=True)
     label = chosen.saved.manifest.label
-    explanation = Explanation(label, explained, ExplainedUpdate(moment, record, explained, library, scale))
     if to is not None:
-        explanation.save(to, force=force)
-    return explanation
+        own = chosen.saved.folder
+        snapshot(own, to=to, step=moment.frame.step, layout="explain", force=force, listener=listener)
+    sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
+    return Explanation(label, explained, sensors, scale)
 
 
 def _of_readings(record: StepRecord, moment: Moment, origin: F64) -> str:
@@ -176,51 +124,6 @@ def _of_readings(record: StepRecord, moment: Moment, origin: F64) -> str:
     where = "the tab `sensors` shows it for every step"
     why = f"step {record.frame.step} compared no picture with references, so none is explained"
     return f"{why}; {found}; {where}"
-
-
-def show(explanation: Explanation, file: Path, *, force: bool = False, listener: Listener = SILENT) -> None:
-    """Show the panel in a new viewer, or write it to `file` (.rrd) where there is no display.
-
-    Raises SinkError and InputError when it cannot be written.
-    """
-    if sinks.has_display():
-        try:
-            explanation.show()
-        except SinkError as problem:
-            listener.warning(f"{problem}; writing a file instead")
-        else:
-            return
-    record(explanation, file, force=force, listener=listener)
-
-
-def serve(explanation: Explanation, listener: Listener = SILENT) -> None:
-    """Show the panel in browsers until Ctrl-C. Raises SinkError when it cannot be served."""
-    web = WebViewer()
-    with serving(OutputOptions(web=web), listener):
-        web.serve(listener.remark)
-        explanation.show(web.data)
-
-
-def record(explanation: Explanation, file: Path, *, force: bool = False, listener: Listener = SILENT) -> None:
-    """Write the panel to a recording and remark how to open it. Raises SinkError."""
-    explanation.record(file, force=force)
-    program = "rerun" if shutil.which("rerun") else str(viewer_binary())
-    listener.remark(f"{file} written; open it with: {shlex.quote(program)} {shlex.quote(str(file))}")
-
-
-def check_picture(picture: Path, *, force: bool) -> None:
-    """Refuse a picture that cannot be written or drawn here, before any work. Raises InputError."""
-    if picture.suffix != ".png":
-        raise InputError(picture, f"a picture's name ends in .png; use {picture.name}.png")
-    expect_absent(picture, force=force)
-    expect_driver(picture)
-
-
-def _check_target(path: Path, *, force: bool) -> None:
-    if path.suffix == ".rrd":
-        expect_absent(path, force=force)
-    else:
-        check_picture(path, force=force)
 
 
 def _update(opened: Opened, chosen: Restored, folder: Path, number: int | None) -> tuple[Moment, StepRecord]:

@@ -14,8 +14,8 @@ from ...entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
 from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ...viewer import sinks
+from ...viewer.movie import MOST_IN_GIF, film, from_png
 from ...viewer.movie import SUFFIXES as MOVIES
-from ...viewer.movie import film, from_png
 from ...viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
 from ..output import layout_of, observed
 from ..run import collector_of, step_through
@@ -99,6 +99,9 @@ def movie(
         if phases:
             timeline = PHASE
             values = range(PHASES_PER_STEP * steps.start, PHASES_PER_STEP * steps.stop)
+        if target.suffix == ".gif" and len(values) > MOST_IN_GIF:
+            count = f"found {len(values)} pictures for {target}, expected at most {MOST_IN_GIF} in a GIF"
+            raise OptionError(f"{count}; write an .mp4, or fewer steps")
         try:
             with film(target, fps, force=force) as frames:
                 for done, value in enumerate(values, start=1):

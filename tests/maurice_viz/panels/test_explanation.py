@@ -17,7 +17,6 @@ from maurice_mcl.analysis.explanation import (
     ESTIMATE,
     TRUTH,
     WINNER,
-    Asked,
     EntryExplanation,
     Explained,
     PoseOffset,
@@ -44,12 +43,6 @@ from maurice_viz.drawing.reference_chart import (
 )
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts import one_run
-from maurice_viz.layouts.explanation_screen import (
-    FINE_PX,
-    ExplainedUpdate,
-    draw_explanation,
-    explanation_blueprint,
-)
 from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card, labels_on_map
 from maurice_viz.panels.histograms import HistogramsPanel, histogram_views
 from maurice_viz.panels.panel import StepUpdate, set_phase
@@ -294,29 +287,6 @@ def test_twelve_channels_each_have_a_chart_with_their_name(library, tmp_path):
             assert (part[: high // 2] != part[0, 0]).any()
             name = part[-12:-2]
             assert (name.max(axis=2) > 110).sum() > 20
-
-
-@pytest.mark.parametrize("asked", [None, Asked(entry=2), Asked(pose=np.array([-5.0, 0.0, 0.0]))])
-@pytest.mark.parametrize("has_truth", [True, False])
-def test_the_full_panel_has_every_chart(library, tmp_path, asked, has_truth):
-    sensor, updates = play(library, has_truth=has_truth)
-    moment, record = updates[-1]
-    step = explain_step(record, sensor, moment.truth, asked, weigh=True)
-    scale = scale_for("in", library.arena)
-    path = tmp_path / "Büro.rrd"
-    with sinks.to_file(
-        path, "Büro", explanation_blueprint(PATHS, step, SceneInfo(library.arena, scale, has_truth))
-    ) as rec:
-        draw_explanation(rec, PATHS, ExplainedUpdate(moment, record, step, library, scale))
-    found = recordings.entities_of(path)
-    for explained in step.shown:
-        assert PATHS.explain(explained.who, "picture") in found
-        (row,) = recordings.rows(path, PATHS.explain(explained.who, "chart"))
-        scale = scale_of([e.entry for e in step.shown if e.entry is not None])
-        expected = draw_reference_chart(explained.entry, scale, FINE_PX)
-        np.testing.assert_array_equal(picture_of(row), CHART.colors[expected])
-    (words,) = recordings.rows(path, PATHS.explain("words"))
-    assert f"**Step {moment.frame.step}**" in words.values["TextDocument:text"][0]
 
 
 def test_arrows_that_lie_close_together_share_a_label() -> None:

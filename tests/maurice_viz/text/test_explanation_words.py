@@ -19,7 +19,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_viz.style import scale_for
 from maurice_viz.text.explanation import KNOWN, ordinal, planes_of, say_behind, say_step, where_lost
-from maurice_viz.text.explanation_table import markdown_table, to_json
+from maurice_viz.text.explanation_table import brief_table, to_json
 
 
 def explained(
@@ -101,10 +101,10 @@ def test_what_pose_sensors_give_is_told_beside_the_references(library):
 def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):
     step = explained(library, truth=False, weigh=False)
     scale = scale_for("in", library.arena)
-    assert "truth" not in " ".join(say_step(step, scale)) + markdown_table(step, scale)
+    assert "truth" not in " ".join(say_step(step, scale)) + brief_table(step, scale)
     step = explained(library, asked=Asked(pose=np.array([-9.0, -9.0, 0.0])))
     assert "The pose asked for lies outside free space" in " ".join(say_step(step, scale))
-    assert "asked for: outside free space" in markdown_table(step, scale)
+    assert "asked for: outside free space" in brief_table(step, scale)
     assert to_json("a", step)["runs"][0]["explained"][0]["reference"] is None
     library = fakes.make_library(columns=1, rows=1, headings=1)
     says = say_step(explained(library), scale_for("in", library.arena))
@@ -113,7 +113,7 @@ def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):
 
 def test_table_and_json_have_every_reference(library):
     step = explained(library, asked=Asked(entry=3))
-    lines = markdown_table(step, scale_for("in", library.arena)).splitlines()
+    lines = brief_table(step, scale_for("in", library.arena)).splitlines()
     assert {line.count("|") for line in lines} == {6}
     assert "asked for: entry 3" in lines[0]
     assert f"| **color** | {step.shown[0].entry.channels[0].loses:.2f} · " in lines[-2]  # type: ignore[union-attr]

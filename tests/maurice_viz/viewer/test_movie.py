@@ -62,7 +62,7 @@ def test_a_movie_holds_its_pictures_in_order(tmp_path, suffix):
 def test_gifs_loop_and_keep_rare_colors(tmp_path):
     with film(tmp_path / "m.gif", 4.0) as frames:
         frames.add(picture(0))
-        frames.add(picture(0))
+        frames.add(picture(1))
     with Image.open(tmp_path / "m.gif") as image:
         assert (image.info["loop"], image.info["duration"]) == (0, 250)
     # The brightest weights are a handful of pixels; a palette by frequency alone would lose them
@@ -112,5 +112,5 @@ def test_earlier_movies_and_missing_folders(tmp_path):
     with film(path, 4.0, force=True) as frames:
         frames.add(picture(0))
     assert len(gif(path)) == 1
-    with pytest.raises(InputError, match="cannot be written"), film(tmp_path / "no" / "m.gif", 4.0):
-        pass
+    with pytest.raises(InputError, match="cannot be written"), film(tmp_path / "no" / "m.gif", 4.0) as frames:
+        frames.add(picture(0))
