@@ -23,7 +23,7 @@ from lost_signal import said
 from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive
 from maurice_datasets.trials.statistics import mean
-from maurice_loaders.files import cache_root
+from maurice_loaders.writing import cache_root
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.belief import FIRST, LEVELS, judge_belief

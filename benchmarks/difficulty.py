@@ -25,7 +25,7 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import GENERATOR, TASKS, TIERS, for_fitting
 from maurice_datasets.worlds.world import inside
-from maurice_loaders.files import cache_root
+from maurice_loaders.writing import cache_root
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.map import Arena

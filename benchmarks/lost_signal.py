@@ -22,7 +22,7 @@ import numpy as np
 from lost_drives import FILTERS, FITTED, SEEDS, UNSEEN, Course, Numbers, all_numbers
 
 from maurice_datasets.trials.statistics import Interval, mean, rate
-from maurice_loaders.files import cache_root
+from maurice_loaders.writing import cache_root
 from maurice_mcl.analysis.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
 from maurice_mcl.analysis.metrics import LOST_FOR
 from maurice_mcl.analysis.second_opinion import OPINION, OpinionReader, Shares

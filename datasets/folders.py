@@ -14,13 +14,17 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import cache_root, discard
 from maurice_loaders.libraries.remembered import remembered
 from maurice_loaders.session_log.header import SESSION_LOG
+from maurice_loaders.writing import FolderKind, cache_root, discard
 
 from .tasks import SURVEY
 
-NOTE = "simulation.json"  # written last: a folder without it is not finished
+NOTE, FORMAT = "simulation.json", "maurice-simulation"  # written last: a folder without it is not finished
+_SURVEY = r"survey\.log|pictures/survey-\d{5,}\.jpg"
+_SESSION = r"session\.log|pictures/session-\d{5,}\.jpg"
+SIMULATION = FolderKind("a simulation", NOTE, FORMAT, rf"{NOTE}|{_SESSION}|survey/(?:{_SURVEY})")
+SIMULATED_SURVEY = FolderKind("a simulated survey", NOTE, FORMAT, rf"{NOTE}|{_SURVEY}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +64,7 @@ def note_of(folder: Path, key: str) -> str:
     for file in sorted(_files_in(folder)):
         total.update(file.relative_to(folder).as_posix().encode())
         total.update(file.read_bytes())
-    return json.dumps({"made": key, "sha256": total.hexdigest()}) + "\n"
+    return json.dumps({"format": FORMAT, "made": key, "sha256": total.hexdigest()}) + "\n"
 
 
 def _files_in(folder: Path) -> list[Path]:

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.files import new_folder
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
+from maurice_loaders.writing import expect_apart, new_folder
 from maurice_mcl.errors import InputError
 from maurice_mcl.session import KIDNAPPED, Frame, Moment, SessionInfo
 
-from .folders import NOTE, SimulationPaths, copy_whole, paths_in, seal
+from .folders import SIMULATION, SimulationPaths, copy_whole, paths_in, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .robot.segments import Happened, Log, Moved, Progress, write_segments
@@ -145,7 +145,8 @@ def write_simulation(
     recordings that cannot be used.
     """
     report = progress or (lambda done, total, what: None)
-    with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
+    expect_apart(folder, *(() if plan.recording is None else (plan.recording,)))
+    with new_folder(folder, SIMULATION, force=force) as filling, one_thread():
         set_up = stage(plan)
         if surveyor is None:
             half = plan.half_resolution

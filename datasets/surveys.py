@@ -15,14 +15,14 @@ import cv2
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
+from maurice_loaders.writing import new_folder
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import INCH_M, wrap
 from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.session import Camera, SessionInfo
 
-from .folders import NOTE, cached, fingerprint, seal
+from .folders import SIMULATED_SURVEY, cached, fingerprint, seal
 from .render.camera import Lens
 from .render.camera_session import CameraSession, survey_camera
 from .robot.motion import Chassis
@@ -157,7 +157,7 @@ def write_survey_folder(
 ) -> Path:
     """Write a survey log with its pictures into a new folder, all or nothing; return the log's path."""
     report = progress or (lambda done, total, what: None)
-    with new_folder(folder, force=force, ours=NOTE) as filling, one_thread():
+    with new_folder(folder, SIMULATED_SURVEY, force=force) as filling, one_thread():
         camera = survey_camera(world, seed, half_resolution=half_resolution)
         write_survey(filling / SURVEY.name, world, camera, _surveyor_of(world), report, poses)
         seal(filling, f"survey-{GENERATOR}-{seed}")

@@ -21,7 +21,7 @@ from maurice_mcl.map import Arena
 from maurice_mcl.session import first_word
 
 from .errors import InputError, PictureError, ReadingNotes
-from .files import PICTURES, number_in, read_csv, read_number_rows, show, write_whole
+from .files import PICTURES, number_in, read_csv, read_number_rows, show
 from .pictures import decode_picture
 from .session_log.reader import picture_bytes
 from .session_log.records import (
@@ -34,6 +34,7 @@ from .session_log.records import (
     read_records,
 )
 from .transforms import GATE
+from .writing import write_whole
 
 # A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
 

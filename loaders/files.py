@@ -1,23 +1,17 @@
-"""Files and the values in them: atomic writes, the cache, checks of values, values as TOML."""
+"""Reading text files, checks of the values in them, and values as TOML."""
 
 from __future__ import annotations
 
 import csv
 import json
 import math
-import os
 import re
-import shutil
-import tempfile
 import tomllib
-import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import Any, TypeVar
-
-import platformdirs
 
 from .errors import FieldError, InputError
 
@@ -47,146 +41,6 @@ PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")  # endings, in lower case
 def pictures_in(folder: Path) -> list[Path]:
     """Return the pictures of a folder in natural order."""
     return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
-
-
-def remove_leftovers(target: Path) -> None:
-    """Remove parts of this target whose process, named in them, was killed; those of a living one stay."""
-    name = rf"\.?{re.escape(target.stem)}(?:{re.escape(target.suffix)})?"
-    named = re.compile(rf"{name}(?:\.\w{{32}})?\.(\d+)\.(?:part|old)(?:\.\w+)?")
-    with suppress(OSError):
-        for found in target.parent.iterdir():
-            match = named.fullmatch(found.name)
-            if match and not _is_alive(int(match[1])):
-                _remove(found)
-
-
-def _remove(found: Path) -> None:
-    if found.is_dir():
-        shutil.rmtree(found, ignore_errors=True)
-    else:
-        found.unlink(missing_ok=True)
-
-
-def _is_alive(process: int) -> bool:
-    if os.name == "nt":  # where asking would end it
-        return True
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):  # of another user
-        return True
-    return True
-
-
-def write_whole(file: Path, data: bytes, *, force: bool = False) -> None:
-    """Write a file completely or not at all. Raises InputError if it exists and `force` is not given."""
-    expect_absent(file, force=force)
-    remove_leftovers(file)
-    filling = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        with writing(file):
-            filling.write_bytes(data)
-            filling.replace(file)
-    finally:
-        filling.unlink(missing_ok=True)
-
-
-@contextmanager
-def writing(target: Path) -> Iterator[None]:
-    """Convert what the system refuses, such as a full disk, to an InputError."""
-    try:
-        yield
-    except OSError as problem:
-        reason = problem.strerror or problem
-        raise InputError(target, f"cannot be written: {reason}; choose another place") from None
-
-
-def expect_absent(file: Path, *, force: bool) -> None:
-    """Raise InputError if a file to be written exists and may not be overwritten, or is no regular file."""
-    if file.is_dir() or not file.name:
-        raise InputError(file, "found a folder, expected the name of a file to write")
-    if file.exists() and not file.is_file():  # a device would be replaced by a file
-        raise InputError(file, "found a device or pipe, expected the name of a file to write")
-    if file.exists() and not force:
-        raise InputError(file, "exists already; write elsewhere, or replace it with --force")
-
-
-def cache_root() -> Path:
-    """Return the folder for what can be made again: MAURICE_CACHE, or the user's cache."""
-    named = os.environ.get("MAURICE_CACHE")
-    return Path(named) if named else Path(platformdirs.user_cache_dir("maurice-replay"))
-
-
-@contextmanager
-def new_folder(target: Path, *, force: bool = False, ours: str = "manifest.json") -> Iterator[Path]:
-    """Return a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
-
-    InputError if `target` exists, unless `force`, and it is empty or holds the file `ours`.
-    """
-    check_target(target, force, ours)
-    remove_leftovers(target)
-    filling = sibling(target, "part")
-    try:  # from before it is made: a request to stop may come between that and the next line
-        with writing(target):
-            target.parent.mkdir(parents=True, exist_ok=True)
-            filling.mkdir()
-        yield filling
-        _swap(filling, target, force)
-    finally:
-        try:
-            shutil.rmtree(filling, ignore_errors=True)
-        finally:  # again, where a second request to stop interrupted that
-            shutil.rmtree(filling, ignore_errors=True)
-
-
-@contextmanager
-def temporary_folder(name: str) -> Iterator[Path]:
-    """Return a folder among the system's temporary files; what killed processes left goes first."""
-    target = Path(tempfile.gettempdir()) / name
-    remove_leftovers(target)
-    folder = sibling(target, "part")
-    try:
-        folder.mkdir(mode=0o700)
-        yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def check_target(target: Path, force: bool, ours: str = "manifest.json") -> None:
-    """Raise InputError for a folder that `new_folder` would not fill."""
-    if not target.name:  # ".", which "" means as well, and "/" cannot be put in place
-        raise InputError(target, "found no name for a new folder, expected one; name it")
-    if not os.path.lexists(target) or (target.is_dir() and not any(target.iterdir())):
-        return
-    if not force:
-        raise InputError(target, "exists already; write elsewhere, or replace it with --force")
-    if not (target / ours).is_file():
-        raise InputError(target, f"found no {ours} in it, so it was not made here; remove it yourself")
-
-
-def _swap(filling: Path, target: Path, force: bool) -> None:
-    """Rename into place; what stood there is put aside first, so that it is never half gone."""
-    if not force or not target.exists():
-        try:
-            filling.replace(target)  # onto nothing or an empty folder
-        except OSError:
-            raise InputError(target, "was written by somebody else meanwhile; write elsewhere") from None
-        return
-    discard(target)
-    filling.replace(target)
-
-
-def discard(folder: Path) -> None:
-    """Remove a folder; it is renamed first, so that nobody sees it half gone."""
-    aside = sibling(folder, "old")
-    folder.replace(aside)
-    shutil.rmtree(aside, ignore_errors=True)
-
-
-def sibling(target: Path, ending: str) -> Path:
-    """Return a hidden name of this process's own beside a target, which `remove_leftovers` recognizes."""
-    return target.parent / f".{target.name}.{uuid.uuid4().hex}.{os.getpid()}.{ending}"
 
 
 # Text files: CSV, TOML, rows of numbers.

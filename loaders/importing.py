@@ -16,11 +16,13 @@ from maurice_mcl.radii import fitted_m
 from maurice_mcl.session import Camera, SessionInfo
 
 from .errors import InputError, PictureError
-from .files import new_folder, number_in, read_csv, show
+from .files import number_in, read_csv, show
 from .maps import check_span, read_map
 from .pictures import decode_picture
+from .session_log.header import FORMAT
 from .session_log.writer import SessionWriter
 from .transforms import OdometryNoise, synthetic_motions
+from .writing import FolderKind, new_folder
 
 # A CSV table of pictures and their poses, read strictly: every complaint names the row and the column.
 
@@ -157,6 +159,9 @@ def xy_of(rows: Sequence[PoseRow]) -> F64:
     return np.array([row.pose[:2] for row in rows], np.float64).reshape(-1, 2)
 
 
+IMPORTED = FolderKind(
+    "imported pictures", "session.log", FORMAT, r"(?:session|survey)\.log|pictures/\d{5,}\.\w+"
+)
 GUARD_M = 0.5  # in rooms: neighbors look alike
 
 
@@ -223,7 +228,7 @@ def import_pictures(
         advice = "lower the guard, or give fewer runs to the session"
         raise InputError(poses_csv, f"found no picture {guard_m:.3g} m off the session's; {advice}")
     info = _info(rows, options, poses_csv)
-    with new_folder(out, force=force, ours="session.log") as filling:
+    with new_folder(out, IMPORTED, force=force) as filling:
         copy = _Copier(source, poses_csv, filling)
         with SessionWriter(filling / "survey.log", info, "survey") as writer:
             for row in split.library:

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 from .errors import FieldError, InputError
-from .files import flag, mapping, number, read_toml, show, text, toml_value, whole, write_whole
+from .files import flag, mapping, number, read_toml, show, text, toml_value, whole
 from .plane import PLANES, TURNED
+from .writing import write_whole
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import temporary_folder
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import session_in
+from maurice_loaders.writing import temporary_folder
 
 from .app.output import verdict_of
 from .app.replay import replay

@@ -49,7 +49,7 @@ ROOMS = {
     ),
     "maurice_loaders": (
         ("errors",),
-        ("files", "pictures", "plane"),
+        ("files", "pictures", "plane", "writing"),
         ("reading", "maps"),
         ("recording", "session_log"),
         ("transforms", "time_alignment", "picture_odometry"),
@@ -59,7 +59,7 @@ ROOMS = {
         ("config_files",),
         ("libraries", "live"),
         ("runs",),
-        ("export", "importing", "calibration", "inspection", "doctor"),
+        ("export", "importing", "calibration", "doctor"),
     ),
     "maurice_datasets": (
         ("tasks",),

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.files import cache_root, write_whole
+from maurice_loaders.writing import cache_root, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import wrap
 from maurice_mcl.session import Frame, Moment, SessionInfo

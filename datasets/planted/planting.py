@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from maurice_loaders.files import cache_root
+from maurice_loaders.writing import cache_root
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import Comparison, StepRecord
 from maurice_mcl.session import Moment

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import new_folder
 from maurice_loaders.libraries.files import save_library
 from maurice_loaders.session_log.writer import SessionWriter
+from maurice_loaders.writing import new_folder
 
 from .planting import Planted
 

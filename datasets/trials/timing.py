@@ -17,7 +17,7 @@ import numpy as np
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import write_whole
+from maurice_loaders.writing import write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 

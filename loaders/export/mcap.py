@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,10 +20,10 @@ from maurice_mcl.session import Camera, SessionInfo
 from ..bags.readers import HEADER, MOTIONS
 from ..bags.source import INSTALL
 from ..errors import InputError
-from ..files import expect_absent, remove_leftovers, sibling, writing
 from ..pictures import PictureKind, encode_picture
 from ..recording import SimplifiedPath
 from ..runs.writer import weighted_of
+from ..writing import expect_absent, scratch_folder, writing
 from .tables import ExportStep
 
 if TYPE_CHECKING:
@@ -105,16 +104,11 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
     expect_absent(file, force=force)
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    remove_leftovers(file)
-    filling = sibling(file, "part")
-    bag = filling / file.stem  # rosbags names the file after its folder, and keeps that name in it
-    try:
-        with writing(file):
-            with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-                yield McapWriter(file, writer)
-            (bag / file.name).replace(file)
-    finally:
-        shutil.rmtree(filling, ignore_errors=True)
+    with scratch_folder(file) as folder, writing(file):
+        bag = folder / file.stem  # rosbags names the file after its folder, and keeps that name in it
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            yield McapWriter(file, writer)
+        (bag / file.name).replace(file)
 
 
 # The constant content of an exported MCAP file: header, map, camera pose, and complete paths.

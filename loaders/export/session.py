@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,12 +15,12 @@ from maurice_mcl.session import Moment, Session, SessionInfo
 
 from ..bags.readers import MOTIONS
 from ..errors import InputError, ReadingNotes
-from ..files import discard, expect_absent, remove_leftovers, sibling, writing
 from ..pictures import PictureKind, encode_picture
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Readings, Record, Recording, TruthPose, checked
-from ..session_log.header import header_to_json
+from ..session_log.header import FORMAT, header_to_json
 from ..session_log.writer import SessionWriter
+from ..writing import FolderKind, check_target, discard, expect_absent, filling, scratch_folder, writing
 from .mcap import (
     EVENTS,
     MAP,
@@ -40,10 +37,9 @@ from .mcap import (
     scene_of,
     write_paths,
 )
-from .tables import filling
 
 NOTHING = "found nothing to write, expected pictures, odometry or truth"
-OURS = re.compile(r"\d{5,}\.(png|jpg)")  # names of pictures that were written here
+PICTURE = r"\d{5,}\.(?:png|jpg)"  # name of a picture that is written here
 
 
 @dataclass(slots=True)
@@ -65,6 +61,11 @@ class Converted:
         self.readings += bool(moment.frame.readings)
 
 
+def pictures_of(file: Path) -> Path:
+    """Return the folder of a converted log's pictures."""
+    return file.with_name(f"{file.stem}-pictures")
+
+
 def convert_to_log(
     session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
@@ -72,10 +73,11 @@ def convert_to_log(
 
     Both appear when all went well. InputError if they exist, unless `force`, or as reading raises it.
     """
-    pictures = file.with_name(f"{file.stem}-pictures")
-    expect_absent(file, force=force)
-    _check_pictures(pictures, force)
-    with _filling(file) as folder:
+    pictures = pictures_of(file)
+    kind_of = FolderKind("the pictures of this log", f"../{file.name}", FORMAT, PICTURE)
+    expect_absent(file, force=force, form=FORMAT)
+    check_target(pictures, kind_of, force=force)
+    with scratch_folder(file) as folder, writing(file):
         (folder / pictures.name).mkdir()
         info, done = beside(session.info, file), Converted()
         with SessionWriter(folder / file.name, info) as log:
@@ -117,34 +119,6 @@ def beside(info: SessionInfo, file: Path) -> SessionInfo:
     return info if survey is None else replace(info, survey=Path(survey))
 
 
-def _check_pictures(pictures: Path, force: bool) -> None:
-    """Refuse what exists; with `force` only pictures that were written here are replaced."""
-    if not pictures.exists():
-        return
-    if not force:
-        raise InputError(pictures, "exists already; write elsewhere, or replace it with --force")
-    if not pictures.is_dir() or not all(OURS.fullmatch(found.name) for found in pictures.iterdir()):
-        raise InputError(pictures, "holds more than the pictures of a converted log; remove it yourself")
-
-
-@contextmanager
-def _filling(file: Path) -> Iterator[Path]:
-    """Return a new folder beside the file, gone afterwards, like a folder made for nothing."""
-    made = not file.parent.exists()
-    remove_leftovers(file)
-    folder = sibling(file, "part")
-    try:
-        with writing(file):
-            file.parent.mkdir(parents=True, exist_ok=True)
-            folder.mkdir()
-            yield folder
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        if made:
-            with suppress(OSError):  # it holds the log
-                file.parent.rmdir()
-
-
 # A recording without pictures as a native log, record by record at their own times.
 
 
@@ -156,7 +130,7 @@ def records_to_log(
     last: F64 | None = None
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
-    with filling(file, force=force) as part:
+    with filling(file, force=force, form=FORMAT) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
             for record in checked(recording, notes):
                 last = _write_line(log, record, record.t_s + t_offset_s, last, done)

@@ -10,11 +10,10 @@ import csv
 import io
 import json
 import math
-import os
 import zipfile
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TextIO
@@ -29,9 +28,9 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose
 
 from ..errors import InputError
-from ..files import expect_absent, remove_leftovers, writing
 from ..runs.store import SavedRun
 from ..runs.writer import StepRows, steps_schema
+from ..writing import filling
 
 PATHS = ("estimate", "truth", "odometry")  # in the order in which files and tables have them
 
@@ -76,27 +75,6 @@ def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportSt
 
 def _pose(rows: StepRows, kind: str) -> F64:
     return np.array([rows.step[f"{kind}_{name}"] for name in ("x_m", "y_m", "heading_rad")])
-
-
-@contextmanager
-def filling(target: Path, *, force: bool) -> Iterator[Path]:
-    """Return a name to fill beside the target, which it becomes when all went well.
-
-    InputError if the target exists and `force` is not given, or when it cannot be written.
-    """
-    expect_absent(target, force=force)
-    remove_leftovers(target)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        with writing(target):
-            yield part
-            if part.exists():
-                part.replace(target)
-            else:
-                target.unlink(missing_ok=True)
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 # A saved run as one table, one row per update: CSV for spreadsheets, Parquet for programs.

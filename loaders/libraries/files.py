@@ -26,15 +26,22 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
 from maurice_mcl.session import Camera
 
 from ..errors import FieldError, InputError
-from ..files import MOST, items, mapping, new_folder, read_json, show, text, up_to
+from ..files import MOST, items, mapping, read_json, show, text, up_to
 from ..maps import check_span
 from ..session_log.header import arena_from_json, arena_to_json, camera_from_json, camera_to_json
+from ..writing import FolderKind, new_folder
 from .remembered import remembered
 
 FORMAT = "maurice-library"
 VERSION = 2
 READABLE = (1, 2)
 MANIFEST = "manifest.json"
+LIBRARY = FolderKind(
+    "a library",
+    MANIFEST,
+    FORMAT,
+    r"manifest\.json|map\.json|entries\.parquet|[^/]+-[0-9a-f]{12}\.np[yz]|pictures/\d{5,}\.\w+|sensors/\w+\.npz",
+)
 DAMAGE = (FieldError, OSError, ValueError, KeyError, zipfile.BadZipFile)
 
 
@@ -42,7 +49,7 @@ def save_library(
     library: Library, folder: Path, *, force: bool = False, warnings: Sequence[str] = ()
 ) -> None:
     """Write a library and copies of its pictures, completely or not at all. InputError if it exists."""
-    with new_folder(folder, force=force) as filling:
+    with new_folder(folder, LIBRARY, force=force) as filling:
         _write_json(filling / "map.json", arena_to_json(library.arena))
         _write_entries(library, filling)
         files = {name: f"{name}-{parameter_hash(name)}.npy" for name in library.index}

@@ -20,8 +20,8 @@ from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.session import Camera
 
 from ..errors import InputError, PictureError
-from ..files import cache_root, write_whole
 from ..pictures import decode_picture
+from ..writing import cache_root, write_whole
 from .files import hash_file
 from .remembered import remembered
 

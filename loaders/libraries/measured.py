@@ -27,7 +27,7 @@ import numpy as np
 from maurice_mcl.arrays import F32, U8
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
 
-from ..files import cache_root
+from ..writing import cache_root
 
 FILE = "descriptors.sqlite"
 SWITCH = "MAURICE_DESCRIPTORS"  # "0": measure every picture

@@ -19,11 +19,11 @@ from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describ
 from maurice_mcl.session import Camera
 
 from ..errors import InputError, ReadingNotes
-from ..files import cache_root, discard
 from ..maps import check_span, read_map
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
+from ..writing import cache_root, discard
 from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in

@@ -20,9 +20,8 @@ from maurice_mcl.geometry import compose, compose_motions
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
-from ..files import expect_absent
 from ..pictures import decode_picture
-from ..session_log.header import SESSION_LOG, Kind, header_to_json
+from ..session_log.header import FORMAT, SESSION_LOG, Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import (
     EventRecord,
@@ -34,6 +33,7 @@ from ..session_log.records import (
 )
 from ..time_alignment import as_rows
 from ..transforms import Gate
+from ..writing import expect_absent
 from .intake import Counts, Intake, Received
 from .source import Listening, LiveSource, Patience
 
@@ -123,7 +123,7 @@ class LiveRecorder:
         self._made = not folder.exists()
         if folder.exists() and not folder.is_dir():
             raise InputError(folder, "found a file, expected a folder to record to; choose another name")
-        expect_absent(self.path, force=force)
+        expect_absent(self.path, force=force, form=FORMAT)
         with self._recording():
             folder.mkdir(parents=True, exist_ok=True)
 

@@ -31,6 +31,7 @@ from ..formats.registry import NATIVE
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
 from ..reading import ReadingOptions, reading_from_json, reading_to_json
+from ..writing import FolderKind, put
 from .failures import failure_to_json, failures_from_json
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
@@ -39,6 +40,11 @@ VERSIONS = (1, VERSION)  # that can be read; 1 has no `reading` and no `table`
 READING_1 = {"format": NATIVE}  # only session logs could be saved then
 CONFIGURATION = "configuration.toml"
 MAP = "map.json"
+PARTS = rf"{MANIFEST}|{CONFIGURATION}|{MAP}|(?:particles|renewed|steps)/\d{{8}}\.parquet"
+RUNS = (
+    FolderKind("a saved run", MANIFEST, FORMAT, PARTS),
+    FolderKind("saved runs", MANIFEST, COMPARISON, rf"(?:[^/]+/)?(?:{PARTS})"),
+)
 SHARED = ("world", "session", "compare")  # in a recording these stand for what runs share
 STATES = ("writing", "complete", "stopped", "failed")  # a killed process leaves "writing"
 
@@ -98,7 +104,8 @@ def write_manifest(folder: Path, manifest: RunManifest) -> None:
     """Write it at once or not at all."""
     found = asdict(manifest) | {"reading": reading_to_json(manifest.reading)}
     found["failures"] = None if manifest.failures is None else [*map(failure_to_json, manifest.failures)]
-    put(folder / MANIFEST, to_bytes({"format": FORMAT, "version": VERSION, **found}))
+    data = to_bytes({"format": FORMAT, "version": VERSION, **found})
+    put(folder / MANIFEST, data)
 
 
 def ended(manifest: RunManifest, state: str, steps: int, failures: Sequence[Failure] | None) -> RunManifest:
@@ -110,13 +117,6 @@ def ended(manifest: RunManifest, state: str, steps: int, failures: Sequence[Fail
 def to_bytes(value: Mapping[str, Any]) -> bytes:
     """Write an object as JSON for people and programs."""
     return (json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-def put(file: Path, data: bytes) -> None:
-    """Write a file: it appears under its name when it is complete."""
-    part = file.with_name(f".{file.name}.part")
-    part.write_bytes(data)
-    part.replace(file)
 
 
 def read_manifest(folder: Path) -> RunManifest:

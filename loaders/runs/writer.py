@@ -30,20 +30,17 @@ from maurice_mcl.records import (
 )
 from maurice_mcl.session import Frame, Moment
 
-from ..errors import InputError
-from ..files import check_target, new_folder
 from ..libraries.files import MANIFEST
 from ..session_log.header import arena_to_json
+from ..writing import check_target, new_folder, put
 from .manifest import (
     COMPARISON,
     CONFIGURATION,
-    FORMAT,
     MAP,
+    RUNS,
     VERSION,
     RunManifest,
     ended,
-    put,
-    read_object,
     to_bytes,
     write_manifest,
 )
@@ -59,13 +56,12 @@ class RunWriter:
     def __init__(
         self, folder: Path, manifest: RunManifest, configuration: str, arena: Arena, *, force: bool = False
     ) -> None:
-        check_run_target(folder, force=force)
         self._folder, self._manifest = folder, manifest
         self._schema = steps_schema(manifest.channels)
         self._waiting: list[StepRows] = []
         self._written = 0
         self.failures: Sequence[Failure] | None = None  # why the run failed, as far as it got
-        with new_folder(folder, force=force) as begun:  # never without its manifest, by which it is known
+        with new_folder(folder, *RUNS, force=force) as begun:  # never without a manifest
             for table in TABLES:
                 (begun / table).mkdir()
             put(begun / CONFIGURATION, configuration.encode())
@@ -94,7 +90,8 @@ class RunWriter:
             "steps": pl.DataFrame([row.step for row in rows], schema=self._schema, orient="row"),
         }
         for table in TABLES:
-            put(self._folder / table / part_name(self._written + 1), _parquet(frames[table]))
+            part = self._folder / table / part_name(self._written + 1)
+            put(part, _parquet(frames[table]))
         self._written += len(rows)
 
 
@@ -111,19 +108,14 @@ def _parquet(frame: pl.DataFrame) -> bytes:
 
 def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False) -> None:
     """Begin a folder with a folder for each run below it. Raises InputError as for `RunWriter`."""
-    check_run_target(folder, force=force)
-    with new_folder(folder, force=force) as begun:
-        put(begun / MANIFEST, to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)}))
+    with new_folder(folder, *RUNS, force=force) as begun:
+        manifest = to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)})
+        put(begun / MANIFEST, manifest)
 
 
 def check_run_target(folder: Path, *, force: bool) -> None:
     """Refuse a folder that no run may be written to; with `force` only a saved run is replaced."""
-    check_target(folder, force)
-    if (folder / MANIFEST).is_file():
-        try:
-            read_object(folder, FORMAT, COMPARISON)
-        except InputError as problem:
-            raise InputError(folder, f"holds no saved run ({problem}); remove it yourself") from None
+    check_target(folder, *RUNS, force=force)
 
 
 # One update as rows of the tables of a saved run, and back (docs/saved-runs.md).

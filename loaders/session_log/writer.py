@@ -17,7 +17,8 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError
 from ..files import MOST, MOST_T_S, up_to
 from ..pictures import encode_jpeg
-from .header import KINDS, Kind, header_to_json
+from ..writing import expect_absent
+from .header import FORMAT, KINDS, Kind, header_to_json
 
 Numbers = F64 | Sequence[float]
 
@@ -46,6 +47,8 @@ class SessionWriter:
         self._last_t_s = -np.inf
         self._pictures = 0
         header = _line(header_to_json(info, kind, path.parent))  # before the file is touched
+        if force:
+            expect_absent(path, force=force, form=FORMAT)
         self._file = _create(path, "found a log already", force)
         self._put(header)
 

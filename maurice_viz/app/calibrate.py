@@ -22,11 +22,11 @@ from maurice_loaders.calibration import (
 )
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import drive_segments
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import read_header
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.calibration.motion import Calibration, FloorOf, MotionSegment, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
 from maurice_mcl.calibration.odometry import LinearMaurice, LinearModel, LinearOdometry, MotionFit, fit_motion

@@ -12,7 +12,13 @@ import numpy as np
 
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.export.mcap import McapScene, mcap_sink, scene_of
-from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap, records_to_log
+from maurice_loaders.export.session import (
+    Converted,
+    convert_to_log,
+    convert_to_mcap,
+    pictures_of,
+    records_to_log,
+)
 from maurice_loaders.export.tables import (
     PATHS,
     EvoSink,
@@ -34,6 +40,7 @@ from maurice_loaders.recording import Picture, Recording
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.transforms import PLACEHOLDER
+from maurice_loaders.writing import expect_apart
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
@@ -78,6 +85,8 @@ def convert(
     if not np.isfinite(t_offset_s):
         raise OptionError(f"a time offset is a number of seconds, found {t_offset_s}")
     target = target if target.suffix else target / SESSION_LOG
+    expect_apart(target, source)
+    expect_apart(pictures_of(target), source)
     session = open_session(source, options, listener)
     notes = ReadingNotes(options.keep_going)
     recorded = as_recorded_session(session, options)

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, temporary_folder, toml_value, write_whole
-from maurice_loaders.libraries.files import hash_file
+from maurice_loaders.files import toml_value
+from maurice_loaders.libraries.files import LIBRARY, hash_file
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.session_log.header import session_in
+from maurice_loaders.writing import check_target, expect_absent, expect_apart, temporary_folder, write_whole
 from maurice_mcl.calibration.sensor import (
     Measuring,
     Sample,
@@ -84,6 +85,8 @@ def build_library(
         spaced = None if every is None else read_every(every)
     except ValueError as problem:
         raise OptionError(str(problem)) from None
+    check_target(Path(to), LIBRARY, force=force)
+    expect_apart(Path(to), survey, *map(Path, add))
     with temporary_folder("maurice-library") as kept:
         source = open_survey(survey, options, spaced, kept, progress_of(listener, "choose pictures"))
         chosen = source.chosen.every or EVERY if isinstance(source, SelectedSurvey) else None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
 from maurice_mcl.library_advice import Confusion, LibraryAdvice, ProposedReference, advise

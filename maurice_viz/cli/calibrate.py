@@ -10,7 +10,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from maurice_loaders.calibration import METERS
-from maurice_loaders.files import expect_absent
+from maurice_loaders.writing import expect_absent
 from maurice_mcl.calibration.motion import Calibration
 from maurice_mcl.calibration.odometry import MotionFit
 from maurice_mcl.calibration.sensor import NoiseFloor

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.doctor import Diagnosis, fixed_options, odometry_advice
-from maurice_loaders.inspection import Inspection
+from maurice_loaders.doctor.diagnosis import Diagnosis, fixed_options, odometry_advice
+from maurice_loaders.doctor.inspection import Inspection
 
 from ..app.understand.inspect import doctor as diagnose
 from ..app.understand.inspect import inspect as inspect_recording

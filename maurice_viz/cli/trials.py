@@ -21,7 +21,7 @@ from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.statistics import Interval
 from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load_trials, paired
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.writing import expect_absent, write_whole
 
 from ..errors import OptionError
 from ..listener import progress_of

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.calibration.motion import Calibration, Trials
 from maurice_mcl.calibration.sensor import COLORS, NoiseFloor, stretched

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from maurice_datasets.trials.engine import in_processes
 from maurice_datasets.trials.rows import expect_trials, rows_changed
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import check_target, write_whole
+from maurice_loaders.writing import check_target, write_whole
 
 from .calibration import INK, expect_matplotlib, figure_bytes
 from .figures import FIGURES, OF_PICTURES
@@ -75,7 +75,7 @@ def draw_figures(
     expect_matplotlib(folder)
     expect_trials(Path(trials))
     if not folder.exists():
-        check_target(folder, force)
+        check_target(folder, force=force)
         folder.mkdir(parents=True)
     chosen = tuple(wanted) or tuple(known)
     files, left = list[Path](), list[tuple[int, str]]()

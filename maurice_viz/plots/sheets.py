@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.library_advice import LibraryAdvice

@@ -17,7 +17,7 @@ from maurice_datasets.trials.atlas import FailureAtlas, failure_atlas
 from maurice_datasets.trials.rows import read_plan_of
 from maurice_datasets.trials.table import load_trials
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena

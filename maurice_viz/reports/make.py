@@ -14,9 +14,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.analysis.events import KINDS
 from maurice_mcl.analysis.failures.verdict import decisive_step
 from maurice_mcl.library import Library

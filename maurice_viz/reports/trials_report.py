@@ -15,7 +15,7 @@ from maurice_datasets.trials.plan import shipped_plans
 from maurice_datasets.trials.rows import read_plan_of
 from maurice_datasets.trials.statistics import Interval
 from maurice_datasets.trials.table import grouped
-from maurice_loaders.files import expect_absent, write_whole
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.geometry import INCH_M
 
 from ..errors import OptionError

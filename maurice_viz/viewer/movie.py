@@ -15,7 +15,7 @@ import numpy as np
 from PIL import Image
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, remove_leftovers, sibling
+from maurice_loaders.writing import filling
 from maurice_mcl.arrays import U8
 
 SUFFIXES = (".mp4", ".gif")
@@ -38,10 +38,7 @@ def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
     A part that a killed process left of this movie is removed. Raises InputError when the file exists
     (unless `force`) or cannot be written.
     """
-    expect_absent(path, force=force)
-    remove_leftovers(path)
-    part = sibling(path, f"part{path.suffix}")  # which also tells OpenCV the format
-    try:
+    with filling(path, force=force, suffix=path.suffix) as part:  # the suffix tells OpenCV the format
         if path.suffix == ".gif":
             gif = Gif(part, fps)
             yield gif
@@ -52,11 +49,6 @@ def film(path: Path, fps: float, *, force: bool = False) -> Iterator[Film]:
                 yield video
             finally:
                 video.end()
-        part.replace(path)
-    except OSError as problem:
-        raise InputError(path, f"cannot be written: {problem.strerror}; choose another place") from None
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def from_png(data: bytes) -> U8:

@@ -18,7 +18,7 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.calibration import read_aligned
-from maurice_loaders.doctor import Diagnosis, diagnose, odometry_advice
+from maurice_loaders.doctor.diagnosis import Diagnosis, diagnose, odometry_advice
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import build_library

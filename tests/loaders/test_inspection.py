@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from maurice_loaders.doctor.inspection import inspect_session
 from maurice_loaders.errors import InputError
-from maurice_loaders.inspection import inspect_session
 
 from .conftest import WriteLog
 

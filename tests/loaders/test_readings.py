@@ -11,8 +11,8 @@ import pytest
 
 from helpers.bags import BEGIN_NS, Ros, Said, write_ros2
 from maurice_loaders import InputError, SessionWriter, open_session
+from maurice_loaders.doctor.inspection import inspect_recording
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.inspection import inspect_recording
 from maurice_loaders.recording import Readings
 from maurice_mcl.session import Frame, SessionInfo
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.files import expect_absent, write_whole
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.analysis.demands import Demands
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.files import check_target, new_folder
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import is_saved
+from maurice_loaders.writing import FolderKind, check_target, new_folder
 from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict
 
@@ -28,6 +29,9 @@ NONE = "No failure: it was never lost, or found itself in time."
 NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
 NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
+PICTURE = r"[^/]+-step-\d+-[\w-]+(?:-explained)?\.png"
+MARK = "diagnosis.json"
+DRAWN = FolderKind("pictures of failures", MARK, "maurice-diagnosis", rf"{MARK}|{PICTURE}")
 SEEN_BEFORE, SEEN_AFTER = 2, 2  # updates around a cause that a picture or a movie shows
 
 
@@ -162,7 +166,7 @@ def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:
     """Refuse, before anything is run, what `draw` would refuse. OptionError, InputError."""
     if source.exists() and not is_saved(source):
         raise OptionError(NOT_SAVED)
-    check_target(folder, force, NOTE)
+    check_target(folder, DRAWN, force=force)
 
 
 def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Listener = SILENT) -> list[Path]:
@@ -178,8 +182,8 @@ def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Liste
     if any(run.source is None for run in found.runs):
         raise OptionError(NOT_SAVED)
     pictures: list[Path] = []
-    with new_folder(folder, force=force, ours=NOTE) as filling:
-        (filling / NOTE).write_text("Pictures of failures, by maurice-replay diagnose.\n")
+    with new_folder(folder, DRAWN, force=force) as filling:
+        (filling / DRAWN.mark).write_text(json.dumps({"format": DRAWN.format}) + "\n")
         for run, failure in shown:
             assert run.source is not None
             stem = f"{run.label}-step-{failure.first}-{failure.kind}"
@@ -188,6 +192,3 @@ def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Liste
             snapshot(run.source, to=screen, step=failure.first, listener=listener)
             pictures += [folder / screen.name, folder / explained.name]
     return pictures
-
-
-NOTE = "diagnosis.txt"  # by which a folder of ours is known

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
-from maurice_loaders.doctor import Diagnosis, diagnose
+from maurice_loaders.doctor.diagnosis import Diagnosis, diagnose
+from maurice_loaders.doctor.inspection import Inspection, inspect_recording, inspect_session
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import formats as all_formats
-from maurice_loaders.inspection import Inspection, inspect_recording, inspect_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading import ReadingOptions, write_reading
 from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.session_log.header import session_in
+from maurice_loaders.writing import expect_absent
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 

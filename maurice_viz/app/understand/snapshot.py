@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import expect_absent, temporary_folder, write_whole
 from maurice_loaders.runs.store import open_runs
+from maurice_loaders.writing import expect_absent, temporary_folder, write_whole
 
 from ...entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
 from ...errors import OptionError

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from maurice_loaders.doctor.inspection import inspect_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.importing import (
     ImportOptions,
@@ -24,7 +25,6 @@ from maurice_loaders.importing import (
     split_runs,
     spread,
 )
-from maurice_loaders.inspection import inspect_session
 from maurice_loaders.libraries.landmarks import with_landmarks
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.pictures import encode_jpeg

@@ -24,7 +24,6 @@ from maurice_loaders.runs.manifest import (
     CONFIGURATION,
     RunManifest,
     library_hash,
-    put,
     read_manifest,
     source_of,
     write_manifest,
@@ -259,19 +258,6 @@ def test_the_library_hash_follows_what_the_filter_uses(run_library: Library) -> 
     assert library_hash(renamed, ["color"]) == color
     assert library_hash(moved, ["color"]) != color
     assert library_hash(run_library, ["edges"]) != color
-
-
-def test_put_leaves_the_old_file_when_writing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "x.json"
-    put(file, b"old")
-
-    def full(self: Path, data: bytes) -> int:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", full)
-    with pytest.raises(OSError, match="No space"):
-        put(file, b"new")
-    assert file.read_bytes() == b"old"
 
 
 def frames(folder: Path) -> Iterator[pl.DataFrame]:

@@ -114,7 +114,7 @@ def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="found a file, expected a folder"):
         SessionWriter(tmp_path / "file" / "a.log", INFO)
     (tmp_path / "folder.log").mkdir()
-    with pytest.raises(InputError, match=r"folder\.log: cannot be written"):
+    with pytest.raises(InputError, match=r"folder\.log: found a folder"):
         SessionWriter(tmp_path / "folder.log", INFO, force=True)
 
 

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from helpers.format_samples import SAMPLES, sample
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.bags.recording import BagRecording
+from maurice_loaders.doctor.inspection import inspect_recording
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.inspection import inspect_recording
 from maurice_loaders.plane import plane_of
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import write_whole
+from maurice_loaders.writing import write_whole
 from maurice_mcl.library import Library
 
 from ....listener import Listener

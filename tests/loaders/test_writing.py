@@ -1,9 +1,11 @@
-"""Files and folders appear whole or not at all, and nobody's are deleted."""
+"""Files and folders appear whole or not at all, and only what was written here is ever replaced."""
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
+import re
 import shutil
 import subprocess
 import sys
@@ -13,20 +15,38 @@ from typing import Any
 import platformdirs
 import pytest
 
+from maurice_datasets.folders import SIMULATED_SURVEY, SIMULATION
 from maurice_loaders.errors import FieldError, InputError, SourceError
-from maurice_loaders.files import cache_root, discard, new_folder, temporary_folder, write_whole
+from maurice_loaders.importing import IMPORTED
+from maurice_loaders.libraries.files import LIBRARY
+from maurice_loaders.runs.manifest import RUNS
+from maurice_loaders.writing import (
+    FolderKind,
+    cache_root,
+    discard,
+    new_folder,
+    temporary_folder,
+    write_whole,
+)
+from maurice_viz.app.understand.diagnose import DRAWN
+
+NOTE = FolderKind("a note", "manifest.json", "note", r"manifest\.json|pages/\d+\.txt")
 
 
 def fill(target: Path, text: str = "new", *, force: bool = False) -> None:
-    with new_folder(target, force=force) as filling:
+    with new_folder(target, NOTE, force=force) as filling:
         assert filling.parent == target.parent
-        (filling / "manifest.json").write_text(text)
+        (filling / "manifest.json").write_text(json.dumps({"format": "note", "text": text}))
+
+
+def text_of(folder: Path) -> str:
+    return str(json.loads((folder / "manifest.json").read_text())["text"])
 
 
 def test_appears_with_its_content_and_leaves_nothing_beside(tmp_path: Path) -> None:
     (tmp_path / "deep" / "a").mkdir(parents=True)  # an empty folder may be filled
     fill(tmp_path / "deep" / "a")
-    assert (tmp_path / "deep/a/manifest.json").read_text() == "new"
+    assert text_of(tmp_path / "deep/a") == "new"
     assert [p.name for p in (tmp_path / "deep").iterdir()] == ["a"]
     discard(tmp_path / "deep" / "a")
     fill(tmp_path / "deep" / "a")  # nor need it be there
@@ -72,12 +92,12 @@ def test_an_old_folder_is_replaced_only_when_asked_and_stays_after_a_failure(tmp
     with pytest.raises(InputError, match=r"exists already; .*--force"):
         fill(tmp_path / "a")
     fill(tmp_path / "a", force=True)
-    assert (tmp_path / "a/manifest.json").read_text() == "new"
+    assert text_of(tmp_path / "a") == "new"
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
     fill(tmp_path / "a", "old", force=True)
-    with pytest.raises(RuntimeError), new_folder(tmp_path / "a", force=True):
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "a", NOTE, force=True):
         raise RuntimeError
-    assert (tmp_path / "a/manifest.json").read_text() == "old"
+    assert text_of(tmp_path / "a") == "old"
 
 
 @pytest.mark.parametrize("target", ["", ".", "/"])
@@ -88,14 +108,81 @@ def test_a_new_folder_has_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("as_file", [True, False])
-def test_never_replaces_what_was_not_made_here(tmp_path: Path, as_file: bool) -> None:
-    precious = tmp_path / "a" if as_file else tmp_path / "a" / "thesis.txt"
-    precious.parent.mkdir(exist_ok=True)
-    precious.write_text("years of work")
-    with pytest.raises(InputError, match=r"found no manifest\.json in it"):
-        fill(tmp_path / "a", force=True)
-    assert precious.read_text() == "years of work"
+KINDS = [LIBRARY, *RUNS, SIMULATION, SIMULATED_SURVEY, IMPORTED, DRAWN]
+
+
+def written(kind: FolderKind, folder: Path) -> list[Path]:
+    """A folder of a kind, with a file a killed process left in it."""
+    mark = folder / kind.mark
+    mark.parent.mkdir(parents=True)
+    mark.write_text(json.dumps({"format": kind.format, "version": 1}, indent=1))
+    (folder / ".part-of.json.123.part").touch()
+    return sorted(file for file in folder.rglob("*"))
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_force_replaces_a_folder_of_the_kind_and_nothing_that_holds_a_stranger(
+    kind: FolderKind, tmp_path: Path
+) -> None:
+    folder = tmp_path / "a"
+    written(kind, folder)
+    with new_folder(folder, kind, force=True) as filling:
+        (filling / "new").touch()
+    assert [file.name for file in folder.iterdir()] == ["new"]
+    for number, name in enumerate(("thesis.tex", "pictures/holiday.jpg", "steps/notes.md", "x/y/z", "link")):
+        folder = tmp_path / f"with-{number}"
+        files = written(kind, folder)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if name == "link":
+            (folder / name).symlink_to(tmp_path, target_is_directory=True)
+        else:
+            (folder / name).write_text("years of work")
+        with (
+            pytest.raises(InputError, match=re.escape(f"found {name} in it")),
+            new_folder(folder, kind, force=True),
+        ):
+            raise AssertionError("the folder must be refused before it is filled")
+        assert {*files, folder / name} <= set(folder.rglob("*"))
+
+
+@pytest.mark.parametrize("content", ["file", "no mark", "other format", "no JSON", "list", "link", "deep"])
+def test_force_never_replaces_what_was_not_written_here(tmp_path: Path, content: str) -> None:
+    target = tmp_path / "a"
+    if content == "file":
+        target.write_text("years of work")
+    elif content == "link":
+        target.symlink_to(tmp_path / "nowhere")
+    else:
+        target.mkdir()
+        (target / "thesis.txt").write_text("years of work")
+        marks = {
+            "other format": '{"format": "web"}',
+            "no JSON": "web app",
+            "list": "[1]",
+            "deep": "[" * 10**5,
+        }
+        if content in marks:
+            (target / "manifest.json").write_text(marks[content])
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(InputError, match="is not replaced: expected a note"):
+        fill(target, force=True)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_stranger_that_comes_while_a_folder_is_filled_stays(tmp_path: Path) -> None:
+    fill(tmp_path / "a", "old")
+    with pytest.raises(InputError, match=r"found thesis\.tex"), new_folder(tmp_path / "a", NOTE, force=True):
+        (tmp_path / "a" / "thesis.tex").touch()
+    assert text_of(tmp_path / "a") == "old"
+    assert sorted(p.name for p in tmp_path.rglob("*")) == ["a", "manifest.json", "thesis.tex"]
+
+
+def test_a_link_to_a_folder_is_replaced_and_the_folder_stays(tmp_path: Path) -> None:
+    fill(tmp_path / "there", "old")
+    (tmp_path / "a").symlink_to(tmp_path / "there", target_is_directory=True)
+    fill(tmp_path / "a", force=True)
+    assert (text_of(tmp_path / "a"), text_of(tmp_path / "there")) == ("new", "old")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "there"]
 
 
 def test_two_at_once_leave_one_whole_folder(tmp_path: Path) -> None:
@@ -104,9 +191,9 @@ def test_two_at_once_leave_one_whole_folder(tmp_path: Path) -> None:
             (slow / "manifest.json").write_text("slow")
             fill(tmp_path / "a", "quick")
 
-    with pytest.raises(InputError, match="somebody else meanwhile"):
+    with pytest.raises(InputError, match="exists already"):
         be_overtaken()
-    assert (tmp_path / "a/manifest.json").read_text() == "quick"
+    assert text_of(tmp_path / "a") == "quick"
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 
 
@@ -174,7 +261,9 @@ def test_a_temporary_folder_goes_and_takes_with_it_what_a_killed_process_left(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    code = "from maurice_loaders.files import *; kept = temporary_folder('x'); kept.__enter__(); os._exit(9)"
+    code = (
+        "from maurice_loaders.writing import *; kept = temporary_folder('x'); kept.__enter__(); os._exit(9)"
+    )
     subprocess.run([sys.executable, "-c", code], env=os.environ | {"TMPDIR": str(tmp_path)}, check=False)
     assert len(list(tmp_path.iterdir())) == 1
     with temporary_folder("x") as folder:

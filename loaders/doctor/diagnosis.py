@@ -40,14 +40,14 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.session import Moment, SessionInfo, is_kidnapping
 
-from .errors import InputError, PictureError, ReadingNotes
-from .files import MOST
-from .formats.native import RawLog
-from .formats.registry import NATIVE, chosen, open_recording
-from .reading import ReadingOptions
-from .recording import Motion, OdometryPose, Picture, Readings, Recording, TruthPose
-from .time_alignment import offset_between
-from .transforms import corrected
+from ..errors import InputError, PictureError, ReadingNotes
+from ..files import MOST
+from ..formats.native import RawLog
+from ..formats.registry import NATIVE, chosen, open_recording
+from ..reading import ReadingOptions
+from ..recording import Motion, OdometryPose, Picture, Readings, Recording, TruthPose
+from ..time_alignment import offset_between
+from ..transforms import corrected
 
 MOST_RECORDS = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
 
