@@ -22,23 +22,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .sessions import simulate
-    from .surveys import survey
-    from .trials.engine import run_plan
-    from .trials.plan import read_plan
-    from .trials.table import grouped, load_trials, paired
-    from .worlds.build import load_world
+    from .sessions import simulate as simulate
+    from .surveys import survey as survey
+    from .trials.engine import run_plan as run_plan
+    from .trials.plan import read_plan as read_plan
+    from .trials.table import grouped as grouped
+    from .trials.table import load_trials as load_trials
+    from .trials.table import paired as paired
+    from .worlds.build import load_world as load_world
 
-__all__ = [
-    "grouped",
-    "load_trials",
-    "load_world",
-    "paired",
-    "read_plan",
-    "run_plan",
-    "simulate",
-    "survey",
-]
 
 _HOME = {
     "grouped": ".trials.table",
@@ -50,6 +42,7 @@ _HOME = {
     "simulate": ".sessions",
     "survey": ".surveys",
 }
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:
@@ -60,7 +53,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return list(_HOME)
 
 
 def _step_aside() -> None:

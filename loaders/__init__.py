@@ -23,26 +23,17 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .errors import InputError
-    from .formats.registry import open_session
-    from .libraries.landmarks import with_landmarks
-    from .libraries.store import build_library, open_library
-    from .reading import ReadingOptions, read_reading, write_reading
-    from .runs.store import open_run
-    from .session_log.writer import SessionWriter
+    from .errors import InputError as InputError
+    from .formats.registry import open_session as open_session
+    from .libraries.landmarks import with_landmarks as with_landmarks
+    from .libraries.store import build_library as build_library
+    from .libraries.store import open_library as open_library
+    from .reading import ReadingOptions as ReadingOptions
+    from .reading import read_reading as read_reading
+    from .reading import write_reading as write_reading
+    from .runs.store import open_run as open_run
+    from .session_log.writer import SessionWriter as SessionWriter
 
-__all__ = [
-    "InputError",
-    "ReadingOptions",
-    "SessionWriter",
-    "build_library",
-    "open_library",
-    "open_run",
-    "open_session",
-    "read_reading",
-    "with_landmarks",
-    "write_reading",
-]
 
 _HOME = {
     "InputError": ".errors",
@@ -56,6 +47,7 @@ _HOME = {
     "with_landmarks": ".libraries.landmarks",
     "write_reading": ".reading",
 }
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:
@@ -66,4 +58,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return list(_HOME)

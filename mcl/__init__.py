@@ -25,16 +25,27 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .analysis.metrics import RunScore, score
-    from .config.build import make_localizer
-    from .config.parameters import PRESETS
-    from .errors import InputError
-    from .examples import tiny_library, tiny_session
-    from .filter.localizer import Localizer, run
-    from .library import Library
-    from .pose_sensor import PoseProposal, PoseSensor, PoseSpread, Shown, ShownMarks
-    from .records import Belief, FilterState, StepRecord
-    from .session import Frame, Moment, Session
+    from .analysis.metrics import RunScore as RunScore
+    from .analysis.metrics import score as score
+    from .config.build import make_localizer as make_localizer
+    from .config.parameters import PRESETS as PRESETS
+    from .errors import InputError as InputError
+    from .examples import tiny_library as tiny_library
+    from .examples import tiny_session as tiny_session
+    from .filter.localizer import Localizer as Localizer
+    from .filter.localizer import run as run
+    from .library import Library as Library
+    from .pose_sensor import PoseProposal as PoseProposal
+    from .pose_sensor import PoseSensor as PoseSensor
+    from .pose_sensor import PoseSpread as PoseSpread
+    from .pose_sensor import Shown as Shown
+    from .pose_sensor import ShownMarks as ShownMarks
+    from .records import Belief as Belief
+    from .records import FilterState as FilterState
+    from .records import StepRecord as StepRecord
+    from .session import Frame as Frame
+    from .session import Moment as Moment
+    from .session import Session as Session
 
 # Looked up when first used, so that a command which needs one chapter does not load them all.
 _HOME = {
@@ -60,30 +71,7 @@ _HOME = {
     "tiny_library": "examples",
     "tiny_session": "examples",
 }
-
-__all__ = [
-    "PRESETS",
-    "Belief",
-    "FilterState",
-    "Frame",
-    "InputError",
-    "Library",
-    "Localizer",
-    "Moment",
-    "PoseProposal",
-    "PoseSensor",
-    "PoseSpread",
-    "RunScore",
-    "Session",
-    "Shown",
-    "ShownMarks",
-    "StepRecord",
-    "make_localizer",
-    "run",
-    "score",
-    "tiny_library",
-    "tiny_session",
-]
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> object:
@@ -93,4 +81,4 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return list(_HOME)

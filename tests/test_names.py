@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 
@@ -54,3 +58,15 @@ def test_the_command_starts_without_importing_rerun(tmp_path):
     slow = {"rerun", "matplotlib", "scipy.signal", "scipy.stats", "scipy.optimize"}
     code = f"import sys, maurice_viz.cli.app; print(sorted({slow} & set(sys.modules)))"
     assert python(code, tmp_path, tmp_path) == "[]"
+
+
+@pytest.mark.parametrize("name", ["maurice_mcl", "maurice_loaders", "maurice_datasets", "maurice_viz"])
+def test_the_names_that_type_checkers_see_are_those_that_are_there(name):
+    page = importlib.import_module(name)
+    tree = ast.parse(Path(str(page.__file__)).read_text(encoding="utf-8"))
+    (checked,) = (
+        node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+    )
+    seen = [alias.asname for line in checked.body if isinstance(line, ast.ImportFrom) for alias in line.names]
+    assert sorted(map(str, seen)) == sorted(page.__all__)
+    assert all(hasattr(page, public) for public in page.__all__)
