@@ -9,14 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 from ...arrays import F32, F64, I32, U8
-from ...map import Region
+from ...map import Region, place_tree
 from ...pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
 from ...session import Frame
 from .camera import project
@@ -104,15 +107,11 @@ class Landmarks:
             return None
         product = keypoints.descriptors @ self.map.descriptors.T
         rows, best = np.arange(len(product)), product.argmax(axis=1)
-        nearest = product[rows, best].copy()
-        following = np.full(len(rows), -1.0, np.float32)
-        product[rows, best] = -1
-        for _ in range(3):  # the next that is elsewhere
-            other = product.argmax(axis=1)
-            apart = np.linalg.norm(self.map.points[other] - self.map.points[best], axis=1) > ELSEWHERE_M
-            following = np.where((following < 0) & apart, product[rows, other], following)
-            product[rows, other] = -1
-        following = np.where(following < 0, product[rows, other], following)
+        nearest = product[rows, best]
+        for row, same in enumerate(self._places.query_ball_point(self.map.points[best], ELSEWHERE_M)):
+            product[row, same] = -np.inf
+        following = product.max(axis=1)
+        following[np.isinf(following)] = 1  # nothing is elsewhere: no test, no match
         near, far = (np.sqrt(np.maximum(2 - 2 * v, 1e-9)) for v in (nearest, following))
         ratio = near / far
         kept = np.flatnonzero(ratio < RATIO)
@@ -209,6 +208,10 @@ class Landmarks:
         line = np.stack([c, s, -(c * points[:, 0] + s * points[:, 1])])
         places = np.column_stack([poses[:, :2], np.ones(len(poses), np.float32)])
         return np.asarray(places @ line > 0, np.float32)
+
+    @cached_property
+    def _places(self) -> cKDTree:
+        return place_tree(self.map.points)
 
     @cached_property
     def _thing(self) -> I32:

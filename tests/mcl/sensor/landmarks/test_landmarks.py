@@ -74,6 +74,35 @@ def test_a_record_has_no_more_seen_than_could_be(landmark_set):
     assert (landmark_set.seen <= landmark_set.could_see).all()
 
 
+def joined_by(known, rng, copies, off_m, noise):
+    """Return landmarks with copies of each, up to a distance away, that look nearly like it."""
+    points = known.points[:, None] + rng.uniform(-0.05, 0.05, (known.size, copies, 3)) + off_m
+    looks = known.descriptors[:, None] + noise * rng.random((known.size, copies, 128), np.float32)
+    looks /= np.linalg.norm(looks, axis=2, keepdims=True)
+    return replace(
+        known,
+        points=np.concatenate([known.points, points.reshape(-1, 3)]),
+        descriptors=np.concatenate([known.descriptors, looks.reshape(-1, 128)]),
+    )
+
+
+@pytest.mark.parametrize("copies", [1, 3, 4, 12])
+def test_landmarks_that_stand_together_count_as_one_thing(landmarks, room, copies):
+    """However many they are, what is elsewhere decides how sure a match is."""
+    seen, rng = room.keypoints(POSE, 0.5, 99), np.random.default_rng(7)
+    twins = joined_by(landmarks.map, rng, 1, np.array([1.0, 0.0, 0.0]), 0.005)
+    crowded = joined_by(twins, rng, copies, np.zeros(3), 0.001)
+    few, many = (replace(landmarks, map=known).matched(seen) for known in (twins, crowded))
+    assert few.inlier.max() < 0.5, "a twin elsewhere: no match is sure"
+    assert many is None or many.inlier.max() < 0.5
+
+
+def test_without_anything_elsewhere_no_match_is_sure(landmarks, room):
+    known = landmarks.map
+    one_place = replace(known, points=known.points[:1] + 0.001 * known.points)
+    assert replace(landmarks, map=one_place).matched(room.keypoints(POSE, 0.5, 99)) is None
+
+
 def test_likelihood_is_zero_at_perfect_agreement_and_bounded(landmarks, room):
     # keypoints exactly where the landmarks fall
     keypoints = room.keypoints(POSE)
