@@ -1,9 +1,10 @@
 """Proposals: initialization, pose sampling, and the mixture proposal.
 
 The mixture proposal is that of Thrun, Fox, Burgard and Dellaert (2001). All particles are weighted as draws
-of one mixture (the balance heuristic, Veach and Guibas 1995): w = likelihood * p / ((1 - share) p + share q),
-with p the predicted density and q that of the sampled poses. Densities are per library entry, over the poses
-nearest to it. So that sampled poses count where p would be zero, p includes a small uniform share.
+of one mixture (the balance heuristic, Veach and Guibas 1995): w = likelihood * p / ((1 - share) k + share q),
+with p the predicted density, k that of the particles that are kept, and q that of the sampled poses.
+Densities are per library entry, over the poses nearest to it. So that sampled poses count where k is zero, p
+is k but for a small share, the robot's chance of having been carried anywhere.
 """
 
 from __future__ import annotations
@@ -178,10 +179,11 @@ def mixture_proposal(
     if sensors:
         drawn = np.concatenate([drawn, draw_poses(proposals, sensors, predicted.origin, rng)])
     poses = np.concatenate([predicted.poses[kept], drawn])
-    p = _predicted_shares(predicted, nearest, where, parameters.teleport)
+    k, even = _kept_shares(predicted, nearest, where), where.sizes() / where.sizes().sum()
+    p = (1 - parameters.teleport) * k + parameters.teleport * even
     q = shares_of(log_likelihood, where)
     share = (count - sensors) / predicted.size
-    mixture = (1 - count / predicted.size) * p + share * q
+    mixture = (1 - count / predicted.size) * k + share * q
     ratio = np.divide(p, mixture, out=np.zeros_like(p), where=mixture > 0)  # none is drawn at density 0
     with np.errstate(divide="ignore"):
         per_entry = np.log(ratio)
@@ -190,19 +192,17 @@ def mixture_proposal(
     if sensors:
         # the densities of the table above are even within the poses nearest to an entry: per m^2 and rad here
         sizes = np.maximum(where.sizes(), 1)  # no pose is nearest to one of size 0
-        even = 1 / (sizes * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
+        per_pose = 1 / (sizes * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
         found = sensors / predicted.size * density(proposals, poses, predicted.origin)
-        part = np.append(np.stack([p, mixture]) * even, [[1.0], [1.0]], axis=1)[:, entries]
+        part = np.append(np.stack([p, mixture]) * per_pose, [[1.0], [1.0]], axis=1)[:, entries]
         with np.errstate(divide="ignore"):
             correction = np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + found))
     belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
     return ProposedParticles(belief, np.asarray(correction))
 
 
-def _predicted_shares(predicted: Belief, nearest: NearestReference, where: Regions, teleport: float) -> F64:
-    """Return the share (L,) of the predicted weight nearest to each entry, some of it spread evenly."""
+def _kept_shares(predicted: Belief, nearest: NearestReference, where: Regions) -> F64:
+    """Return the share (L,) of the predicted weight nearest to each entry."""
     entry = nearest.entries(predicted.poses, predicted.origin)
     inside = entry >= 0
-    size = where.sizes()
-    held = np.bincount(entry[inside], predicted.weights[inside], len(size))
-    return np.asarray((1 - teleport) * held + teleport * size / size.sum())
+    return np.bincount(entry[inside], predicted.weights[inside], len(where.place_of_entry))

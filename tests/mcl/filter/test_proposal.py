@@ -219,10 +219,10 @@ def test_corrections_are_densities():
     belief = _belief()
     mixed, correction = _mix(belief)
     entry = NEAREST.entries(belief.poses, MIXTURE_MIDDLE)
-    p = np.array([belief.weights[entry == k].sum() for k in range(16)])
-    p = 0.95 * p + 0.05 * WHERE.sizes() / WHERE.sizes().sum()
+    kept = np.array([belief.weights[entry == k].sum() for k in range(16)])
+    p = 0.95 * kept + 0.05 * WHERE.sizes() / WHERE.sizes().sum()
     q = shares_of(LOGS, WHERE)
-    expected = p / (0.7 * p + 0.3 * q)
+    expected = p / (0.7 * kept + 0.3 * q)
     assert np.exp(correction) == pytest.approx(expected[NEAREST.entries(mixed.poses, MIXTURE_MIDDLE)])
     mixed, correction = _mix(teleport=0.0)
     entry = NEAREST.entries(_belief().poses, MIXTURE_MIDDLE)
@@ -234,17 +234,27 @@ def test_corrections_are_densities():
     assert np.isfinite(_mix(teleport=0.01)[1]).all()
 
 
-def test_corrected_means_are_those_of_the_prediction():
+@pytest.mark.parametrize("teleport", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("sensors", [False, True])
+def test_corrected_means_are_those_of_the_prediction(teleport, sensors):
     """Mean over the mixture of p / mixture times anything known by entry is the mean over the prediction."""
-    belief, repeats = _belief(), 400
-    entry = NEAREST.entries(belief.poses, MIXTURE_MIDDLE)
-    value = np.random.default_rng(3).normal(size=16)
-    found = []
-    for seed in range(repeats):
-        mixed, correction = _mix(belief, teleport=0.0, seed=seed)
-        found.append(np.mean(np.exp(correction) * value[NEAREST.entries(mixed.poses, MIXTURE_MIDDLE)]))
-    truth = belief.weights @ value[entry]
-    assert abs(np.mean(found) - truth) < 4 * np.std(found) / np.sqrt(repeats)
+    value = np.append(np.random.default_rng(3).normal(size=16), 0.0)  # outside: 0
+    even = WHERE.sizes() / WHERE.sizes().sum()
+    parameters = MixtureParameters(0.3, teleport)
+    proposed = PoseProposal(np.array([[1.5, 1.5, 0.5]]), np.diag([0.3, 0.3, 0.5])[None], np.ones(1))
+    logs = np.where(np.arange(16) < 6, np.arange(16) / 4, -90.0).astype(
+        np.float32
+    )  # six entries have particles
+    off = []
+    for seed in range(400):
+        rng = stream(9, seed)
+        poses = likely_poses(logs, NEAREST.grid, WHERE, 500, MIXTURE_MIDDLE, rng)
+        belief = Belief(poses, normalize(np.zeros(500))[0], MIXTURE_MIDDLE)
+        mixed = mixture_proposal(belief, LOGS, NEAREST, WHERE, parameters, rng, [proposed] if sensors else ())
+        known, found = (value[NEAREST.entries(b.poses, MIXTURE_MIDDLE)] for b in (belief, mixed.belief))
+        expected = (1 - teleport) * known.mean() + teleport * even @ value[:16]
+        off.append(np.mean(np.exp(mixed.correction) * found) - expected)
+    assert abs(np.mean(off)) < 4 * np.std(off) / np.sqrt(len(off))
 
 
 def test_the_mixture_bears_odd_clouds():
