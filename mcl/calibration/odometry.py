@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ..arrays import F64
-from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters
+from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
 from ..geometry import compose, motion_between, wrap_angle
 from .motion import FloorOf, MotionSegment
 from .statistics import Fitted, student
@@ -62,11 +62,10 @@ class LinearOdometry:
             poses.append(compose(poses[-1], motion))
         end, parts = poses[-1], np.zeros((4, 3, 3))
         for before, after, motion in zip(poses, poses[1:], segment.motions, strict=False):
-            forward, left, turn = (float(v) for v in motion)
+            forward, left, _ = (float(v) for v in motion)
             way = math.hypot(forward, left)
             first = math.atan2(left, forward) if way > 0 else 0.0
-            counted = first if way >= OdometryParameters().way_from_m else 0.0
-            a, b = (min(abs(t), abs(math.pi - abs(t))) for t in (counted, turn - counted))
+            a, b = turns_of(motion, OdometryParameters().way_from_m)
             course = before[2] + first
             along = np.array([math.cos(course), math.sin(course), 0.0])
             one, two, three = (np.outer(u, u) for u in (_turning(end, before), along, _turning(end, after)))

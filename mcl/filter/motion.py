@@ -7,6 +7,7 @@ two Gaussians.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -167,11 +168,25 @@ class OdometryParameters:
         return cls(**_read(values, {f.name for f in fields(cls)}))
 
 
+def turns_of(motion: F64, way_from_m: float) -> tuple[float, float]:
+    """Return the turns in rad before and after the way of a movement (3,), as far as they make noise.
+
+    A robot may drive forward or backward: of both, the way that it turns less (AMCL treats both alike, too).
+    The direction of a way shorter than `way_from_m` counts as no turn.
+    """
+    forward, left, turn = (float(v) for v in motion)
+    if math.hypot(forward, left) < way_from_m:
+        return 0.0, turn
+    first = math.atan2(left, forward)
+    pairs = [(first + half, turn - first - half) for half in (0.0, -math.pi, math.pi)]
+    return min(pairs, key=lambda pair: math.hypot(*pair))
+
+
 @dataclass(frozen=True, slots=True)
 class OdometryMotion:
     """Turn, translate, turn (Probabilistic Robotics, section 5.4); valid for any robot, but less sharp.
 
-    Driving backward counts as small turns; the direction of a very short movement adds no noise.
+    The noise of the turns is that of `turns_of`: driving backward counts as small turns.
     """
 
     parameters: OdometryParameters = OdometryParameters()
@@ -183,8 +198,7 @@ class OdometryMotion:
         way = float(np.hypot(forward, left))
         first = float(np.arctan2(left, forward)) if way > 0 else 0.0
         second = turn - first
-        counted = first if way >= p.way_from_m else 0.0
-        a, b = (min(abs(t), abs(np.pi - abs(t))) for t in (counted, turn - counted))
+        a, b = turns_of(motion, p.way_from_m)
         first_sd = np.sqrt(p.turn_from_turn * a**2 + p.turn_from_way * way**2)
         way_sd = np.sqrt(p.way_from_way * way**2 + p.way_from_turn * (a**2 + b**2))
         second_sd = np.sqrt(p.turn_from_turn * b**2 + p.turn_from_way * way**2)

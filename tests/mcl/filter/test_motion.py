@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from maurice_mcl.filter.motion import (
     FloorDrift,
@@ -11,6 +13,7 @@ from maurice_mcl.filter.motion import (
     OdometryMotion,
     OdometryParameters,
     motion_model,
+    turns_of,
     with_outliers,
 )
 from maurice_mcl.geometry import INCH_M, compose, wrap
@@ -156,6 +159,28 @@ def test_odometry_moments(movement, a, b, way):
     mean = way * np.exp(-(first_sd**2) / 2)
     _assert_near(along, mean, square * (1 + twice) / 2 - mean**2)
     _assert_near(across, 0, square * (1 - twice) / 2)
+
+
+@given(
+    st.sampled_from([0.01, 0.3]),
+    st.sampled_from([0.0, np.pi / 2, np.pi, -np.pi / 2]) | st.floats(-np.pi, np.pi),
+    st.sampled_from([0.0, 2.5, np.pi, -np.pi]) | st.floats(-np.pi, np.pi),
+)
+def test_the_noise_of_the_heading_is_continuous_in_the_movement(way, toward, turn):
+    """Also where a direction or a turn goes from 180 degrees to -180, and where forward becomes backward."""
+    sds = []
+    for off in np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) * 1e-6:
+        forward, left = (way + 1e-6) * np.cos(toward + off[0]), (way + 1e-6) * np.sin(toward + off[0])
+        turned = (turn + off[1] + np.pi) % (2 * np.pi) - np.pi
+        sds.append(np.hypot(*turns_of(np.array([forward, left, turned]), 0.01)))
+    assert np.ptp(sds) < 1e-4
+
+
+@given(st.floats(0.01, 1), st.floats(-1, 1), st.floats(-np.pi, np.pi))
+def test_backward_is_as_noisy_as_forward(forward, left, turn):
+    ahead, back = (turns_of(np.array([sign * forward, sign * left, turn]), 0.01) for sign in (1, -1))
+    assert np.hypot(*ahead) == pytest.approx(np.hypot(*back), abs=1e-9)
+    assert turns_of(np.array([-forward, 0.0, 0.3]), 0.01) == pytest.approx((0.0, 0.3))
 
 
 def _assert_near(sample, mean, variance):
