@@ -38,6 +38,7 @@ class Purpose(IntEnum):
     OUTLIER = 7
     BRANCH = 8
     GUIDE = 9
+    SIZE = 10
 
 
 BLOCK = 64  # steps whose addresses are made at once: one by one they cost more than most draws

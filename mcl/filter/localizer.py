@@ -234,12 +234,10 @@ class Localizer:
 
     def resample(self, weighted: Belief, recovery: Recovery, step: int) -> Resampled:
         """Copy particles by weight, with room for those that recovery draws, where anything requires it."""
-        size = self.resampling.size(weighted)
-        fresh = round(recovery.share * size)
-        needed = fresh or recovery.expand or size != weighted.size
+        needed = round(recovery.share * weighted.size) or recovery.expand
         if not needed and not self.resampling.when(weighted, step):
             return Resampled(weighted)
-        return self.resampling.copies(weighted, size, fresh, lambda purpose: self._rng(step, purpose))
+        return self.resampling.copies(weighted, recovery.share, lambda purpose: self._rng(step, purpose))
 
     def recover(
         self, resampled: Resampled, recovery: Recovery, comparison: Comparison, step: int

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import F32, F64, I32, Bool
 from ..geometry import INCH_M, circular_mean, wrap
@@ -125,7 +126,7 @@ def roughen(belief: Belief, share: float, noise: F32) -> Belief:
     return Belief(np.asarray(poses, np.float32), belief.log_weights, belief.origin)
 
 
-# Adaptive size: as many particles as the spread of the belief requires (KLD sampling; Fox 2003).
+# Adaptive size: as many particles as the spread of those that are drawn requires (KLD sampling; Fox 2003).
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,28 +141,42 @@ class KldParameters:
     most: int = 20_000  # particles at most
 
 
-def kld_size(bins: int, epsilon: float, delta: float) -> int:
-    """Return the samples needed for k occupied bins (Fox 2003, equation 7); 1 where k is 1 or less."""
-    if bins <= 1:
-        return 1
-    a = 2 / (9 * (bins - 1))
+def kld_size(bins: ArrayLike, epsilon: float, delta: float) -> NDArray[np.int64]:
+    """Return the samples needed for k filled bins (...) (Fox 2003, equation 7); 1 where k is 1 or less."""
+    free = np.maximum(np.asarray(bins) - 1, 1)
+    a = 2 / (9 * free)
     z = NormalDist().inv_cdf(1 - delta)
-    return math.ceil((bins - 1) / (2 * epsilon) * (1 - a + math.sqrt(a) * z) ** 3)
+    samples = np.ceil(free / (2 * epsilon) * (1 - a + np.sqrt(a) * z) ** 3)
+    return np.where(np.asarray(bins) > 1, samples, 1).astype(np.int64)
 
 
-def occupied_bins(belief: Belief, parameters: KldParameters) -> int:
-    """Count the bins of place and heading in which any particle with weight lies."""
-    held = belief.log_weights > -np.inf
-    place = np.floor(belief.poses[held, :2] / np.float32(parameters.bin_m)).astype(np.int64)
-    turn = belief.poses[held, 2] * np.float32(parameters.heading_bins / (2 * math.pi))
+def bins_of(belief: Belief, parameters: KldParameters) -> NDArray[np.intp]:
+    """Return the bin (N,) of place and heading of every particle, numbered from 0."""
+    place = np.floor(belief.poses[:, :2] / np.float32(parameters.bin_m)).astype(np.int64)
+    turn = belief.poses[:, 2] * np.float32(parameters.heading_bins / (2 * math.pi))
     heading = np.floor(turn).astype(np.int64) % parameters.heading_bins
-    return len(np.unique(np.column_stack([place, heading]), axis=0))
+    column, row = (place - place.min(axis=0)).T
+    return np.unique(
+        (column * (row.max() + 1) + row) * parameters.heading_bins + heading, return_inverse=True
+    )[1]
 
 
-def adapted_size(belief: Belief, parameters: KldParameters) -> int:
-    """Return how many particles the next step should have, within the bounds."""
-    wanted = kld_size(occupied_bins(belief, parameters), parameters.epsilon, parameters.delta)
-    return min(max(wanted, parameters.least), parameters.most)
+def adapted_size(belief: Belief, parameters: KldParameters, rng: np.random.Generator) -> int:
+    """Return how many particles to draw: one by one by weight, until there are enough for the bins they fill.
+
+    This is Fox's stopping rule, within the bounds. The draws only decide the size, so that every scheme can
+    make the copies and stays unbiased.
+    """
+    bins = bins_of(belief, parameters)
+    usable = len(np.unique(bins[belief.log_weights > -np.inf]))
+    wanted = kld_size(np.arange(usable + 1), parameters.epsilon, parameters.delta)
+    limit = min(max(int(wanted[-1]), parameters.least), parameters.most)
+    cumulative, last = _cumulative(belief.weights)
+    drawn = np.minimum(cumulative.searchsorted(rng.random(limit), side="right"), last)
+    first = np.unique(bins[drawn], return_index=True)[1]  # draws that fill a new bin
+    filled = np.bincount(first, minlength=limit).cumsum()  # after each draw
+    enough = np.arange(1, limit + 1) >= np.maximum(wanted[filled], parameters.least)
+    return int(enough.argmax()) + 1 if enough.any() else limit
 
 
 # The resampling step: from weighted particles to their copies.
@@ -188,12 +203,12 @@ class Resampling:
     roughening: float = 0.0  # 0: none
     kld: KldParameters | None = None  # None: the number of particles stays
 
-    def size(self, weighted: Belief) -> int:
-        """Return how many particles the next step should have."""
-        return weighted.size if self.kld is None else adapted_size(weighted, self.kld)
-
-    def copies(self, weighted: Belief, size: int, fresh: int, rng: Generators) -> Resampled:
-        """Return copies of equal weight; `fresh` of the `size` particles are left to recovery."""
+    def copies(self, weighted: Belief, share: float, rng: Generators) -> Resampled:
+        """Return copies of equal weight; a share (0 to 1) of the particles is left to recovery."""
+        size = weighted.size
+        if self.kld is not None:
+            size = adapted_size(weighted, self.kld, rng(Purpose.SIZE))
+        fresh = round(share * size)
         parents = self.scheme(weighted.weights, size - fresh, rng(Purpose.RESAMPLE))
         poses = weighted.poses.T.take(parents, axis=1).T  # column by column
         belief = Belief(poses, uniform_log_weights(len(parents)), weighted.origin)

@@ -197,7 +197,7 @@ def test_kld_sizes_grow_and_hold():
     assert resampling.kld_size(50, 0.02, 0.01) > resampling.kld_size(50, 0.05, 0.01)
     p = resampling.KldParameters(bin_m=1.0, heading_bins=1, least=1, most=10**6)
     belief = _spread([[k + 0.5, 0.5, 0.0] for k in range(30)])
-    assert resampling.adapted_size(belief, p) == resampling.kld_size(30, p.epsilon, p.delta)
+    assert resampling.adapted_size(belief, p, stream(9, 1)) == resampling.kld_size(30, p.epsilon, p.delta)
     # Draw as many as it says from k bins: the distance is over epsilon about as rarely as it promises
     bins, epsilon, delta, repeats = 40, 0.05, 0.05, 4000
     n = resampling.kld_size(bins, epsilon, delta)
@@ -211,14 +211,48 @@ def test_kld_sizes_grow_and_hold():
 def test_bins_by_hand():
     p = resampling.KldParameters(bin_m=0.5, heading_bins=4)
     poses = [[0.1, 0.1, 0.1], [0.4, 0.4, 1.5], [0.6, 0.1, 0.1], [0.1, -0.1, 0.1], [0.1, 0.1, -0.1]]
-    assert resampling.occupied_bins(_spread(poses), p) == 4
-    assert resampling.occupied_bins(_spread(poses[:2]), p) == 1
-    assert resampling.occupied_bins(_spread([[0.1, 0.1, -np.pi], [0.1, 0.1, np.pi - 1e-3]]), p) == 2
+    assert _count(_spread(poses), p) == 4
+    assert _count(_spread(poses[:2]), p) == 1
+    assert _count(_spread([[0.1, 0.1, -np.pi], [0.1, 0.1, np.pi - 1e-3]]), p) == 2
     p = resampling.KldParameters(heading_bins=24)
-    assert resampling.occupied_bins(_spread([[0.1, 0.1, np.pi], [0.1, 0.1, -np.pi]]), p) == 1
-    logs = normalize(np.array([0.0, -np.inf, 0.0]))[0]
-    poses = [[0, 0, 0], [5, 5, 0], [0.01, 0.01, 0.01]]
-    assert resampling.occupied_bins(_spread(poses, logs), resampling.KldParameters()) == 1
+    assert _count(_spread([[0.1, 0.1, np.pi], [0.1, 0.1, -np.pi]]), p) == 1
+
+
+def _count(belief, parameters):
+    return len(np.unique(resampling.bins_of(belief, parameters)))
+
+
+@pytest.mark.parametrize("weight", [0.0, 1e-9])
+def test_bins_without_drawn_particles_ask_for_none(weight):
+    """The size follows from what is drawn: a cloud in a hundred bins with all its weight in one needs few."""
+    poses = [[k % 10, k // 10, 0.1] for k in range(100)]
+    with np.errstate(divide="ignore"):
+        logs = normalize(np.log(np.where(np.arange(100) == 42, 1.0, weight)))[0]
+    p = resampling.KldParameters(least=7, most=10**6)
+    assert resampling.adapted_size(_spread(poses, logs), p, stream(9, 1)) == 7
+
+
+def test_the_size_is_that_of_foxs_algorithm():
+    """Fox 2003, table 1, draw by draw: the same distribution of sizes."""
+    rng = np.random.default_rng(3)
+    belief = _spread(rng.normal(size=(300, 3)), normalize(3 * rng.normal(size=300))[0])
+    p = resampling.KldParameters(bin_m=0.5, heading_bins=2, epsilon=0.3, least=5, most=400)
+    bins = resampling.bins_of(belief, p)
+
+    def drawn_one_by_one():
+        filled, drawn = set(), 0
+        while drawn < p.most and drawn < max(resampling.kld_size(len(filled), p.epsilon, p.delta), p.least):
+            filled.add(bins[rng.choice(300, p=belief.weights)])
+            drawn += 1
+        return drawn
+
+    slow = np.array([drawn_one_by_one() for _ in range(300)])
+    fast = np.array([resampling.adapted_size(belief, p, rng) for _ in range(3000)])
+    assert len(np.unique(fast)) > 10
+    assert fast.max() < p.most
+    assert abs(slow.mean() - fast.mean()) < 4 * np.hypot(
+        slow.std() / np.sqrt(300), fast.std() / np.sqrt(3000)
+    )
 
 
 def test_the_adapted_size_grows_with_the_spread_and_keeps_its_bounds():
@@ -226,7 +260,7 @@ def test_the_adapted_size_grows_with_the_spread_and_keeps_its_bounds():
     p = resampling.KldParameters(least=150, most=4000)
     unit, amid = rng.normal(size=(3000, 3)), np.array([p.bin_m / 2, p.bin_m / 2, np.pi / 24])
     sizes = [
-        resampling.adapted_size(_spread(np.clip(unit * s + amid, -3, 3)), p)
+        resampling.adapted_size(_spread(np.clip(unit * s + amid, -3, 3)), p, stream(9, 1))
         for s in (0.001, 0.05, 0.1, 0.3, 0.6, 3)
     ]
     assert (sizes[0], sizes[-1]) == (150, 4000)
