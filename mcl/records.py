@@ -77,7 +77,10 @@ def effective_sample_size(log_weights: F64) -> float:
 
 @dataclass(frozen=True, slots=True)
 class RecoveryState:
-    """Averages of the mean likelihood of a picture; 0 before the first. Part of the filter's state."""
+    """Running averages of how well the cloud explains pictures; 0 before the first.
+
+    Each strategy says what it keeps: nats, or logs of averages, which are -inf for an average of zero.
+    """
 
     slow: float = 0.0
     fast: float = 0.0

@@ -29,6 +29,8 @@ from .proposal import Regions, likely_poses, uniform_poses
 from .resampling import Resampled
 from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of
 
+BAD_SDS = 2.0  # below the mean that a bad picture counts at most (Huber 1981)
+
 RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state
 
 
@@ -74,15 +76,17 @@ class DynamicThreshold:
         """Implement `RecoveryStrategy`; `slow` holds the mean of the evidence, in nats."""
         sd = max(math.sqrt(state.spread), self.least_sd)
         threshold, test = state.slow - self.deviations * sd, None
-        if state.updates >= self.settle:
+        if state.updates >= max(self.settle, 1):  # one at least: there is nothing to compare the first with
             test = RecoveryTest(PICTURE, threshold, evidence)
-        if not math.isfinite(evidence) or (test and evidence < threshold):
-            return Recovery(self.share, state, test=test)  # a bad picture does not lower the threshold
+        if not math.isfinite(evidence):
+            return Recovery(self.share, state, test=test)
         rate = max(self.rate, 1 / (state.updates + 1))
-        off = evidence - state.slow
+        is_bad, off = test is not None and evidence < threshold, evidence - state.slow
+        if is_bad:  # the threshold hardly falls by one of these, but by a lasting drop
+            off = max(off, -BAD_SDS * sd)
         spread = 0.0 if state.updates == 0 else (1 - rate) * (state.spread + rate * off * off)
         seen = RecoveryState(state.slow + rate * off, 0.0, spread, state.updates + 1)
-        return Recovery(0.0, seen, test=test)
+        return Recovery(self.share if is_bad else 0.0, seen, test=test)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,21 +118,25 @@ class Augmented:
     resets: float = 0.3  # a share above this restarts both averages
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
-        """Implement `RecoveryStrategy`."""
-        likelihood = math.exp(evidence) if math.isfinite(evidence) else 0.0
+        """Implement `RecoveryStrategy`; `slow` and `fast` hold the logs of the averages."""
         if state.updates == 0:
-            return Recovery(0.0, RecoveryState(likelihood, likelihood, 0.0, 1))
-        slow = state.slow + max(self.slow, 1 / (state.updates + 1)) * (likelihood - state.slow)
-        fast = state.fast + self.fast * (likelihood - state.fast)
-        share = min(max(0.0, 1 - fast / slow), self.most) if slow > 0 else self.most
-        test = RecoveryTest(AVERAGES, _log(slow), _log(fast))
+            return Recovery(0.0, RecoveryState(evidence, evidence, 0.0, 1))
+        slow = _log_average(state.slow, evidence, max(self.slow, 1 / (state.updates + 1)))
+        fast = _log_average(state.fast, evidence, self.fast)
+        share = (
+            min(max(0.0, -math.expm1(min(fast - slow, 0.0))), self.most) if slow > -math.inf else self.most
+        )
+        test = RecoveryTest(AVERAGES, slow, fast)
         if share > self.resets:
             return Recovery(share, NO_HISTORY, test=test)
         return Recovery(share, replace(state, slow=slow, fast=fast, updates=state.updates + 1), test=test)
 
 
-def _log(likelihood: float) -> float:
-    return math.log(likelihood) if likelihood > 0 else -math.inf
+def _log_average(before: float, now: float, rate: float) -> float:
+    """Return the log of (1 - rate) exp(before) + rate exp(now), for logs of any size and -inf."""
+    top = max(before, now)
+    total = (1 - rate) * math.exp(before - top) + rate * math.exp(now - top) if top > -math.inf else 0.0
+    return top + math.log(total) if total > 0 else -math.inf
 
 
 @dataclass(frozen=True, slots=True)

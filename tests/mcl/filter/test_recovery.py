@@ -23,9 +23,17 @@ from maurice_mcl.filter.recovery import (
     none,
 )
 from maurice_mcl.filter.recovery import always as always_some
-from maurice_mcl.filter.resampling import RESAMPLERS, KldParameters, Resampling, adapted_size, always, never
+from maurice_mcl.filter.resampling import (
+    RESAMPLERS,
+    KldParameters,
+    Resampling,
+    adapted_size,
+    always,
+    every,
+    never,
+)
 from maurice_mcl.map import Arena
-from maurice_mcl.randomness import Purpose, stream
+from maurice_mcl.randomness import Domain, Purpose, stream
 from maurice_mcl.records import NO_HISTORY, Belief, Comparison, RecoveryState, normalize
 from maurice_mcl.sensor.references import nearest_reference
 
@@ -206,11 +214,19 @@ def test_adaptive_size(resampler, spread):
     kld = KldParameters(least=120, most=1500)
     localizer = _choosing(scheme=resampler, kld=kld, strategy=_asking(0.1))
     _, found = _next(localizer, belief)
-    size = adapted_size(belief, kld)
+    size = adapted_size(belief, kld, stream(Domain.FILTER, localizer.seed, 2, Purpose.SIZE))
     assert size != 1000
     assert found.belief.size == len(found.parents) == len(found.injected) == size
     assert found.injected.sum() == round(0.1 * size)
     assert found.belief.weights == pytest.approx(np.full(size, 1 / size))
+
+
+def test_the_size_changes_only_where_the_policy_resamples():
+    localizer = _choosing(when=every(2), kld=KldParameters(least=120, most=1500))
+    belief = _belief(1000)
+    kept, resized = (localizer.resample(belief, none(-5.0, NO_HISTORY), step) for step in (3, 4))
+    assert kept.belief is belief
+    assert resized.belief.size != 1000
 
 
 def test_purposes_have_streams_of_their_own(monkeypatch):
@@ -251,7 +267,9 @@ def test_shares_are_shares_and_memories_numbers(name, evidence):
     for verdict in _run(STRATEGIES[name], evidence):
         assert 0 <= verdict.share <= 1
         memory = verdict.state
-        assert all(map(math.isfinite, (memory.slow, memory.fast, memory.spread)))
+        assert not any(map(math.isnan, (memory.slow, memory.fast)))  # -inf: the log of an average of zero
+        assert max(memory.slow, memory.fast) <= 0
+        assert math.isfinite(memory.spread)
         assert memory.spread >= 0
         assert 0 <= memory.updates <= len(evidence)
 
@@ -298,14 +316,35 @@ def test_resets_by_hand():
 def test_threshold_by_hand():
     strategy = DynamicThreshold(share=0.2, deviations=2, rate=0.25, settle=2, least_sd=0.5)
     verdicts = _run(strategy, [-4.0, -6.0, -5.0, -9.0, -9.0, -5.5])
-    # rates are 1, 1/2, 1/3 and then 1/4: a plain mean at first
-    slow = [-4.0, -5.0, -5.0, -5.0, -5.0, -5.125]
-    # (1 - rate) (spread + rate off^2): 0; 1/2 of 1/2 x 4; 2/3 of 1; then -9 lies under -5 - 2 sd, twice
-    spread = [0.0, 1.0, 2 / 3, 2 / 3, 2 / 3, 0.75 * (2 / 3 + 0.25 * 0.25)]
+    # rates are 1, 1/2, 1/3 and then 1/4: a plain mean at first; -9, twice below, counts as two sd below
+    sd, slow, spread = math.sqrt(2 / 3), [-4.0, -5.0, -5.0], [0.0, 1.0, 2 / 3]
+    for _ in range(2):
+        slow.append(slow[-1] - 0.25 * 2 * sd)
+        spread.append(0.75 * (spread[-1] + 0.25 * 4 * sd**2))
+        sd = math.sqrt(spread[-1])
+    spread.append(0.75 * (spread[-1] + 0.25 * (-5.5 - slow[-1]) ** 2))
+    slow.append(slow[-1] + 0.25 * (-5.5 - slow[-1]))
     assert [v.state.slow for v in verdicts] == pytest.approx(slow)
     assert [v.state.spread for v in verdicts] == pytest.approx(spread)
     assert [v.share for v in verdicts] == [0, 0, 0, 0.2, 0.2, 0]
-    assert [v.state.updates for v in verdicts] == [1, 2, 3, 3, 3, 4]
+    assert [v.state.updates for v in verdicts] == [1, 2, 3, 4, 5, 6]
+
+
+@given(
+    good=st.floats(-20, 0),
+    drop=st.floats(1, 800),
+    settle=st.integers(0, 8),
+    deviations=st.floats(0.1, 4),
+    rate=st.floats(0.02, 0.5),
+)
+def test_no_level_of_the_evidence_injects_forever(good, drop, settle, deviations, rate):
+    """A few bad pictures do not lower the threshold to themselves; what lasts is the new usual."""
+    strategy = DynamicThreshold(settle=settle, deviations=deviations, rate=rate)
+    assert not any(v.share for v in _run(strategy, [good] * 20)), "a level is no reason, whatever it is"
+    after = _run(strategy, [good] * 20 + [good - drop] * 500)[20:]
+    assert after[-1].share == 0
+    if drop > 2 * deviations + 4:
+        assert all(v.share for v in after[:2])
 
 
 def test_the_threshold_waits_and_keeps_its_bar():
@@ -314,8 +353,8 @@ def test_the_threshold_waits_and_keeps_its_bar():
     verdicts = _run(DynamicThreshold(settle=5, share=0.1), [-5.0] * 5 + [-500.0])
     assert verdicts[-1].share == 0.1
     verdicts = _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [-30.0] * 50)
-    assert all(v.share == 0.1 for v in verdicts[10:])
-    assert {v.state for v in verdicts[10:]} == {verdicts[9].state}
+    assert all(v.share == 0.1 for v in verdicts[10:18])
+    assert verdicts[-1].share == 0, "the new usual"
     # Three standard deviations of the least spread: 3 nats under the mean is nothing, 3.1 is
     for nats, share in ((-7.99, 0), (-8.01, 0.1)):
         assert _run(DynamicThreshold(0.1, 3.0), [-5.0] * 10 + [nats])[-1].share == share
@@ -335,8 +374,8 @@ def test_augmented_by_hand():
         slow += max(0.2, 1 / (k + 1)) * (w - slow)
         fast += 0.5 * (w - fast)
         assert verdict.share == pytest.approx(max(0.0, 1 - fast / slow))
-        assert verdict.state.slow == pytest.approx(slow)
-        assert verdict.state.fast == pytest.approx(fast)
+        assert math.exp(verdict.state.slow) == pytest.approx(slow)
+        assert math.exp(verdict.state.fast) == pytest.approx(fast)
         assert verdict.state.updates == k + 1
     assert verdicts[3].share > 0.2 > verdicts[4].share
 
@@ -347,7 +386,7 @@ def test_augmented_begins_anew_and_has_bounds():
     assert verdicts[20].share > 0.3
     assert verdicts[20].state == NO_HISTORY
     assert verdicts[21].share == 0, "the first of new averages"
-    assert verdicts[21].state.slow == pytest.approx(math.exp(-15))
+    assert verdicts[21].state.slow == pytest.approx(-15)
     assert [v.share for v in verdicts[22:]] == [0, 0], "what is better than lately is no reason"
     verdict = _run(Augmented(most=0.4, resets=0.9), [-1.0] * 10 + [-700.0] * 10)[-1]
     assert verdict.share == 0.4
@@ -356,5 +395,6 @@ def test_augmented_begins_anew_and_has_bounds():
     # anew from the third on; in the second update of averages both have the rate 1/2
     assert [v.share for v in verdicts] == pytest.approx([0, 0.5, 0, 0, 1 - 0.25 / (0.5 * 2 / 3)])
     evidence = [-3.0, -4.0, -2.5, -6.0, -3.0, -7.0, -8.0]
-    once, other = (_run(Augmented(), [e - shift for e in evidence]) for shift in (0, 20))
-    assert [v.share for v in once] == pytest.approx([v.share for v in other])
+    for shift in (20, 800, 1e6):
+        once, other = (_run(Augmented(), [e - by for e in evidence]) for by in (0, shift))
+        assert [v.share for v in once] == pytest.approx([v.share for v in other])
