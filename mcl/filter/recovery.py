@@ -123,9 +123,8 @@ class Augmented:
             return Recovery(0.0, RecoveryState(evidence, evidence, 0.0, 1))
         slow = _log_average(state.slow, evidence, max(self.slow, 1 / (state.updates + 1)))
         fast = _log_average(state.fast, evidence, self.fast)
-        share = (
-            min(max(0.0, -math.expm1(min(fast - slow, 0.0))), self.most) if slow > -math.inf else self.most
-        )
+        lacking = -math.expm1(min(fast - slow, 0.0)) if slow > -math.inf else 1.0  # 1 - fast / slow
+        share = min(lacking, self.most)
         test = RecoveryTest(AVERAGES, slow, fast)
         if share > self.resets:
             return Recovery(share, NO_HISTORY, test=test)

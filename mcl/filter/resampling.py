@@ -156,9 +156,8 @@ def bins_of(belief: Belief, parameters: KldParameters) -> NDArray[np.intp]:
     turn = belief.poses[:, 2] * np.float32(parameters.heading_bins / (2 * math.pi))
     heading = np.floor(turn).astype(np.int64) % parameters.heading_bins
     column, row = (place - place.min(axis=0)).T
-    return np.unique(
-        (column * (row.max() + 1) + row) * parameters.heading_bins + heading, return_inverse=True
-    )[1]
+    cell = column * (row.max() + 1) + row
+    return np.unique(cell * parameters.heading_bins + heading, return_inverse=True)[1]
 
 
 def adapted_size(belief: Belief, parameters: KldParameters, rng: np.random.Generator) -> int:
