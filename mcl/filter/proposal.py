@@ -205,4 +205,5 @@ def _kept_shares(predicted: Belief, nearest: NearestReference, where: Regions) -
     """Return the share (L,) of the predicted weight nearest to each entry."""
     entry = nearest.entries(predicted.poses, predicted.origin)
     inside = entry >= 0
-    return np.bincount(entry[inside], predicted.weights[inside], len(where.place_of_entry))
+    shares = np.bincount(entry[inside], predicted.weights[inside], len(where.place_of_entry))
+    return np.asarray(shares, np.float64)
