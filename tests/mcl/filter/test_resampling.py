@@ -195,7 +195,7 @@ def test_kld_sizes_grow_and_hold():
     assert np.all(np.diff(sizes) > 0)
     assert resampling.kld_size(50, 0.05, 0.001) > resampling.kld_size(50, 0.05, 0.01)
     assert resampling.kld_size(50, 0.02, 0.01) > resampling.kld_size(50, 0.05, 0.01)
-    p = resampling.KldParameters(bin_m=1.0, heading_bins=1, least=1, most=10**6)
+    p = resampling.KldParameters(bin_m=1.0, heading_bins=1, least=100, most=10**6)
     belief = _spread([[k + 0.5, 0.5, 0.0] for k in range(30)])
     assert resampling.adapted_size(belief, p, stream(9, 1)) == resampling.kld_size(30, p.epsilon, p.delta)
     # Draw as many as it says from k bins: the distance is over epsilon about as rarely as it promises
