@@ -11,6 +11,8 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from maurice_datasets.trials.engine import in_processes
 from maurice_datasets.trials.rows import expect_trials, rows_changed
 from maurice_loaders.errors import InputError
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "svg", "pdf")
 Work = Callable[[Sequence[int]], "list[RenderedFigure]"]
+NO_VALUE = "none of these runs has a value of it; more or longer runs may have"
 FEW = 3  # figures that are not worth the start of processes
 
 
@@ -141,14 +144,30 @@ def _render(
 def _render_one(
     folder: Path, formats: tuple[str, ...], titled: bool, dpi: int | None, number: int
 ) -> RenderedFigure:
-    one = next(one for one in FIGURES if one.number == number)
+    figure = next(figure for figure in FIGURES if figure.number == number)
     try:
-        made = one.draw(_material(folder, rows_changed(folder)))
+        drawing = figure.draw(_material(folder, rows_changed(folder)))
+        _expect_values(drawing, folder)
+        if titled:
+            _entitle(drawing, f"{number}. {figure.title}")
+        return RenderedFigure(number, tuple(figure_bytes(drawing, kind, dpi) for kind in formats))
     except NothingToDraw as problem:
         return RenderedFigure(number, missing=str(problem))
-    if titled:
-        _entitle(made, f"{one.number}. {one.title}")
-    return RenderedFigure(number, tuple(figure_bytes(made, kind, dpi) for kind in formats))
+    except Exception as problem:  # of few runs a fit or a scale may not exist, and the others go on
+        why = f"cannot be drawn from these runs ({type(problem).__name__}: {problem})"
+        return RenderedFigure(number, missing=f"{folder}: {why}")
+
+
+def _expect_values(drawing: Figure, folder: Path) -> None:
+    """Refuse a figure without any value, which matplotlib can put on no scale; mark empty axes of others."""
+    shown = [axes for axes in drawing.axes if axes.axison]
+    empty = [axes for axes in shown if axes.has_data() and not np.isfinite(axes.dataLim.extents).all()]
+    if shown and len(empty) == len(shown):
+        raise NothingToDraw(folder, NO_VALUE)
+    for axes in empty:
+        axes.clear()
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, NO_VALUE, ha="center", va="center", transform=axes.transAxes)
 
 
 @lru_cache(1)

@@ -47,7 +47,8 @@ class PageFigure:
 
     number: int
     title: str
-    data: str  # PNG, base64
+    data: str  # PNG, base64; empty where it cannot be drawn ...
+    missing: str  # ... and why
 
 
 def trials_report(
@@ -94,23 +95,24 @@ def page_of(material: Material, progress: Callable[[int, int], None] | None = No
         sections=[
             (title, [one for one in drawn if one.number in numbers])
             for numbers, title in SECTIONS
-            if any(one.number in numbers for one in drawn)
+            if any(one.number in numbers and one.data for one in drawn)
         ],
         parts=_parts(rows, plan),
         results=_results(rows, plan),
         about=_about(rows),
-        drawn=[one.number for one in drawn],
+        drawn=[one.number for one in drawn if one.data],
     )
 
 
 def drawings(material: Material, progress: Callable[[int, int], None] | None = None) -> list[PageFigure]:
-    """Return every figure that the folder has runs for."""
+    """Return every figure, or why it cannot be drawn from the folder's runs."""
     titles = {one.number: one.title for one in FIGURES}
     found = rendered(material.folder, tuple(titles), ("png",), titled=False, dpi=PAGE_DPI, progress=progress)
     drawn = [
-        PageFigure(one.number, titles[one.number], base64.b64encode(one.files[0]).decode())
+        PageFigure(
+            one.number, titles[one.number], base64.b64encode(b"".join(one.files)).decode(), one.missing
+        )
         for one in found
-        if one.files
     ]
     return sorted(drawn, key=lambda one: one.number)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,14 @@ import pytest
 
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
+from maurice_datasets.trials.rows import TYPES
+from maurice_datasets.trials.table import with_settings
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
 from maurice_loaders.errors import InputError
 from maurice_mcl.geometry import INCH_M
-from maurice_viz.plots import clouds, costs, drives, traces
+from maurice_viz.plots import clouds, costs, drawn, drives, traces
 from maurice_viz.plots.drawn import draw_figures
+from maurice_viz.plots.figures import OVER_PARTICLES
 from maurice_viz.plots.material import Material, NothingToDraw
 
 OURS = (*clouds.FIGURES, *costs.FIGURES, *drives.FIGURES, *traces.FIGURES)
@@ -73,8 +77,8 @@ def test_every_figure_is_drawn_and_its_axes_have_labels(
         assert labels - {""}, one.number
         assert made.legends or any(axes.get_legend() for axes in made.axes), one.number
     assert left <= {36, 65}  # perhaps no run of these few failed, or needed fresh particles
-    drawn = draw_figures(folder, tmp_path / "figures", only=[24, 69], formats=["png", "svg"])
-    assert [file.name for file in drawn.files] == [
+    written = draw_figures(folder, tmp_path / "figures", only=[24, 69], formats=["png", "svg"])
+    assert [file.name for file in written.files] == [
         f"figure-{number}.{kind}" for number in (24, 69) for kind in ("png", "svg")
     ]
 
@@ -147,3 +151,21 @@ def test_figures_of_no_trials_are_refused_before_a_folder_is_made(tmp_path):
     with pytest.raises(InputError, match="found no trials"):
         draw_figures(tmp_path, tmp_path / "figures")
     assert not (tmp_path / "figures").exists()
+
+
+@pytest.mark.parametrize("figure", OVER_PARTICLES, ids=lambda figure: str(figure.number))
+@pytest.mark.parametrize("value", [None, 0.0, 1.0])
+def test_a_figure_of_runs_without_values_is_a_note(figure, value, tmp_path, monkeypatch):
+    """As of few short drives, none of which was localized or lost: a note, and the other figures go on."""
+    names = {"part": ("position-tracking", "global-localization"), "seed": (0, 1), "particles": (100, 2000)}
+    runs = [dict(zip(names, values, strict=True)) for values in itertools.product(*names.values())]
+    named = {"feature": "color", "session": "drive", "arena": 0, "settings": "{}", "pictures_after": 9}
+    lengths = ("error_m", "before_loss_m", "localized_m", "final_error_m", "distance_m")
+    rows = [dict.fromkeys(TYPES) | named | dict.fromkeys(lengths, value) | run for run in runs]
+    table = with_settings(pl.DataFrame(rows, schema=TYPES))
+    monkeypatch.setattr(drawn, "_material", lambda folder, changed: made_of(tmp_path, table))
+    monkeypatch.setattr(drawn, "rows_changed", lambda folder: 0.0)
+    rendered = drawn._render_one(tmp_path, ("png",), True, None, figure.number)
+    assert bool(rendered.files) != bool(rendered.missing)
+    if figure.number == 38:
+        assert bool(rendered.files) == (value is not None)

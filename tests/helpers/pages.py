@@ -1,0 +1,126 @@
+"""The commands and the Python of documentation pages, run as a reader runs them: in order, in one folder."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from helpers.commands import no_display
+from helpers.small_session import picture_at
+
+ROOT = Path(__file__).parents[2]
+COMMAND = "maurice-replay"
+PLACEHOLDER = re.compile(r"\b[A-Z]{2,}\b")  # a word in capitals: something of the reader's own
+OWN = {"FOLDER": "own-pictures"}  # what stands for it here
+LONG = re.compile(r"#.*\bminutes?\b")  # a comment that warns of it
+SERVES = re.compile(r"\s--web\b")  # until Ctrl-C
+NO_DRIVER = "needs a software Vulkan driver"
+
+
+@dataclass(frozen=True)
+class Step:
+    """A line of a shell block, or a whole block of Python."""
+
+    page: str
+    section: str  # of the page, by its second-level heading
+    text: str
+    is_python: bool = False
+
+    @property
+    def is_long(self) -> bool:
+        return bool(LONG.search(self.text))
+
+
+def steps_of(page: str) -> list[Step]:
+    """Return what a page has a reader type, in order, comments included.
+
+    Lines of shell blocks that do not call the command, such as `make demo`, install it.
+    """
+    found, section, language, block = list[Step](), "", None, list[str]()
+    for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
+        if line.startswith("```"):
+            if language == "python":
+                found.append(Step(page, section, "\n".join(block), is_python=True))
+            elif language == "sh":
+                typed = "\n".join(block).replace("\\\n", " ").splitlines()
+                found += [Step(page, section, one) for one in typed if calls_us(one)]
+            language, block = (line[3:].strip() or "text", []) if language is None else (None, [])
+        elif language is not None:
+            block.append(line)
+        elif line.startswith("## "):
+            section = line[3:]
+    return found
+
+
+def calls_us(line: str) -> bool:
+    return Path(line.split(" ")[0]).name == COMMAND
+
+
+def quick(steps: list[Step]) -> list[Step]:
+    """Leave out sections in which any command is said to take minutes."""
+    long = {(step.page, step.section) for step in steps if step.is_long}
+    return [step for step in steps if (step.page, step.section) not in long]
+
+
+def prepare(folder: Path) -> None:
+    """Write what a reader has already: a folder of pictures with a table of poses."""
+    own = folder / OWN["FOLDER"]
+    (own / "images").mkdir(parents=True)
+    lines = ["image,x_m,y_m,heading_deg"]
+    for number in range(60):
+        angle = number * 2 * np.pi / 60
+        pose = np.array([2 + 1.5 * np.cos(angle), 2 + 1.5 * np.sin(angle), angle + np.pi / 2])
+        name = f"images/frame{number:04d}.jpg"
+        cv2.imwrite(str(own / name), picture_at(pose))
+        lines.append(f"{name},{pose[0]:.3f},{pose[1]:.3f},{np.degrees(pose[2]):.1f}")
+    (own / "poses.csv").write_text("\n".join(lines) + "\n")
+
+
+def run_step(step: Step, folder: Path) -> None:
+    """Run one step; a status that is not 0, a traceback, or a placeholder that nothing stands for fail."""
+    if step.is_python:
+        return _run([sys.executable, "-c", step.text], step, folder)
+    typed = PLACEHOLDER.sub(lambda word: OWN[word[0]], step.text.split("#")[0].strip())
+    typed = typed.replace(f".venv/bin/{COMMAND}", COMMAND)
+    shell = ["bash", "-c", f"exec {typed}"]
+    return _serve(shell, step, folder) if SERVES.search(typed) else _run(shell, step, folder)
+
+
+def _run(words: list[str], step: Step, folder: Path) -> None:
+    done = subprocess.run(words, cwd=folder, env=_environment(), capture_output=True, text=True, check=False)
+    if done.returncode == 1 and NO_DRIVER in done.stderr:
+        return
+    _expect(done.returncode == 0, step, done.stdout + done.stderr)
+
+
+def _serve(words: list[str], step: Step, folder: Path) -> None:
+    """Wait for the address, then press Ctrl-C."""
+    with subprocess.Popen(
+        words, cwd=folder, env=_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as server:
+        assert server.stderr is not None
+        lines = list[str]()
+        for line in server.stderr:
+            lines.append(line)
+            if "Ctrl-C" in line:
+                server.send_signal(signal.SIGINT)
+        server.wait(60)
+    _expect(server.returncode == 0 and any("in a browser" in line for line in lines), step, "".join(lines))
+
+
+def _expect(right: bool, step: Step, output: str) -> None:
+    right = right and "Traceback" not in output
+    assert right, f"{step.page}, {step.section}: {step.text}\n{output}"
+
+
+def _environment() -> dict[str, str]:
+    installed = str(Path(sys.executable).parent)
+    return no_display() | {"PATH": f"{installed}{os.pathsep}{os.environ['PATH']}"}
