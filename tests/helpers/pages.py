@@ -21,6 +21,8 @@ COMMAND = "maurice-replay"
 PLACEHOLDER = re.compile(r"\b[A-Z]{2,}\b")  # a word in capitals: something of the reader's own
 OWN = {"FOLDER": "own-pictures"}  # what stands for it here
 LONG = re.compile(r"#.*\bminutes?\b")  # a comment that warns of it
+WRITTEN = re.compile(r"(?:-o|--output|--save-run|--session-only) ([^\s/]+)")  # names of what a command writes
+WORD = re.compile(r"[^\s/\"']+")
 SERVES = re.compile(r"\s--web\b")  # until Ctrl-C
 NO_DRIVER = "needs a software Vulkan driver"
 
@@ -65,9 +67,14 @@ def calls_us(line: str) -> bool:
 
 
 def quick(steps: list[Step]) -> list[Step]:
-    """Leave out sections in which any command is said to take minutes."""
-    long = {(step.page, step.section) for step in steps if step.is_long}
-    return [step for step in steps if (step.page, step.section) not in long]
+    """Leave out commands that are said to take minutes, and those that name what these would have written."""
+    taken, missing = list[Step](), set[str]()
+    for step in steps:
+        if step.is_long or missing & set(WORD.findall(step.text.split("#")[0])[1:]):
+            missing |= set(WRITTEN.findall(step.text))
+        else:
+            taken.append(step)
+    return taken
 
 
 def prepare(folder: Path) -> None:
