@@ -329,7 +329,7 @@ def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[Ses
         chosen = dict(zip(lists, values, strict=True))
         spec = {**given, **chosen}
         _expect(file, f"session {number}", spec, kinds)
-        name = spec.get("label") or spec.get("task") or drive_name(Path(spec.get("path", "session")))
+        name = spec.get("label") or spec.get("task") or drive_name(file.parent / spec.get("path", "session"))
         if ("path" in spec) == ("task" in spec):
             both = "both task and path" if "path" in spec else "neither task nor path"
             raise InputError(file, f"session {number}: found {both}, expected one of them")

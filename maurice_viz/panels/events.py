@@ -12,9 +12,8 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.analysis import events as kinds
 from maurice_mcl.analysis import events as states
-from maurice_mcl.analysis.events import RunEvent
+from maurice_mcl.analysis.events import KINDS, RunEvent
 from maurice_mcl.analysis.failures.kinds import CAUSES, Failure
-from maurice_mcl.filter.localizer import EXPANDED, RESEEDED
 from maurice_mcl.session import Moment, first_word
 
 from ..drawing.arrow import row_of, text_of
@@ -66,6 +65,13 @@ MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 NEUTRAL = PALE
+TONES = {
+    kinds.GRAVE: LOST,
+    kinds.DOUBTFUL: DOUBTFUL,
+    kinds.GOOD: GOOD,
+    kinds.ACTS: ACTS,
+    kinds.NEUTRAL: NEUTRAL,
+}
 LEGEND = "marks begin at their event; green good, orange wrong or doubtful, blue search or acts, red lost"
 LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump, branch"
 
@@ -81,55 +87,28 @@ STATUS_COLORS: Mapping[str, RGB] = {
     states.PROBABLY_LOST: LOST,
     **{f"{CAUSE}{kind}": LOST for kind in CAUSES},  # in place of lost, where the cause is known
 }
-NOTICED_COLORS: Mapping[str, RGB] = {
-    **{f"{CAUSE}{kind}": LOST for kind in CAUSES},
-    kinds.LOST: LOST,
-    kinds.PROBABLY_LOST: LOST,
-    kinds.LEFT_THE_MAP: LOST,
-    kinds.ALL_WEIGHTS_ZERO: LOST,
-    kinds.RECOVERED: GOOD,
-    kinds.LOCALIZED: GOOD,
-    kinds.MODE_SWITCH: DOUBTFUL,
-    kinds.BEYOND_THREE_SIGMA: DOUBTFUL,
-    kinds.ESS_DIP: DOUBTFUL,
-    kinds.PARTED: DOUBTFUL,
-    RESEEDED: ACTS,
-    EXPANDED: ACTS,
-}  # of several at one step the first is shown
+_OF_RUN, _OF_LOG = (
+    {name: TONES[kind.tone] for name, kind in KINDS.items() if lane in kind.lanes}
+    for lane in (kinds.OF_RUN, kinds.OF_LOG)
+)
+LOG_WORDS = ("bump", "slip")  # first words of what else a log says that have marks of their own
+NOTICED_COLORS: Mapping[str, RGB] = {f"{CAUSE}{kind}": LOST for kind in CAUSES} | _OF_RUN  # the gravest first
 LOG_COLORS: Mapping[str, RGB] = {
     kinds.KIDNAPPED: LOST,
-    kinds.LIGHTS_CHANGED: NEUTRAL,
-    "bump": NEUTRAL,
-    "slip": NEUTRAL,
+    **dict.fromkeys(LOG_WORDS, NEUTRAL),
     BRANCH: NOTE,
-    kinds.PARTED: DOUBTFUL,
-    kinds.SESSION: NEUTRAL,
-}
+} | _OF_LOG
 SHORT = {
-    kinds.ESS_DIP: "ESS dip",
-    kinds.LIGHTS_CHANGED: "lights",
-    kinds.BEYOND_THREE_SIGMA: "3 sigma",
-    kinds.LEFT_THE_MAP: "left map",
-    kinds.ALL_WEIGHTS_ZERO: "all zero",
-    kinds.MODE_SWITCH: "mode switch",
-    kinds.SESSION: "log",
+    **{name: kind.word or name.replace("-", " ") for name, kind in KINDS.items()},
     states.WRONG: "wrong",
     states.SEARCHING: "search",
     **{f"{CAUSE}{kind}": f"lost: {title(kind)}" for kind in CAUSES},
 }  # labels of marks and states, if not their names: a state can be as short as one update
-
-
 LINE_COLORS: Mapping[str, RGB] = {
-    kinds.KIDNAPPED: LOST,
-    kinds.LEFT_THE_MAP: LOST,
-    kinds.ALL_WEIGHTS_ZERO: LOST,
-    RESEEDED: FRESH,
-    EXPANDED: FRESH,
-    kinds.LIGHTS_CHANGED: NEUTRAL,
-    "bump": NEUTRAL,
-    "slip": NEUTRAL,
-    BRANCH: NEUTRAL,
-}  # of the events that are lines in plots
+    name: FRESH if kind.tone == kinds.ACTS else TONES[kind.tone]
+    for name, kind in KINDS.items()
+    if kind.in_plots
+} | dict.fromkeys((*LOG_WORDS, BRANCH), NEUTRAL)
 LINE_WIDTH, GRAVE_WIDTH = 0.8, 2.2  # the wider one is seen under another line at the same step
 
 

@@ -13,14 +13,10 @@ from ..app.saved_steps import Collected
 
 MAX_PICTURES = 12
 MANY = 20  # a kind with more events in a run is counted, not listed
-BY_WEIGHT = (
-    "kidnapped", "lost", "recovered", "parted", "mode-switch", "localized", "lights-changed",
-    "all-weights-zero", "beyond-three-sigma", "session", "expanded", "reseeded", "ess-dip",
-)  # fmt: skip
 RULE = (
     f"At most {MAX_PICTURES} steps have a picture: the step with the largest position error (without truth: "
     "with the widest cloud), the last step, and then in rounds the next event of each of these kinds: "
-    f"{', '.join(BY_WEIGHT)}."
+    f"{', '.join(name for name, kind in KINDS.items() if not kind.is_routine)}."
 )
 
 
@@ -94,8 +90,7 @@ def choose(
 
 def _in_rounds(notable: Sequence[ReportedEvent]) -> list[int]:
     """Return steps: the first event of every kind, then the second of every kind, and so on."""
-    steps = steps_by_kind(notable)
-    by_kind = [steps[kind] for kind in BY_WEIGHT if kind in steps]
+    by_kind = list(steps_by_kind(notable).values())
     longest = max((len(found) for found in by_kind), default=0)
     return [found[k] for k in range(longest) for found in by_kind if k < len(found)]
 

@@ -209,7 +209,7 @@ def _counts(events: Sequence[ReportedEvent]) -> Iterator[tuple[str, str, str, st
     for kind, steps in steps_by_kind(events).items():
         word = "step" if len(set(steps)) == 1 else "steps"
         count = "once" if len(steps) == 1 else f"{len(steps)} times"
-        yield kind, count, KINDS.get(kind, ""), f"{word} {step_ranges(steps)}"
+        yield kind, count, KINDS[kind].meaning if kind in KINDS else "", f"{word} {step_ranges(steps)}"
 
 
 def _event_rows(

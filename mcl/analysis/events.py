@@ -219,25 +219,48 @@ ESS_DIP, ALL_WEIGHTS_ZERO, MODE_SWITCH = "ess-dip", "all-weights-zero", "mode-sw
 BEYOND_THREE_SIGMA, PARTED = "beyond-three-sigma", "parted"
 RECOVERED, LEFT_THE_MAP = "recovered", "left-the-map"  # and LOCALIZED and LOST, which begin the states
 
-KINDS: Mapping[str, str] = {
-    FAILURE: "why the run was lost, at the step at which the cause shows first (docs/diagnose.md)",
-    KIDNAPPED: "the log says that the robot was carried away",
-    LIGHTS_CHANGED: "the log says that the light changed",
-    SESSION: "anything else that the log says: a bump, a slip, another floor",
-    LOCALIZED: "converged and correct in 4 of 5 updates, for the first time",
-    LOST: "for four updates in a row beyond the lost radius, or more than 45 degrees off",
-    RECOVERED: "localized again after it was lost or kidnapped",
-    PROBABLY_LOST: "truth not known: it knew where it was, and a second opinion contradicts it now",
-    BEYOND_THREE_SIGMA: "the truth lies more than three standard deviations from the estimate",
-    MODE_SWITCH: "another mode has become the heaviest: the estimate jumps",
-    LEFT_THE_MAP: "every particle drove out of free space: the cloud stays where it was",
-    RESEEDED: "a burst of reseeding begins: fresh particles are drawn",
-    EXPANDED: "the whole cloud was spread",
-    ESS_DIP: "very few particles hold nearly all weight",
-    ALL_WEIGHTS_ZERO: "no particle is in free space, or none has a likelihood: weights cannot be updated",
-    PARTED: "two runs of a comparison diverge from here",
-    RESAMPLED: "the cloud was resampled",
-}  # the order in which events of one step are listed
+GRAVE, DOUBTFUL, GOOD, ACTS, NEUTRAL = "grave", "doubtful", "good", "acts", "neutral"
+OF_LOG, OF_RUN = "log", "run"  # where a kind is told: by the log, or noticed in a run
+
+
+@dataclass(frozen=True, slots=True)
+class EventKind:
+    """A kind of event; whatever lists, draws, pictures or documents events follows from these fields."""
+
+    meaning: str  # in a line
+    tone: str = NEUTRAL  # what it says of the run: one of the tones above
+    lanes: tuple[str, ...] = (OF_RUN,)  # in which it is marked
+    word: str = ""  # of marks, where the name is too long
+    in_plots: bool = False  # whether it is a line in plots
+    is_routine: bool = False  # so frequent that lists of important events leave it out
+
+
+_FAILED = "why the run was lost, at the step at which the cause shows first (docs/diagnose.md)"
+_DOUBTED = "truth not known: it knew where it was, and a second opinion contradicts it now"
+_LEFT = "every particle drove out of free space: the cloud stays where it was"
+_ZERO = "no particle is in free space, or none has a likelihood: weights cannot be updated"
+_LOGGED = "anything else that the log says: a bump, a slip, another floor"
+KINDS: Mapping[str, EventKind] = {
+    FAILURE: EventKind(_FAILED, GRAVE, ()),  # lanes mark it by the kind of its cause
+    KIDNAPPED: EventKind("the log says that the robot was carried away", GRAVE, (OF_LOG,), in_plots=True),
+    LIGHTS_CHANGED: EventKind("the log says that the light changed", NEUTRAL, (OF_LOG,), "lights", True),
+    SESSION: EventKind(_LOGGED, NEUTRAL, (OF_LOG,), "log"),
+    LOST: EventKind("for four updates in a row beyond the lost radius, or more than 45 degrees off", GRAVE),
+    PROBABLY_LOST: EventKind(_DOUBTED, GRAVE),
+    LEFT_THE_MAP: EventKind(_LEFT, GRAVE, word="left map", in_plots=True),
+    ALL_WEIGHTS_ZERO: EventKind(_ZERO, GRAVE, word="all zero", in_plots=True),
+    RECOVERED: EventKind("localized again after it was lost or kidnapped", GOOD),
+    LOCALIZED: EventKind("converged and correct in 4 of 5 updates, for the first time", GOOD),
+    MODE_SWITCH: EventKind("another mode has become the heaviest: the estimate jumps", DOUBTFUL),
+    BEYOND_THREE_SIGMA: EventKind(
+        "the truth lies more than three standard deviations from the estimate", DOUBTFUL, word="3 sigma"
+    ),
+    ESS_DIP: EventKind("very few particles hold nearly all weight", DOUBTFUL, word="ESS dip"),
+    PARTED: EventKind("two runs of a comparison diverge from here", DOUBTFUL, (OF_LOG, OF_RUN)),
+    RESEEDED: EventKind("a burst of reseeding begins: fresh particles are drawn", ACTS, in_plots=True),
+    EXPANDED: EventKind("the whole cloud was spread", ACTS, in_plots=True),
+    RESAMPLED: EventKind("the cloud was resampled", ACTS, (), is_routine=True),
+}  # the gravest first: the order of the events of one step, of marks, and of pictures
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +275,7 @@ class RunEvent:
     @property
     def is_routine(self) -> bool:
         """Return whether it is so frequent that a list of important events leaves it out."""
-        return self.kind == RESAMPLED or (self.kind == SESSION and first_word(self.text) == "floor")
+        return KINDS[self.kind].is_routine or (self.kind == SESSION and first_word(self.text) == "floor")
 
 
 @dataclass(slots=True)

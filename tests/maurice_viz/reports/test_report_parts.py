@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.analysis.events import RunEvent
+from maurice_mcl.analysis.events import KINDS, RunEvent
 from maurice_viz.app.saved_steps import NOWHERE, NUMBERS, Collected, Track
 from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
 from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
@@ -101,6 +101,14 @@ def test_every_kind_gets_a_picture_before_one_gets_two():
     assert {1, 50, 41, 10, 5} <= set(steps)
     assert [scene.number for scene in scenes] == list(range(1, MAX_PICTURES + 1))
     assert "lost: text" in next(scene for scene in scenes if scene.step == 41).reasons
+
+
+@pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if not kind.is_routine])
+def test_no_kind_is_left_without_a_picture(kind):
+    """A diagnosed cause, too, beside many events of another kind."""
+    other = "reseeded" if kind != "reseeded" else "expanded"
+    scenes = choose(collected(track("a", [1.0] * 50)), happened(other, *range(10, 40)) + happened(kind, 45))
+    assert f"{kind}: text" in next(scene for scene in scenes if scene.step == 45).reasons
 
 
 def test_quiet_runs_have_a_worst_and_a_last_step():
