@@ -22,7 +22,7 @@ from maurice_mcl.session import first_word
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files import PICTURES, number_in, read_csv, read_number_rows, show
-from .pictures import decode_picture
+from .pictures import decode_picture, picture_file
 from .session_log.reader import picture_bytes
 from .session_log.records import (
     EventRecord,
@@ -253,7 +253,7 @@ def _of_folder(folder: Path) -> Iterator[U8]:
         raise InputError(folder, f"found neither pictures nor a log, {wanted}")
     for file in files:
         try:
-            yield decode_picture(file.read_bytes())
+            yield decode_picture(picture_file(file))
         except PictureError as problem:
             raise InputError(file, str(problem)) from None
 

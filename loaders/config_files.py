@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,13 +23,7 @@ MOTION_MODELS: Mapping[str, Callable[[Mapping[str, Any]], object]] = {
 
 def read_config(path: Path) -> Layer:
     """Read a configuration file. InputError for one that is no TOML; what its keys mean is checked later."""
-    try:
-        tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise InputError(path, f"cannot be read: {problem.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise InputError(path, f"is no TOML: {problem}") from None
-    return Layer(str(path), flatten(tree))
+    return Layer(str(path), flatten(read_toml(path, "settings of a filter")))
 
 
 def environment_layers(environment: Mapping[str, str]) -> list[Layer]:

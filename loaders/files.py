@@ -22,6 +22,25 @@ def expect_regular(file: Path, expected: str) -> None:
         raise InputError(file, f"found no regular file, expected {expected}; save it to a file first")
 
 
+def read_bounded(file: Path, wanted: str, most_bytes: int) -> bytes:
+    """Return what a regular file holds. InputError for any other, a larger one, and one that cannot be read.
+
+    A pipe would wait for ever, and a device such as `/dev/zero` has no end.
+    """
+    expect_regular(file, wanted)
+    try:
+        with file.open("rb") as data:
+            content = data.read(most_bytes + 1)
+    except FileNotFoundError:
+        raise InputError(file, f"found no such file, expected {wanted}; check the path") from None
+    except OSError as problem:
+        raise InputError(file, f"cannot be read: {problem.strerror or problem}") from None
+    if len(content) > most_bytes:
+        size = f"more than {most_bytes / 1e6:g} MB"
+        raise InputError(file, f"found {size}, expected {wanted} of at most that size; is it another file?")
+    return content
+
+
 _DIGITS = re.compile(r"(\d+)")
 
 
@@ -74,10 +93,44 @@ def read_csv(
     return rows
 
 
+MOST_TOML_BYTES = 1_000_000  # settings, plans and worlds have some kilobytes
+MOST_NESTING = 32  # of tables and lists in TOML; ours have five
+_TOML = re.compile(
+    r"""(?P<text>\"{3}(?:[^\\]|\\.)*?"{3,5}|'{3}.*?'{3,5})|(?P<cut>"{3}|'{3})"""
+    r"""|(?P<line>"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[\w+ \t-]+)|(?P<quote>["'])"""
+    r"""|(?P<open>[\[{])|(?P<close>[\]}])|(?P<dot>\.)|\#[^\n]*|.""",
+    re.DOTALL,
+)
+
+
 def read_toml(file: Path, wanted: str) -> dict[str, Any]:
-    """Read a TOML file. Raises InputError if it cannot be read."""
-    with _reading(file, "a TOML file", wanted, "TOML", tomllib.TOMLDecodeError, RecursionError):
-        return tomllib.loads(file.read_text(encoding="utf-8-sig"))
+    """Read a TOML file, of bounded size and nesting. Raises InputError if it cannot be read."""
+    content = read_bounded(file, wanted, MOST_TOML_BYTES)
+    try:
+        return parse_toml(content.decode("utf-8-sig"))
+    except ValueError as problem:
+        raise InputError(file, f"cannot be read as TOML: {problem}; correct it there") from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the values of a TOML text. ValueError in one line for what is none or nested too deeply."""
+    depth = dots = 0
+    for token in _TOML.finditer(text):
+        kind = token.lastgroup
+        if kind in ("cut", "quote"):  # a text without its end, of which the parser knows more to say
+            break
+        depth = max(depth + (kind == "open") - (kind == "close"), 0)
+        dots = dots + 1 if kind == "dot" else dots if kind in ("line", "text") else 0
+        if max(depth, dots) > MOST_NESTING:
+            line = text.count("\n", 0, token.start()) + 1
+            found = f"found more than {MOST_NESTING} tables or lists within each other"
+            raise ValueError(f"{found} (at line {line})")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as problem:
+        raise ValueError(" ".join(str(problem).split())) from None
+    except (ValueError, RecursionError):
+        raise ValueError("found a number of thousands of digits, or too much nesting") from None
 
 
 def read_number_rows(

@@ -18,7 +18,7 @@ from maurice_mcl.session import Camera, SessionInfo
 from .errors import InputError, PictureError
 from .files import number_in, read_csv, show
 from .maps import check_span, read_map
-from .pictures import decode_picture
+from .pictures import decode_picture, picture_file
 from .session_log.header import FORMAT
 from .session_log.writer import SessionWriter
 from .transforms import OdometryNoise, synthetic_motions
@@ -324,8 +324,8 @@ class _Copier:
         if source is None:
             tried = self._places[0] / row.image
             raise InputError(self._table, f"found no picture {tried}, expected a file", row.line)
-        data = source.read_bytes()
         try:
+            data = picture_file(source)
             decode_picture(data)
         except PictureError as problem:
             raise InputError(self._table, f"{source}: {problem}", row.line) from None

@@ -14,8 +14,9 @@ import numpy as np
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.map import Arena, open_arena
 
-from .errors import FieldError, InputError
+from .errors import FieldError, InputError, PictureError
 from .files import MOST, expect_regular, number, read_number_rows, show, text, up_to
+from .pictures import expect_size, picture_file, picture_size
 
 # How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
 
@@ -172,18 +173,21 @@ def _three(value: Any) -> Sequence[Any]:
     return value
 
 
+PGM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")  # its width and height
+
+
 def _shades(file: Path, picture: Path) -> F64:
     """Read a map's picture as shades (H, W), 0 black to 1 white; transparent pixels are unknown, 0.5."""
-    expect_regular(picture, "a picture")
     try:
-        image = cv2.imdecode(np.frombuffer(picture.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
-    except (OSError, cv2.error) as problem:
-        reason = getattr(problem, "strerror", None) or "it is not a picture"
+        data = picture_file(picture)
+        pgm = PGM.match(data)
+        expect_size(*((int(pgm[1]), int(pgm[2])) if pgm else picture_size(data)))
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except (PictureError, cv2.error) as problem:
+        reason = str(problem) if isinstance(problem, PictureError) else "it is not a picture"
         raise InputError(file, f"its image {picture} cannot be read: {reason}") from None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         raise InputError(file, f"its image {picture} cannot be read as a picture, expected PGM or PNG")
-    if image.size > MOST_CELLS:
-        raise InputError(file, f"found a map of {image.shape[1]} x {image.shape[0]} cells, expected fewer")
     shades: F64 = np.asarray(image, np.float64) / (255 if image.dtype == np.uint8 else 65535)
     if shades.ndim == 2:
         return shades

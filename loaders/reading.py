@@ -119,6 +119,9 @@ class ReadingOptions:
         float, Meaning("Least distance between pictures used.", "pictures", least=0.0)
     ] = 0.0
     min_angle_rad: Annotated[float, Meaning("Least turn between pictures used.", "pictures", least=0.0)] = 0.0
+    pictures_outside: Annotated[
+        bool, Meaning("Read pictures that a recording names outside its folder.", "pictures")
+    ] = False
     odometry_from_truth: Annotated[
         bool, Meaning("Make odometry from the truth, with noise, if there is none.", "made odometry")
     ] = False

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+MOST_CHARACTERS = 2000  # of a message
+
 
 class InputError(Exception):
     """Input that is not what it should be: what was found, where, what was expected, what to do.
@@ -19,6 +21,8 @@ class InputError(Exception):
     def __init__(self, file: Path | None, message: str, line: int | None = None) -> None:
         """Take the file (None for values from no file) and the line, counted from 1."""
         message = " ".join(message.splitlines())  # one line, whatever names and system messages contain
+        if len(message) > MOST_CHARACTERS:  # of a value that was found
+            message = f"{message[: MOST_CHARACTERS // 2]} ... {message[-MOST_CHARACTERS // 2 :]}"
         place = f"{file or ''}" if line is None else f"{file}:{line}"
         super().__init__(f"{place}: {message}" if place else message)
         self.file = file

@@ -10,7 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_loaders.errors import InputError
+from maurice_loaders.errors import InputError, PictureError
+from maurice_loaders.pictures import decode_picture, picture_file
 from maurice_mcl.arrays import F32
 
 from . import textures
@@ -69,16 +70,13 @@ TEXTURES: dict[str, Texture] = {
 def read_image(file: Path) -> F32:
     """Read an image as linear reflectance (H, W, 3) from 0.02 to 0.95; InputError if it is not an image."""
     try:
-        data = np.frombuffer(file.read_bytes(), np.uint8)
-    except OSError as problem:
-        raise InputError(file, f"cannot be read: {problem.strerror}; fix the image's path") from None
-    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
-    if bgr is None:
-        raise InputError(file, "found no readable image; save it as PNG or JPEG")
-    shrink = min(1.0, MOST_PX / max(bgr.shape))  # a photograph has more than any face can show
+        image = decode_picture(picture_file(file), deep=True)
+    except PictureError as problem:
+        raise InputError(file, f"{problem}; an image of a world is a file as PNG or JPEG") from None
+    shrink = min(1.0, MOST_PX / max(image.shape))  # a photograph has more than any face can show
     if shrink < 1:
-        bgr = cv2.resize(bgr, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
-    levels = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.float32) / 255
+        image = np.asarray(cv2.resize(image, None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA))
+    levels = np.asarray(image, np.float32) / 255
     linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
     return np.clip(linear, 0.02, 0.95).astype(np.float32)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import read_toml
 
 from .draw import TEXTURES, read_image
 from .furniture import MAKERS
@@ -28,7 +29,7 @@ from .plan import (
     Word,
     WorldPlan,
 )
-from .toml_table import Table, read_toml
+from .toml_table import Table
 
 # Reading how things look: words for colors and textures, paints, the styles of rooms.
 
@@ -149,7 +150,7 @@ KINDS = (*MAKERS, BLOCK)
 
 def read_plan(file: Path) -> WorldPlan:
     """Read a world file; WorldError names the file, the key and what is wrong with it."""
-    top = read_toml(file)
+    top = Table(file, "", read_toml(file, "a world"))
     if top.take("format") != FORMAT:
         top.fail("format", f"expected {FORMAT}; this program reads no other")
     top.inches = INCHES[top.one_of("units", tuple(INCHES))]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import NoReturn
 
@@ -156,18 +155,3 @@ class Table:
         if self._left:
             first = next(iter(self._left))
             self.fail(first, "no such key; remove it (docs/worlds.md lists all keys)")
-
-
-def read_toml(file: Path) -> Table:
-    """Read a file as one table; WorldError if it cannot be read or is no TOML."""
-    try:
-        return Table(file, "", tomllib.loads(file.read_text(encoding="utf-8")))
-    except tomllib.TOMLDecodeError as problem:
-        raise WorldError(file, f"found no valid TOML: {problem}; fix it there") from None
-    except UnicodeDecodeError:
-        raise WorldError(file, "found text that is not UTF-8; save it as UTF-8") from None
-    except (ValueError, RecursionError):  # thousands of digits, or of brackets
-        why = "numbers too long or nested too deep"
-        raise WorldError(file, f"found no valid TOML: {why}; fix it there") from None
-    except OSError as problem:
-        raise WorldError(file, f"cannot be read: {problem.strerror}") from None

@@ -19,7 +19,7 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 
 from ..errors import PictureError
-from ..pictures import decode_picture
+from ..pictures import decode_picture, expect_size
 from ..plane import Plane
 
 ODOMETRY = "nav_msgs/Odometry"
@@ -279,7 +279,6 @@ PLAIN = {  # encoding: channels, bytes per channel, OpenCV's conversion to RGB
     "yuyv": (2, 1, cv2.COLOR_YUV2RGB_YUY2),
 }
 DEPTH = ("16UC1", "32FC1", "16SC1", "32SC1", "64FC1")
-LARGEST = 2**28  # pixels of a picture; no camera has as many
 
 
 def picture_of(message: Any) -> U8:
@@ -317,11 +316,13 @@ def raw_picture(data: bytes, message: Any) -> U8:
 
 def _rows(data: bytes, message: Any, pixel: int) -> U8:
     height, width, step = int(message.height), int(message.width), int(message.step)
-    if min(height, width) < 1 or height * width > LARGEST:
-        raise PictureError(f"found a picture of {width} x {height} pixels, expected 1 to {LARGEST}")
+    if min(height, width) < 1:
+        raise PictureError(f"found a picture of {width} x {height} pixels, expected some")
+    expect_size(width, height)
     if step < width * pixel or len(data) < step * (height - 1) + width * pixel:
         found = f"found {len(data)} bytes and rows of {step} bytes"
         raise PictureError(f"{found}, expected {width} x {height} pixels of {pixel} bytes")
+    step = step if height > 1 else width * pixel  # of a single row, anything may be written
     whole = np.zeros(step * height, np.uint8)
     part = np.frombuffer(data, np.uint8)[: step * height]
     whole[: len(part)] = part

@@ -20,6 +20,7 @@ import numpy as np
 from maurice_mcl.arrays import U8
 
 from ..errors import PictureError
+from ..pictures import most_megapixels
 from .messages import bytes_of
 
 if TYPE_CHECKING:
@@ -252,6 +253,7 @@ def _context(name: str) -> VideoCodecContext:
 
     made = CodecContext.create(name, "r")
     assert isinstance(made, VideoCodecContext)
+    made.options = {"max_pixels": str(int(most_megapixels() * 1e6))}  # larger frames are broken video
     return made
 
 

@@ -61,7 +61,7 @@ class Inspection:
     display_units: str = "m"  # of the header, for tables; distances here are in meters
 
 
-def inspect_session(path: Path) -> Inspection:
+def inspect_session(path: Path, *, outside: bool = False) -> Inspection:
     """Read a log to its end, every picture included. Raises InputError only if it has no readable header."""
     info, kind = read_header(path)
     notes = ReadingNotes(keep_going=True)
@@ -82,7 +82,7 @@ def inspect_session(path: Path) -> Inspection:
             tally.count("covered" if record.covered else "image", record.t_s)
             pictures_with_truth += truth is not None and not record.covered
             where = f"{record.path}: " if record.path else ""
-            tally.add_picture(partial(picture_bytes, record, path), where, record.line)
+            tally.add_picture(partial(picture_bytes, record, path, outside), where, record.line)
     if info.survey is not None and not info.survey.exists():
         notes.warning(f"the header names {info.survey}, which is not there")
     if len(tally.pictures) > 1:

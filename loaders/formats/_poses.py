@@ -16,12 +16,11 @@ import numpy as np
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import SessionInfo
 
-from ..errors import InputError, PictureError, ReadingNotes
+from ..errors import InputError, ReadingNotes
 from ..files import MOST_T_S, show, time_falls, up_to
-from ..pictures import decode_picture
+from ..pictures import decode_picture, picture_in
 from ..plane import LEANING_RAD, Plane, Pose, forward_axis, leaning, planar, plane_of, rotation
 from ..recording import OdometryPose, Picture, Record, TruthPose
-from ..session_log.reader import MAX_PICTURE_BYTES
 from ..time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 from .cmucam import BEGIN, decode_frame
@@ -279,6 +278,7 @@ class PictureList(_TimedFile):
     root: Path  # the folder that names start from
     column: int | None = None  # of the file names; None: all that follows the first column
     unit: str | None = None  # of the times, which stand in the column before; None: detected
+    outside: bool = False  # whether names may lead out of that folder
 
     def pictures(self, notes: ReadingNotes) -> Iterator[Picture]:
         """Yield the pictures in file order, not opened; broken rows and falling times are problems."""
@@ -311,19 +311,11 @@ class PictureList(_TimedFile):
             raise InputError(self.file, text, row.number)
         number_of(self.file, row, words[0], "time", MOST_T_S * PER_SECOND[self._unit])
         name = words[1]
-        return Picture(seconds(words[0], self._unit), partial(read_picture, self.root / name, name), name)
+        read = partial(read_picture, self.root, name, self.outside)
+        return Picture(seconds(words[0], self._unit), read, name)
 
 
-def read_picture(file: Path, name: str) -> U8:
+def read_picture(folder: Path, name: str, outside: bool = False) -> U8:
     """Read a picture's file, or a CMUcam's frame. Raises PictureError if it is missing or damaged."""
-    try:
-        if not file.is_file():
-            raise PictureError(f"found no such picture ({name}), expected a file in {file.parent}")
-        if file.stat().st_size > MAX_PICTURE_BYTES:
-            raise PictureError(f"found a picture of more than {MAX_PICTURE_BYTES // 2**20} MiB")
-        data = file.read_bytes()
-        return decode_frame(data) if data.startswith(BEGIN) else decode_picture(data, deep=True)
-    except (OSError, ValueError) as problem:
-        if isinstance(problem, PictureError):
-            raise
-        raise PictureError(f"cannot be read: {problem}") from None
+    data = picture_in(folder, name, outside=outside)
+    return decode_frame(data) if data.startswith(BEGIN) else decode_picture(data, deep=True)

@@ -59,7 +59,7 @@ class TubRecording:
                 notes.problem(InputError(file, found, row.number))
                 continue
             last_t_s = t_s
-            yield Picture(t_s, partial(read_picture, self.path / "images" / name, name), f"images/{name}")
+            yield Picture(t_s, partial(read_picture, self.path / "images", name), f"images/{name}")
 
     def _rows(self, notes: ReadingNotes) -> Iterator[tuple[Path, Row, float, str]]:
         for file in self.catalogs:

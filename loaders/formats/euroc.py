@@ -115,7 +115,6 @@ def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
     poses = [one for one in sensors if not one.has_pictures and one.layout]
     truth = _named(poses, TRUTHS)
     odometry = _named(poses, ODOMETRY)
-    unit = options.time_unit
     went = None if odometry is None else _pose_file(odometry, OdometryPose, options)
     true = None if truth is None else _pose_file(truth, TruthPose, options)
     described = (
@@ -124,7 +123,7 @@ def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
     return TimedFolder(
         path,
         SessionInfo(path.resolve().name, cameras=() if described is None else (described,)),
-        None if camera is None else _pictures(camera, unit),
+        None if camera is None else _pictures(camera, options),
         went,
         true,
         (*_about(described, true or went), *_remarks(cameras, camera, sensors, {truth, odometry})),
@@ -178,8 +177,9 @@ def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:
     return None
 
 
-def _pictures(camera: _Sensor, unit: str | None) -> PictureList:
-    return PictureList(camera.file, camera.file.parent / "data", 1, unit or camera.unit)
+def _pictures(camera: _Sensor, options: ReadingOptions) -> PictureList:
+    unit = options.time_unit or camera.unit
+    return PictureList(camera.file, camera.file.parent / "data", 1, unit, options.pictures_outside)
 
 
 def _pose_file(

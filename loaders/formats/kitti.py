@@ -110,7 +110,7 @@ class KittiRecording:
     def _picture(self, number: int, t_s: float) -> Picture:
         file = self._file(number)
         name = file.relative_to(self.path).as_posix()
-        return Picture(t_s, partial(read_picture, file, name), name)
+        return Picture(t_s, partial(read_picture, file.parent, file.name), name)
 
 
 def planar_pose(file: Path, row: Row) -> F64:

@@ -39,8 +39,11 @@ LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
 class NativeRecording:
     """A session log; covered pictures are no part of a drive and are left out."""
 
-    def __init__(self, path: Path, camera: str | None = None, time_unit: str = "s") -> None:
+    def __init__(
+        self, path: Path, camera: str | None = None, time_unit: str = "s", *, outside: bool = False
+    ) -> None:
         self._per_s = PER_SECOND[time_unit]
+        self._outside = outside
         log = SessionLog(path, camera=camera)  # checks the header and the camera's name
         self.path = log.path
         if log.kind != "session":
@@ -68,7 +71,7 @@ class NativeRecording:
             elif taken(record) and not record.covered:
                 number += 1
                 name = record.path or f"{self.path.name}, picture {number}"
-                yield Picture(record.t_s, partial(_read, record, self.path), name)
+                yield Picture(record.t_s, partial(_read, record, self.path, self._outside), name)
 
 
 class RawLog:
@@ -82,6 +85,7 @@ class RawLog:
             raise InputError(path, f"found a {kind} log, {advice}", 1)
         self._camera = options.camera or next((one.name for one in self.info.cameras), None)
         self._per_s = PER_SECOND[options.time_unit or "s"]
+        self._outside = options.pictures_outside
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield what can be read at all, in the order of the lines."""
@@ -90,7 +94,7 @@ class RawLog:
             if line.number == 1 or not line.data.strip():
                 continue
             try:
-                record = _raw(parse_object(line), line.number, self.path, taken)
+                record = _raw(parse_object(line), line.number, self.path, taken, self._outside)
             except (FieldError, TypeError, ValueError, OverflowError) as problem:
                 if line.ended:
                     notes.problem(InputError(self.path, str(problem), line.number))
@@ -99,7 +103,9 @@ class RawLog:
                 yield replace(record, t_s=record.t_s / self._per_s)
 
 
-def _raw(found: dict[str, object], number: int, path: Path, taken: CameraChoice) -> Record | None:
+def _raw(
+    found: dict[str, object], number: int, path: Path, taken: CameraChoice, outside: bool
+) -> Record | None:
     t_s = _finite(found.get("t"))
     if "odometry" in found:
         return Motion(t_s, _three(found["odometry"]))
@@ -117,7 +123,7 @@ def _raw(found: dict[str, object], number: int, path: Path, taken: CameraChoice)
     named = None if camera is None else str(camera)
     record = PictureRecord(number, t_s, None if inline else str(image), inline, named, False, None)
     name = record.path or f"{path.name}:{number}"
-    return Picture(t_s, partial(_read, record, path), name) if taken(record) else None
+    return Picture(t_s, partial(_read, record, path, outside), name) if taken(record) else None
 
 
 def _finite(value: object) -> float:
@@ -148,11 +154,11 @@ def looks_native(path: Path) -> bool:
 
 
 def _open(path: Path, options: ReadingOptions) -> NativeRecording:
-    return NativeRecording(path, options.camera, options.time_unit or "s")
+    return NativeRecording(path, options.camera, options.time_unit or "s", outside=options.pictures_outside)
 
 
-def _read(record: PictureRecord, log: Path) -> U8:
-    return decode_picture(picture_bytes(record, log))
+def _read(record: PictureRecord, log: Path, outside: bool) -> U8:
+    return decode_picture(picture_bytes(record, log, outside))
 
 
 FORMATS = (

@@ -46,7 +46,7 @@ def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
     return TimedFolder(
         path,
         SessionInfo(path.resolve().name, cameras=_cameras(path, chosen.stem)),
-        PictureList(chosen, path, unit=unit),
+        PictureList(chosen, path, unit=unit, outside=options.pictures_outside),
         pose_file(path / "odom.txt", OdometryPose, unit, options.odometry_offset_s, options.plane),
         pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s, options.plane),
     ).check()

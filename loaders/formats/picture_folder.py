@@ -58,6 +58,7 @@ class TableRecording:
     head: Head
     frames: Sequence[Path] | Frames | None  # for tables that name no files
     unit: str | None
+    outside: bool = False  # whether names of pictures may lead out of the folder
 
     @property
     def surveyed(self) -> bool:
@@ -113,7 +114,7 @@ class TableRecording:
                 return None
             roots = (self.path, self.table.parent)
             root = next((one for one in roots if _is_file(one / name)), self.table.parent)
-            return Picture(t_s, partial(read_picture, root / name, name), name)
+            return Picture(t_s, partial(read_picture, root, name, self.outside), name)
         if self.frames is None:
             return None
         if "frame" in self.roles:
@@ -125,7 +126,7 @@ class TableRecording:
             found = f"found no picture {number}, there are {len(self.frames)} in {self.path}"
             raise InputError(self.table, found, row.number)
         file = self.frames[number]
-        return Picture(t_s, partial(read_picture, file, file.name), file.name)
+        return Picture(t_s, partial(read_picture, file.parent, file.name), file.name)
 
     def _readings(self, row: Row, words: list[str]) -> dict[str, float]:
         roles = [role for role in self.roles if role.startswith(READING) and self._word(role, row, words)]
@@ -204,7 +205,8 @@ def open_table(path: Path, options: ReadingOptions) -> TableRecording:
         raise InputError(table, f"{found}; say what they are with --reading columns=...", head.lines or None)
     frames = _frames(path, "image" in roles)
     info = SessionInfo(table.stem if table == path else path.resolve().stem)
-    return TableRecording(path, info, table, roles, head, frames, options.time_unit).check()
+    unit, outside = options.time_unit, options.pictures_outside
+    return TableRecording(path, info, table, roles, head, frames, unit, outside).check()
 
 
 def looks_like_table(path: Path) -> bool:
@@ -269,7 +271,7 @@ class FolderRecording:
             why = "no table, or several, with known columns in UTF-8; see --reading table=..., columns=..."
             notes.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
         for number, file in enumerate(pictures_in(self.path)):
-            yield Picture(number * PERIOD_S, partial(read_picture, file, file.name), file.name)
+            yield Picture(number * PERIOD_S, partial(read_picture, file.parent, file.name), file.name)
 
 
 def open_folder(path: Path, options: ReadingOptions) -> TableRecording | FolderRecording:

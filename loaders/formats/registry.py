@@ -106,7 +106,12 @@ def open_session(
     recording = _opened(one, path, options)
     framed = with_frames(recording) if one.readings else recording
     if one.name == NATIVE and options.as_it_is and not isinstance(framed, FramesOfReadings):
-        return SessionLog(path, keep_going=options.keep_going, camera=options.camera)
+        return SessionLog(
+            path,
+            keep_going=options.keep_going,
+            camera=options.camera,
+            outside=options.pictures_outside,
+        )
     return RecordedSession(framed, options)
 
 

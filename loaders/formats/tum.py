@@ -32,7 +32,7 @@ def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
     return TimedFolder(
         path,
         SessionInfo(path.resolve().name),
-        PictureList(listed, path, _color_column(listed), unit),
+        PictureList(listed, path, _color_column(listed), unit, options.pictures_outside),
         pose_file(first_file(path, ODOMETRY), OdometryPose, unit, options.odometry_offset_s, options.plane),
         pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s, options.plane),
     ).check()

@@ -13,6 +13,7 @@ from maurice_mcl.arrays import U8
 from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
+from ..pictures import expect_size
 from ..reading import ReadingOptions
 from ..recording import Picture, Record
 from ._tables import begin_of
@@ -113,6 +114,10 @@ def _opened(path: Path) -> cv2.VideoCapture:
     if not video.isOpened():
         text = "cannot be opened as a video, expected MP4, AVI, Matroska or MPEG; was it cut?"
         raise InputError(path, text)
+    try:
+        expect_size(int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT)))
+    except PictureError as problem:
+        raise InputError(path, str(problem)) from None
     return video
 
 

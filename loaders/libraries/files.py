@@ -28,6 +28,7 @@ from maurice_mcl.session import Camera
 from ..errors import FieldError, InputError
 from ..files import MOST, items, mapping, read_json, show, text, up_to
 from ..maps import check_span
+from ..pictures import leads_outside
 from ..session_log.header import arena_from_json, arena_to_json, camera_from_json, camera_to_json
 from ..writing import FolderKind, new_folder
 from .remembered import remembered
@@ -179,14 +180,28 @@ def hash_file(file: Path) -> str:
 def _check_files(folder: Path, manifest: Mapping[str, Any]) -> None:
     """Compare every part with its checksum, so that no parser ever sees damaged bytes."""
     expected = mapping(manifest.get("sha256"), "sha256")
+    unchecked = [part for part in _parts(manifest) if part not in expected]
+    if unchecked:
+        raise FieldError(f"no checksum of {unchecked[0]} among sha256")
     for part in expected:
-        if not (folder / part).is_file():
+        if leads_outside(part) or not (folder / part).is_file():
             raise FieldError(f"{part} is missing")
     files = [str(folder / part) for part in expected]
     found = json.loads(remembered("sha256", files, lambda: json.dumps([hash_file(Path(f)) for f in files])))
     for part, right, now in zip(expected, expected.values(), found, strict=True):
         if now != right:
             raise FieldError(f"{part} was changed after it was written")
+
+
+def _parts(manifest: Mapping[str, Any]) -> list[str]:
+    """Return the names of all files that are read besides the manifest and the pictures."""
+    described = [
+        (f"{key}.{name}", value)
+        for key in ("channels", "sensors")
+        for name, value in mapping(manifest.get(key, {}), key).items()
+    ]
+    files = [text(mapping(value, key).get("file"), f"{key}.file") for key, value in described]
+    return ["map.json", "entries.parquet", *files]
 
 
 def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
@@ -199,6 +214,9 @@ def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
         names = entries["picture"].to_list()
     except pl.exceptions.PolarsError as problem:
         raise FieldError(str(problem)) from None
+    outside = next((name for name in names if name is not None and leads_outside(name)), None)
+    if outside is not None:
+        raise FieldError(f"found the picture {show(outside)}, expected one in the library's folder")
     there = _pictures_in(folder)
     missing = set(names) - there - {None}
     lost = [name for name in names if name in missing and not (folder / name).is_file()]

@@ -20,7 +20,7 @@ from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.session import Camera
 
 from ..errors import InputError, PictureError
-from ..pictures import decode_picture
+from ..pictures import decode_picture, picture_file
 from ..writing import cache_root, write_whole
 from .files import hash_file
 from .remembered import remembered
@@ -93,8 +93,8 @@ def _picture(path: Path | None) -> U8 | None:
     if path is None:
         return None
     try:
-        return decode_picture(path.read_bytes())
-    except (OSError, PictureError):
+        return decode_picture(picture_file(path))
+    except PictureError:
         return None
 
 

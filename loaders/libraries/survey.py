@@ -150,7 +150,12 @@ def open_survey(
     path = session_in(survey_in(path))
     native = chosen(path, options).name == NATIVE
     if native and read_header(path)[1] == "survey":
-        survey = SessionLog(path, keep_going=options.keep_going, camera=options.camera)
+        survey = SessionLog(
+            path,
+            keep_going=options.keep_going,
+            camera=options.camera,
+            outside=options.pictures_outside,
+        )
         if every is None:
             return survey
         return SelectedSurvey(survey, survey.survey_pictures, every, None, progress)

@@ -14,7 +14,7 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
-from ..pictures import decode_picture
+from ..pictures import decode_picture, picture_in
 from .header import Kind, session_in
 from .records import (
     EventRecord,
@@ -26,8 +26,6 @@ from .records import (
     read_records,
     with_truth,
 )
-
-MAX_PICTURE_BYTES = 256 * 2**20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,8 +46,11 @@ class SessionLog(HasReadingNotes):
     first one seen.
     """
 
-    def __init__(self, path: Path, *, keep_going: bool = False, camera: str | None = None) -> None:
+    def __init__(
+        self, path: Path, *, keep_going: bool = False, camera: str | None = None, outside: bool = False
+    ) -> None:
         self.path = session_in(Path(path))
+        self._outside = outside  # whether pictures may be in other folders
         self._keep_going = keep_going
         self._info, self.kind = read_header(self.path)
         self._camera = self._choose(camera)
@@ -126,7 +127,7 @@ class SessionLog(HasReadingNotes):
 
     def _image(self, record: PictureRecord, notes: ReadingNotes) -> U8 | None:
         try:
-            return decode_picture(picture_bytes(record, self.path))
+            return decode_picture(picture_bytes(record, self.path, self._outside))
         except PictureError as problem:
             notes.problem(InputError(self.path, f"{record.path or 'inline picture'}: {problem}", record.line))
             return None
@@ -161,21 +162,14 @@ class CameraChoice:
         return record.camera == self._name
 
 
-def picture_bytes(record: PictureRecord, log: Path) -> bytes:
-    """Return a picture's encoded bytes, from its file or its line. PictureError when they are not there."""
+def picture_bytes(record: PictureRecord, log: Path, outside: bool = False) -> bytes:
+    """Return a picture's encoded bytes, from its file or its line. PictureError when they are not there.
+
+    `outside` allows files that are not in the log's folder.
+    """
     if record.base64 is not None:
         try:
             return base64.b64decode(record.base64, validate=True)
         except (binascii.Error, ValueError):
             raise PictureError("found broken base64, expected a picture") from None
-    file = log.parent / str(record.path)
-    try:
-        if not file.is_file():
-            raise PictureError("found no such picture, expected a file; was it moved away from the log?")
-        if file.stat().st_size > MAX_PICTURE_BYTES:
-            raise PictureError(f"found a picture of more than {MAX_PICTURE_BYTES // 2**20} MiB")
-        return file.read_bytes()
-    except (OSError, ValueError) as problem:
-        if isinstance(problem, PictureError):
-            raise
-        raise PictureError(f"cannot be read: {problem}") from None
+    return picture_in(log.parent, str(record.path), outside=outside)

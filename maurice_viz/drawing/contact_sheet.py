@@ -14,6 +14,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from maurice_loaders.errors import PictureError
+from maurice_loaders.pictures import decode_picture, picture_file
 from maurice_mcl.arrays import U8
 from maurice_mcl.library import Library
 from maurice_mcl.records import Comparison
@@ -126,11 +128,9 @@ def cell_height(pictures: Sequence[Path | None]) -> int:
 def read_picture(path: Path) -> U8 | None:
     """Read a picture (H, W, 3) RGB; None if it is missing or damaged."""
     try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
-    except OSError:
+        return decode_picture(picture_file(path))
+    except PictureError:
         return None
-    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
-    return None if bgr is None else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def _fitting(text: str) -> float:

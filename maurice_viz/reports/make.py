@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path, PurePath
@@ -14,6 +13,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import read_toml
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.writing import expect_absent, write_whole
@@ -304,7 +304,8 @@ def _configuration_text(run: SavedRun) -> str:
 
 def _differing(runs: Sequence[SavedRun]) -> list[tuple[str, ...]]:
     """Return the keys whose values differ between runs, each with the value of each run."""
-    flat = [_flat(tomllib.loads(_configuration_text(run))) | {"seed": str(run.manifest.seed)} for run in runs]
+    settings = [read_toml(run.folder / CONFIGURATION, "the settings of a run") for run in runs]
+    flat = [_flat(one) | {"seed": str(run.manifest.seed)} for one, run in zip(settings, runs, strict=True)]
     rows = [
         (key, *(one.get(key, "-") for one in flat)) for key in dict.fromkeys(k for one in flat for k in one)
     ]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from maurice_loaders.errors import PictureError
-from maurice_loaders.pictures import decode_picture, encode_jpeg, picture_format
+from maurice_loaders.pictures import decode_picture, encode_jpeg, picture_file, picture_format, picture_size
 from maurice_mcl.arrays import U8
 
 ENDINGS = ("jpg", "png", "webp", "bmp")
@@ -110,3 +113,63 @@ def test_other_things_are_refused(image: U8, name: str) -> None:
 def test_only_rgb_is_encoded(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="a picture is uint8"):
         encode_jpeg(np.zeros(shape, np.uint8))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (16, 12), (300, 7), (1, 5000)])
+def test_the_size_is_read_from_the_header(ending: str, width: int, height: int) -> None:
+    image = np.random.default_rng(0).integers(0, 255, (height, width, 3), dtype=np.uint8)
+    assert picture_size(encoded(image, ending)) == (width, height)
+
+
+def test_sizes_of_rarer_headers_are_read(image: U8) -> None:
+    height, width = image.shape[:2]
+    for ending, options in {
+        "webp": [cv2.IMWRITE_WEBP_QUALITY, 101],  # lossless
+        "jpg": [cv2.IMWRITE_JPEG_PROGRESSIVE, 1],
+    }.items():
+        done, data = cv2.imencode(f".{ending}", image, options)
+        assert done
+        assert picture_size(data.tobytes()) == (width, height)
+    with_alpha = np.dstack([image, image[..., 0]])  # WebP's extended header
+    assert picture_size(encoded(with_alpha, "webp")) == (width, height)
+    old = b"BM" + bytes(12) + (12).to_bytes(4, "little") + bytes([7, 0, 9, 0]) + bytes(8)
+    assert picture_size(old) == (7, 9)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_more_pixels_than_the_limit_are_refused_before_they_are_decoded(
+    ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = encoded(np.zeros((100, 200, 3), np.uint8), ending)
+    assert decode_picture(data).shape == (100, 200, 3)
+    monkeypatch.setenv("MAURICE_MAX_MEGAPIXELS", "0.0199")
+    monkeypatch.setattr(cv2, "imdecode", None)
+    with pytest.raises(PictureError, match=r"200 x 100 pixels, expected at most 0\.0199 megapixels"):
+        decode_picture(data)
+
+
+@pytest.mark.parametrize("limit", ["many", "nan", "-1", "0", "inf"])
+def test_a_limit_that_is_no_number_is_refused(image: U8, limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAURICE_MAX_MEGAPIXELS", limit)
+    with pytest.raises(PictureError, match="expected a number of megapixels"):
+        decode_picture(encoded(image, "png"))
+
+
+def test_no_header_that_is_cut_or_changed_makes_the_size_fail(image: U8) -> None:
+    rng = np.random.default_rng(0)
+    for ending in ENDINGS:
+        whole = np.frombuffer(encoded(image, ending), np.uint8)
+        for _ in range(500):
+            data = whole[: rng.integers(1, 40)].copy() if rng.random() < 0.5 else whole.copy()
+            data[rng.integers(0, min(len(data), 40))] = rng.integers(0, 256)
+            with suppress(PictureError):
+                assert min(picture_size(data.tobytes())) > 0
+
+
+def test_a_picture_of_a_pipe_or_a_device_is_refused(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "zero.png").symlink_to("/dev/zero")
+    for name in ("pipe.png", "zero.png", "none.png", "a\0b.png", "."):
+        with pytest.raises(PictureError, match=r"no such picture|cannot be read"):
+            picture_file(tmp_path / name)

@@ -71,7 +71,7 @@ def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tu
     path, options = Path(session), replace(options or ReadingOptions(), keep_going=True)
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
-        found = inspect_session(session_in(path))
+        found = inspect_session(session_in(path), outside=options.pictures_outside)
     else:
         recording = open_recording(path, replace(options, format=one.name))
         found = inspect_recording(RecordedSession(recording, options))

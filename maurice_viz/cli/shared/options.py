@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from maurice_loaders.files import parse_toml
 from maurice_loaders.reading import FIELDS, ReadingOptions, option_value, read_reading
 from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
@@ -236,8 +236,8 @@ def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:
 
 def _toml(pair: str, value: str) -> Any:
     try:
-        return tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError as problem:
+        return parse_toml(f"value = {value}")["value"]
+    except ValueError as problem:
         raise OptionError(f"--set {pair}: {problem}") from None
 
 

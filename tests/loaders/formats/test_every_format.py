@@ -10,13 +10,14 @@ import tracemalloc
 from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from helpers.format_samples import SAMPLES, SMALL, sample
 from helpers.recordings import read
-from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recording import (
@@ -74,6 +75,56 @@ def test_can_be_read_again_from_its_beginning(name: str, tmp_path: Path) -> None
     readings = [[content(r) for r in recording.records(ReadingNotes(keep_going=False))] for _ in range(2)]
     assert readings[0] == readings[1]
     assert readings[0]
+
+
+@every
+def test_pictures_over_the_limit_are_refused_and_not_decoded(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = sample(name, tmp_path / "made")
+    monkeypatch.setenv("MAURICE_MAX_MEGAPIXELS", "0.0001")  # 100 pixels; the samples have 192
+    monkeypatch.setattr(cv2, "imdecode", None)
+    if name == "video":  # its size is known before any frame
+        with pytest.raises(InputError, match="megapixels"):
+            list(open_recording(path).records(ReadingNotes(True)))
+        return
+    records = open_recording(path).records(ReadingNotes(True))
+    for picture in [one for one in records if isinstance(one, Picture)]:
+        if name == "cmucam":  # frames of at most 255 x 143 pixels, which no picture format holds
+            continue
+        with pytest.raises(PictureError, match="megapixels"):
+            picture.read()
+
+
+NAMING = {  # formats whose files name pictures: how a name is changed
+    "session-log": ("session.log", "pictures/session-00001.jpg"),
+    "tum": ("rgb.txt", "rgb/000000.png"),
+    "openloris": ("color.txt", "color/000000.png"),
+}
+
+
+@pytest.mark.parametrize("name", NAMING)
+@pytest.mark.parametrize("place", ["{outside}", "../../outside.png", "x/../../../outside.png"])
+def test_pictures_outside_of_the_folder_are_read_only_when_allowed(
+    name: str, place: str, tmp_path: Path
+) -> None:
+    (tmp_path / "deep").mkdir()
+    path = sample(name, tmp_path / "deep" / "made")
+    (tmp_path / "deep" / "made" / "x").mkdir()
+    table, named = NAMING[name]
+    folder = path if path.is_dir() else path.parent
+    outside = tmp_path / "outside.png"
+    shutil.copy(folder / named, outside)
+    text = (folder / table).read_text()
+    assert named in text
+    (folder / table).write_text(text.replace(named, place.format(outside=outside)))
+    if name == "session-log" and place == "{outside}":  # which no log may name
+        with pytest.raises(InputError, match="expected a path relative to the log"):
+            use(path, ReadingOptions(pictures_outside=True))
+        return
+    with pytest.raises(InputError, match=r"outside of the folder .*--reading pictures_outside=true"):
+        use(path)
+    assert use(path, ReadingOptions(pictures_outside=True)) == SMALL
 
 
 @every

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from maurice_loaders.errors import InputError
@@ -105,11 +106,34 @@ def pipe(name: str) -> Callable[[Path], None]:
     return edit(name, lambda file, data: (file.unlink(), os.mkfifo(file)))
 
 
+def name_pictures(name: Callable[[Path], str]) -> Callable[[Path], None]:
+    """Let the table name a picture elsewhere, with a checksum that is right: a stranger's library."""
+
+    def change(folder: Path) -> None:
+        outside = folder.parent / "outside.jpg"
+        outside.write_bytes((folder / "pictures" / "00003.jpg").read_bytes())
+        file = folder / "entries.parquet"
+        entries = pl.read_parquet(file.read_bytes())
+        names = [name(outside), *entries["picture"][1:]]
+        entries.with_columns(pl.Series("picture", names)).write_parquet(file)
+        manifest = json.loads((folder / "manifest.json").read_text())
+        manifest["sha256"]["entries.parquet"] = hash_file(file)
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+
+    return change
+
+
 DAMAGE = {
     "cut manifest": cut("manifest.json"),
     "manifest without channels": rewrite("channels", None),
     "manifest with a channel that is not there": rewrite("channels", {"new": {"file": "new.npy"}}),
     "manifest without checksums": rewrite("sha256", None),
+    "manifest with no checksum in it": rewrite("sha256", {}),
+    "manifest with a channel outside": rewrite("channels", {"color": {"file": "../color.npy"}}),
+    "manifest with checksums of files outside": rewrite("sha256", {"../manifest.json": ""}),
+    "absolute picture": name_pictures(str),
+    "picture outside": name_pictures(lambda file: f"../{file.name}"),
+    "picture outside by a detour": name_pictures(lambda file: f"pictures/../../{file.name}"),
     "cut entries": cut("entries.parquet"),
     "flipped bit in the entries": flip("entries.parquet"),
     "no entries": remove("entries.parquet"),

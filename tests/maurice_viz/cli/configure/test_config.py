@@ -84,7 +84,7 @@ WRONG = {
     "[resampling.kld]\nleast = 30000": ": resampling.kld.least: found 30000, expected at most ",
     "[motion]\nmodel = 'boat'": ": motion.model: found 'boat', expected one of maurice, odometry",
     "[motion]\nmodel = 'odometry'\nturn_from_tern = 1": ": robot.motion.turn_from_tern is not known",
-    "particles = ": ": is no TOML: ",
+    "particles = ": ": cannot be read as TOML: ",
     "sensor = 3": ": sensor is not known",
 }
 
@@ -107,7 +107,7 @@ def test_check_reads_the_file_alone(tmp_path):
     assert wrong.startswith(
         "maurice-replay: MAURICE_FILTER_PARTICLES: particles: found 'x', expected a whole"
     )
-    assert "cannot be read" in _run("check", tmp_path / "none.toml", expect=1).stderr
+    assert "found no such file" in _run("check", tmp_path / "none.toml", expect=1).stderr
 
 
 def test_the_command_is_known_to_the_app():
