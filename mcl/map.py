@@ -175,3 +175,35 @@ def _reachable(walled: U8, places: F64, corner: F64, cell: float) -> Bool:
     wanted = np.unique(islands[held[:, 1], held[:, 0]])
     wanted = wanted[wanted > 0]
     return np.isin(islands, wanted) if len(wanted) else np.ones(walled.shape, bool)
+
+
+# Lines of sight.
+
+MOST_PAIRS = 2**13  # of segments and walls at a time: a core's own cache holds them
+
+
+def crosses(start: F64, end: F64, walls: F64) -> Bool:
+    """Return which (N,) of the segments from start (N, 2) to end (N, 2) any wall (W, 4) crosses.
+
+    A block of segments against all walls at once: setting up a replay asks this hundreds of times.
+    """
+    hit = np.zeros(len(start), bool)
+    if not len(walls):
+        return hit
+    block = max(MOST_PAIRS // len(walls), 1)
+    wall_start, wall_end = walls.T[:2], walls.T[2:]  # (2, W)
+    for first in range(0, len(start), block):
+        some = slice(first, first + block)
+        a, b = start[some].T[:, :, None], end[some].T[:, :, None]  # (2, n, 1)
+        apart = _side(wall_start, wall_end, a) * _side(wall_start, wall_end, b) < 0
+        straddles = _side(a, b, wall_start) * _side(a, b, wall_end) <= 0
+        hit[some] = (apart & straddles).any(axis=1)
+    return hit
+
+
+def _side(a: F64, b: F64, point: F64) -> F64:
+    """Return a number whose sign tells on which side of the line a to b a point is (cross product).
+
+    The first axis of all three holds x and y; the others are broadcast.
+    """
+    return np.asarray((b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0]))

@@ -229,6 +229,7 @@ class Sighting:
     entries: I32  # (N,) the nearest entry of each particle; -1 outside free space
     log_likelihood: F32  # (N,) log-likelihood of each particle; -inf outside free space
     sensed: F32 | None = None  # (N,) nats of the pose sensors; None: none said anything
+    known: F32 | None = None  # (N,) how far references speak for each particle, 0 to 1; None: for all
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -22,7 +22,8 @@ from ..library import Library
 from ..map import spacing
 from ..records import Comparison
 from ..sensor.model import SensorModel
-from ..sensor.references import distinct_places, nearest_reference, virtual_references
+from ..sensor.references import distinct_places, nearest_reference
+from ..sensor.virtual_references import virtual_references
 from ..session import Moment
 from .trace_score import score_trace
 

@@ -62,7 +62,8 @@ def evidence_by_channels(record: StepRecord) -> float:
     if not np.isfinite(record.log_evidence) or not inside.any():
         return -math.inf
     before = record.weighted.log_weights[inside] - sighting.log_likelihood[inside] + record.log_evidence
-    held = entry_weights(np.exp(before), sighting.entries[inside], len(comparison.cost))
+    known = None if sighting.known is None else sighting.known[inside]
+    held = entry_weights(np.exp(before), sighting.entries[inside], len(comparison.cost), known)
     return float(log_mean_likelihood(comparison.explained_by_channels, held)[0])
 
 

@@ -27,8 +27,8 @@ from ..sensor.references import (
     NearestReference,
     interpolated_reference,
     nearest_reference,
-    virtual_references,
 )
+from ..sensor.virtual_references import virtual_references
 from ..session import Session
 from .parameters import (
     PRESETS,

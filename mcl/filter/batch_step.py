@@ -45,7 +45,7 @@ def can_batch(localizer: Localizer) -> bool:
     """Return whether every choice of a filter is one that batches know."""
     resampling = localizer.resampling
     known = localizer.mixture is None and resampling.kld is None and resampling.roughening <= 0
-    known = known and not localizer.is_guided
+    known = known and not localizer.is_guided and not localizer.sensor.references.is_partial
     return known and localizer.particles <= MOST_PARTICLES and localizer.motion is not None
 
 
@@ -148,11 +148,13 @@ class Batch:
         references, nearest = self.localizer.sensor.references, self.localizer.reference
         poses, shape = moved.reshape(3, -1).T, moved.shape[1:]
         if values is None or not isinstance(references, InterpolatedReference):
-            entries, found = references.look(comparison.of_references, poses, self.localizer.library.origin)
+            entries, found, _ = references.look(
+                comparison.of_references, poses, self.localizer.library.origin
+            )
         else:
             cell, heading = nearest.bins_of(poses, self.localizer.library.origin)
             entries = nearest.entries_at(cell, heading)
-            found = references.among_places(values.take, cell, heading)
+            found, _ = references.among_places(values.take, cell, heading)
         return entries.reshape(shape), found.reshape(shape)
 
     def _sensed(self, moved: F32, comparison: Comparison) -> F32 | None:

@@ -205,9 +205,15 @@ def _stand_for(belief: Belief, columns: _Columns, held: F64, radii: Radii) -> Es
 # Evidence: how well the predicted cloud explains a picture. Needs no truth.
 
 
-def entry_weights(weights: F64, entries: I32, count: int) -> F64:
-    """Return the weight (count,) nearest to each entry; of those outside, -1, none."""
-    return np.asarray(np.bincount(entries + 1, weights, count + 1)[1:], np.float64)
+def entry_weights(weights: F64, entries: I32, count: int, known: F32 | None = None) -> F64:
+    """Return the weight (count,) nearest to each entry; of those outside, -1, none.
+
+    What no reference speaks for, by `known` (N,), counts as spread over all entries alike.
+    """
+    if known is None:
+        return np.asarray(np.bincount(entries + 1, weights, count + 1)[1:], np.float64)
+    unknown = float(weights @ (1 - known).astype(np.float64))
+    return entry_weights(weights * known, entries, count) + unknown / max(count, 1)
 
 
 def log_mean_likelihood(explained: EntryLikelihood, held: F64) -> F64:

@@ -2,7 +2,8 @@
 
 - `descriptors`: what is measured in a picture, one file per channel (`color` is the color histogram)
 - `distances`: how far a picture's descriptor is from every reference's
-- `references`: which references a particle is compared with: lookup, interpolation, virtual references
+- `references`: which references a particle is compared with, and which poses none speaks for
+- `virtual_references`: what a picture taken midway between surveyed ones would measure
 - `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
 - `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
 - `landmarks`: points of the library's pictures whose place in space is known, a pose sensor of its own

@@ -16,9 +16,9 @@ import numpy as np
 from ..arrays import F32, F64, I32
 from ..geometry import INCH_M, wrap_angle
 from ..library import Library
-from ..map import place_tree, spacing
+from ..map import crosses, place_tree, spacing
 from .model import SensorModel
-from .references import NearestReference, crosses, distinct_places
+from .references import NearestReference, distinct_places
 
 LEAST_PROBABILITY = 1e-6  # so that one picture costs at most 13.8 nats
 NEIGHBORS = 9  # places tried, including itself, for one without a wall in between

@@ -3,25 +3,30 @@
 - Lookup, the thesis's rule: the nearest position, then the nearest heading there, once per raster cell.
 - Interpolation: the nearest few visible places by a Gaussian kernel of distance, and at each place the two
   headings on either side, linearly. Log-likelihoods are averaged, so nothing jumps at the border of a cell.
-- Virtual references: means of descriptors replace pictures that were not taken halfway between two places or
-  headings. Averaging likelihoods cannot: the mean of two poor matches is poor.
+
+A reference says nothing about a pose far from it, in place or in heading. What a picture is worth there fades
+to what it is worth to someone who knows nothing: the mean likelihood of all references.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, Bool
-from ..geometry import wrap
-from ..library import ChannelIndex
-from ..map import Arena, Grid, make_grid, place_tree, spacing
+from ..geometry import INCH_M
+from ..map import Arena, Grid, crosses, make_grid, place_tree, spacing
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
+
+MOST_TURNED = np.radians(60)  # between two headings at one place: views that still overlap
+REACH, FAR = 2.5, 3.0  # spacings from a place: as far as its references speak, and where they no longer do
+LEAST_REACH_M = 18 * INCH_M  # at least: the spacing that the scales of the channels were fitted with
+ENOUGH = 0.25  # share of the places around a pose that speak for it alone, without those that do not
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
@@ -41,13 +46,37 @@ class ReferenceLookup(Protocol):
         """Return the nearest entry (N,) of each pose (N, 3) relative to `origin`; -1 outside free space."""
         ...
 
+    @property
+    def is_partial(self) -> bool:
+        """Whether there are poses that no reference speaks for."""
+        ...
+
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside."""
         ...
 
-    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> tuple[I32, F32]:
-        """Return what `entries` and `at` return, for less than both."""
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
+        """Return what `entries` and `at` return, for less than both, and how far references speak for it."""
         ...
+
+
+LookedUp: TypeAlias = tuple[I32, F32, F32 | None]  # (N,) entries, log-likelihoods, and known; None: all is
+
+
+def knowing_nothing(log_likelihood: F32) -> np.float32:
+    """Return the log of the mean likelihood of all references (R,): what a picture is worth anywhere."""
+    top = log_likelihood.max(initial=-np.inf)
+    if not np.isfinite(top):
+        return np.float32(0)
+    return np.float32(top + np.log(np.exp(log_likelihood - top).mean(dtype=np.float64)))
+
+
+def _mixed(found: F32, known: F32 | None, log_likelihood: F32) -> F32:
+    """Return log-likelihoods (N,) where references say how far they are known, 0 to 1; nothing else gains."""
+    if known is None:
+        return found
+    mixed = known * found + (1 - known) * knowing_nothing(log_likelihood)
+    return np.asarray(np.where(known < 1, mixed, found), np.float32)  # outside, -inf, is known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +87,9 @@ class NearestReference:
     places: F64  # (P, 2) distinct positions in the library
     place_of_cell: I32  # (rows * columns + 1,) -1 where a robot cannot be
     entry_of: I32  # (P + 1, HEADING_BINS)
+    # how far the entry speaks for poses there, 0 to 1; None: for all of them
+    faced: F32 | None = None  # (P + 1, HEADING_BINS) by its heading
+    reached: F32 | None = None  # (rows * columns + 1,) by its place
 
     def entries(self, poses: F32, origin: F64) -> I32:
         """Return the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
@@ -79,12 +111,32 @@ class NearestReference:
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the log-likelihood (N,) of the nearest entry of each pose (N, 3); -inf outside."""
-        return of_entries(log_likelihood, self.entries(poses, origin))
+        return self.look(log_likelihood, poses, origin)[1]
 
-    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> tuple[I32, F32]:
-        """Return the nearest entry of each pose, and its log-likelihood."""
-        entries = self.entries(poses, origin)
-        return entries, of_entries(log_likelihood, entries)
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
+        """Return the nearest entry of each pose, its log-likelihood, and how far it speaks for the pose."""
+        cell, heading = self.bins_of(poses, origin)
+        entries, known = self.entries_at(cell, heading), self._known_at(cell, heading)
+        return entries, _mixed(of_entries(log_likelihood, entries), known, log_likelihood), known
+
+    @property
+    def is_partial(self) -> bool:
+        """Whether there are poses that no reference speaks for."""
+        return self.faced is not None or self.reached is not None
+
+    def _known_at(self, cell: I32, heading: I32) -> F32 | None:
+        """Return how far the nearest entry speaks for cells and heading bins (N,), 0 to 1; None: for all."""
+        if not self.is_partial:
+            return None
+        known = np.ones(len(cell), np.float32)
+        if self.faced is not None:
+            at = self.place_of_cell.take(cell)
+            at *= np.int32(HEADING_BINS)
+            at += heading
+            known *= self.faced.ravel().take(at)
+        if self.reached is not None:
+            known *= self.reached.take(cell)
+        return known
 
 
 def of_entries(log_likelihood: F32, entries: I32) -> F32:
@@ -97,10 +149,35 @@ def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
     places, place_of_entry = distinct_places(poses[:, :2])
     grid = make_grid(arena, places)
     entry_of = np.full((len(places) + 1, HEADING_BINS), -1, np.int32)
+    apart = np.zeros((len(places) + 1, HEADING_BINS))  # of the last row: outside, where nothing is faded
     for place in range(len(places)):
-        entry_of[place] = _by_heading(np.flatnonzero(place_of_entry == place), poses[:, 2])
+        here = np.flatnonzero(place_of_entry == place)
+        entry_of[place], apart[place] = _by_heading(here, poses[:, 2])
     place_of_cell = np.append(_place_of_cell(grid, places, arena.walls), np.int32(-1))
-    return NearestReference(grid, places, place_of_cell, entry_of)
+    faced = _faded(apart, MOST_TURNED / 2, MOST_TURNED)
+    reached = _faded(_to_place(grid, places, place_of_cell), *_reach(places))
+    return NearestReference(grid, places, place_of_cell, entry_of, faced, reached)
+
+
+def _reach(places: F64) -> tuple[float, float]:
+    """Return how far in meters places (P, 2) speak for poses around them, and where they no longer do."""
+    spacing_m = max(spacing(places), LEAST_REACH_M / REACH)
+    return REACH * spacing_m, FAR * spacing_m
+
+
+def _to_place(grid: Grid, places: F64, place_of_cell: I32) -> F64:
+    """Return the distance (cells + 1,) in meters from each cell to its place; 0 where it has none."""
+    away = np.zeros(len(place_of_cell))
+    inside = np.flatnonzero(place_of_cell >= 0)
+    away[inside] = np.linalg.norm(grid.centers()[inside] - places[place_of_cell[inside]], axis=1)
+    return away
+
+
+def _faded(values: F64, full: float, none: float) -> F32 | None:
+    """Return 1 for values up to `full`, 0 from `none` on, linearly in between; None: 1 everywhere."""
+    if values.max(initial=0.0) <= full * (1 + 1e-6):
+        return None
+    return np.asarray(np.clip((none - values) / (none - full), 0, 1), np.float32)
 
 
 def distinct_places(xy: F64) -> tuple[F64, I32]:
@@ -110,11 +187,11 @@ def distinct_places(xy: F64) -> tuple[F64, I32]:
     return xy[first], inverse.astype(np.int32).ravel()
 
 
-def _by_heading(entries: NDArray[np.intp], headings: F64) -> I32:
-    """Return the entry of nearest heading for every heading bin; the first of equals."""
+def _by_heading(entries: NDArray[np.intp], headings: F64) -> tuple[I32, F64]:
+    """Return the entry of nearest heading for every heading bin, the first of equals, and how far it is."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
     apart = np.abs((centers[:, None] - headings[entries] + np.pi) % (2 * np.pi) - np.pi)
-    return np.asarray(entries[apart.argmin(axis=1)], np.int32)
+    return np.asarray(entries[apart.argmin(axis=1)], np.int32), np.asarray(apart.min(axis=1), np.float64)
 
 
 def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
@@ -136,36 +213,6 @@ def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64)
         seen = left[~crosses(points[left], places[choice[left]], walls)]
         place[seen] = choice[seen]
     return place
-
-
-MOST_PAIRS = 2**13  # of segments and walls at a time: a core's own cache holds them
-
-
-def crosses(start: F64, end: F64, walls: F64) -> Bool:
-    """Return which (N,) of the segments from start (N, 2) to end (N, 2) any wall (W, 4) crosses.
-
-    A block of segments against all walls at once: setting up a replay asks this hundreds of times.
-    """
-    hit = np.zeros(len(start), bool)
-    if not len(walls):
-        return hit
-    block = max(MOST_PAIRS // len(walls), 1)
-    wall_start, wall_end = walls.T[:2], walls.T[2:]  # (2, W)
-    for first in range(0, len(start), block):
-        some = slice(first, first + block)
-        a, b = start[some].T[:, :, None], end[some].T[:, :, None]  # (2, n, 1)
-        apart = _side(wall_start, wall_end, a) * _side(wall_start, wall_end, b) < 0
-        straddles = _side(a, b, wall_start) * _side(a, b, wall_end) <= 0
-        hit[some] = (apart & straddles).any(axis=1)
-    return hit
-
-
-def _side(a: F64, b: F64, point: F64) -> F64:
-    """Return a number whose sign tells on which side of the line a to b a point is (cross product).
-
-    The first axis of all three holds x and y; the others are broadcast.
-    """
-    return np.asarray((b[0] - a[0]) * (point[1] - a[1]) - (b[1] - a[1]) * (point[0] - a[0]))
 
 
 def _grow(place: I32, free: Bool) -> I32:
@@ -205,6 +252,7 @@ class InterpolatedReference:
     before: I32  # (P, HEADING_BINS) the entry clockwise of a heading
     after: I32  # (P, HEADING_BINS) the one counter-clockwise of it
     share: F32  # (P, HEADING_BINS) of the one after, 0 to 1
+    faced: F32 | None = None  # (P, HEADING_BINS) how far those two speak for a heading; None: for all
 
     @property
     def grid(self) -> Grid:
@@ -215,14 +263,19 @@ class InterpolatedReference:
         """Return the nearest entry (N,), as `NearestReference` does: for display."""
         return self.nearest.entries(poses, origin)
 
+    @property
+    def is_partial(self) -> bool:
+        """Whether there are poses that no reference speaks for."""
+        return self.faced is not None or self.nearest.reached is not None
+
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
-        return self._values_at(log_likelihood, *self.nearest.bins_of(poses, origin))
+        return self._values_at(log_likelihood, *self.nearest.bins_of(poses, origin))[0]
 
-    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> tuple[I32, F32]:
-        """Return the nearest entry of each pose, and its interpolated log-likelihood."""
+    def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
+        """Return the nearest entry of each pose, its interpolated log-likelihood, and how far it is known."""
         cell, heading = self.nearest.bins_of(poses, origin)
-        return self.nearest.entries_at(cell, heading), self._values_at(log_likelihood, cell, heading)
+        return self.nearest.entries_at(cell, heading), *self._values_at(log_likelihood, cell, heading)
 
     def pays_for(self, poses: int) -> bool:
         """Return whether so many poses look up more values than `at_headings` computes."""
@@ -237,21 +290,38 @@ class InterpolatedReference:
         values += apart
         return values
 
-    def among_places(self, value_at: Callable[[I32], F32], cell: I32, heading: I32) -> F32:
-        """Return what `at` does, (N,), from the values at places and headings, for cells and bins (N,)."""
-        total = np.zeros(len(cell), np.float32)
+    def among_places(self, value_at: Callable[[I32], F32], cell: I32, heading: I32) -> tuple[F32, F32 | None]:
+        """Return the mean (N,) of values at places and headings, for cells and bins (N,); -inf outside.
+
+        Places count by their distance, and as far as they speak for the heading. Also returns how far any
+        does, (N,) from 0 to 1; None: everywhere.
+        """
+        total, known = np.zeros(len(cell), np.float32), np.zeros(len(cell), np.float32)
         cell = cell.astype(np.intp)  # once: every lookup would convert it
         for place, weight in zip(self.places, self.weights, strict=True):
             at = place.take(cell)
             at *= np.int32(HEADING_BINS)
             at += heading
-            value = value_at(at)
-            value *= weight.take(cell)
+            value, share = value_at(at), weight.take(cell)
+            if self.faced is not None:
+                share *= self.faced.take(at)
+                known += share
+            value *= share
             total += value
-        np.copyto(total, np.float32(-np.inf), where=self.nearest.place_of_cell.take(cell) < 0)
-        return total
+        outside = self.nearest.place_of_cell.take(cell) < 0
+        np.copyto(total, np.float32(-np.inf), where=outside)
+        if not self.is_partial:
+            return total, None
+        if self.faced is None:
+            known += 1
+        total /= np.where(known > 0, known, np.float32(1))
+        known = np.minimum(known / np.float32(ENOUGH), 1)
+        if self.nearest.reached is not None:
+            known *= self.nearest.reached.take(cell)
+        known[outside] = 1
+        return total, known
 
-    def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> F32:
+    def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> tuple[F32, F32 | None]:
         def value_at(at: I32) -> F32:
             value = log_likelihood.take(self.before.take(at))
             apart = log_likelihood.take(self.after.take(at))
@@ -260,7 +330,8 @@ class InterpolatedReference:
             value += apart
             return value
 
-        return self.among_places(value_at, cell, heading)
+        found, known = self.among_places(value_at, cell, heading)
+        return _mixed(found, known, log_likelihood), known
 
 
 def interpolated_reference(
@@ -270,8 +341,9 @@ def interpolated_reference(
     parameters = parameters or InterpolationParameters()
     places, place_of_reference = distinct_places(poses[:, :2])
     at, weights = _kernel(nearest, places, arena, parameters)
-    before, after, share = _neighbors(len(places), place_of_reference, poses)
-    return InterpolatedReference(nearest, at, weights, before, after, share)
+    before, after, share, apart = _neighbors(len(places), place_of_reference, poses)
+    faced = _faded(apart, MOST_TURNED / 2, MOST_TURNED)
+    return InterpolatedReference(nearest, at, weights, before, after, share, faced)
 
 
 def _kernel(
@@ -295,11 +367,15 @@ def _kernel(
     return np.ascontiguousarray(place.T, np.int32), np.ascontiguousarray(weight.T, np.float32)
 
 
-def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I32, F32]:
-    """Return the references on either side of each heading at each place, and the share of the second."""
+def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I32, F32, F64]:
+    """Return the references on either side of each heading, the share of the second, and the nearest's angle.
+
+    Each is (count, HEADING_BINS). Where no heading between the two is near both, the nearer one counts alone.
+    """
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
     before = np.empty((count, HEADING_BINS), np.int32)
     after, share = before.copy(), np.empty((count, HEADING_BINS), np.float32)
+    apart = np.empty((count, HEADING_BINS))
     by_place = np.argsort(place_of_reference, kind="stable")
     first = np.searchsorted(place_of_reference[by_place], np.arange(count + 1))
     for place in range(count):
@@ -308,92 +384,6 @@ def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I3
         ahead, behind = turned.argmin(axis=1), turned.argmax(axis=1)
         to, back = turned.min(axis=1), 2 * np.pi - turned.max(axis=1)
         before[place], after[place] = here[behind], here[ahead]
-        share[place] = back / (to + back)
-    return before, after, share
-
-
-# Virtual references: what a picture taken midway between surveyed ones would measure.
-
-VIRTUAL_NEIGHBORS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
-MOST_TURNED = np.radians(60)  # between two headings at one place: views that still overlap
-MOST_JOINED = 4  # places with a common middle
-SAME_HEADING = np.radians(15)  # of two places: views that show the same scene
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class VirtualReferences:
-    """V poses and the surveyed entries whose descriptors are averaged there, in equal shares."""
-
-    poses: F64  # (V, 3) in the map's frame
-    sources: I32  # (V, K) entry numbers; rows with fewer than K repeat them in turn
-
-    def extend(self, index: Mapping[str, ChannelIndex]) -> dict[str, ChannelIndex]:
-        """Append the V means to every channel's references: (L, D) to (L + V, D)."""
-        return {name: self._extended(channel) for name, channel in index.items()}
-
-    def _extended(self, channel: ChannelIndex) -> ChannelIndex:
-        total = np.zeros((len(self.sources), channel.references.shape[1]), np.float32)
-        for column in self.sources.T:
-            total += channel.references[column]
-        total /= np.float32(self.sources.shape[1])
-        return replace(channel, references=np.concatenate([channel.references, total]))
-
-
-def virtual_references(poses: F64, arena: Arena) -> VirtualReferences:
-    """Find the poses midway between those of a library (L, 3) in heading and place, never across a wall."""
-    places, place_of_entry = distinct_places(poses[:, :2])
-    views = _views(poses, place_of_entry)
-    turned = views[views[:, 0] != views[:, 1]]
-    rows = [np.tile(turned, 4)]
-    groups = _neighbors_between(places, arena.walls)
-    headings = wrap(_middle(poses[views, 2]))
-    place_of_view = place_of_entry[views[:, 0]]
-    by_place = [np.flatnonzero(place_of_view == place) for place in range(len(places))]
-    for group in groups:
-        rows.append(_joined(views, headings, [by_place[place] for place in group]))
-    sources = np.concatenate(rows).astype(np.int32)
-    middles = np.column_stack([poses[sources, :2].mean(axis=1), wrap(_middle(poses[sources, 2]))])
-    return VirtualReferences(middles, sources)
-
-
-def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
-    """Return pairs of entries (W, 2) at one place: each with itself, and with the next if they overlap."""
-    pairs = [np.column_stack([np.arange(len(poses))] * 2)]
-    for place in range(int(place_of_entry.max(initial=-1)) + 1):
-        entries = np.flatnonzero(place_of_entry == place)
-        entries = entries[np.argsort(poses[entries, 2] % (2 * np.pi), kind="stable")]
-        following = np.roll(entries, -1)
-        gap = (poses[following, 2] - poses[entries, 2]) % (2 * np.pi)
-        overlap = (gap > 0) & (gap <= MOST_TURNED)
-        pairs.append(np.column_stack([entries, following])[overlap])
-    return np.concatenate(pairs)
-
-
-def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
-    """Return groups of places with a common middle: two along a grid's line, four around a cell's center."""
-    tree = place_tree(places)
-    pairs = tree.query_pairs(VIRTUAL_NEIGHBORS * spacing(places), output_type="ndarray").reshape(-1, 2)
-    pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
-    pairs = pairs[np.lexsort(pairs.T[::-1])]
-    middle = np.round(places[pairs].mean(axis=1) / SAME_PLACE_M).astype(np.int64)
-    groups: dict[tuple[int, int], list[int]] = {}
-    for (x, y), pair in zip(middle.tolist(), pairs.tolist(), strict=True):
-        groups.setdefault((x, y), []).extend(pair)
-    return [group[:MOST_JOINED] for group in groups.values()]
-
-
-def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.intp]]) -> NDArray[np.int64]:
-    """Join the views of several places with the same heading: rows (W, 8) of entries."""
-    first = members[0]
-    chosen, alike = [first], np.ones(len(first), bool)
-    for other in members[1:]:
-        apart = np.abs(wrap(headings[first][:, None] - headings[other]))
-        nearest = apart.argmin(axis=1)
-        alike &= apart[np.arange(len(first)), nearest] <= SAME_HEADING
-        chosen.append(other[nearest])
-    entries = np.concatenate([views[view[alike]] for view in chosen], axis=1)
-    return entries[:, np.arange(8) % entries.shape[1]]
-
-
-def _middle(headings: F64) -> F64:
-    return np.asarray(np.arctan2(np.sin(headings).mean(axis=1), np.cos(headings).mean(axis=1)))
+        share[place] = np.where(to + back > 2 * MOST_TURNED, back > to, back / (to + back))
+        apart[place] = np.minimum(to, back)
+    return before, after, share, apart

@@ -3,10 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.map import Arena, Region, crosses
 from maurice_mcl.sensor.references import (
     InterpolationParameters,
-    crosses,
     interpolated_reference,
     nearest_reference,
     spacing,
@@ -238,20 +237,19 @@ def test_it_is_linear_in_heading_between_two_entries():
 
 
 def test_headings_need_not_be_even():
-    library = np.array([[0.5, 0.5, -0.2], [0.5, 0.5, 0.4], [0.5, 0.5, 3.0]])
+    library = np.array([[0.5, 0.5, -0.2], [0.5, 0.5, 0.4], [0.5, 0.5, 1.2]])
     tables = _tables((), library)
     logs = np.array([0.0, -6.0, -60.0], np.float32)
-    poses = np.array([[1, 1, 0.1], [1, 1, 1.7], [1, 1, 3.1], [1, 1, -1.7]], np.float32)
-    back = 2 * np.pi - 3.2  # from 3.0 on to -0.2
-    expected = [-3, -6 - 54 * 1.3 / 2.6, -60 + 60 * 0.1 / back, -60 + 60 * (2 * np.pi - 4.7) / back]
+    poses = np.array([[1, 1, 0.1], [1, 1, 0.3], [1, 1, 0.6], [1, 1, 0.9]], np.float32)
+    expected = [-3, -5, -6 - 54 * 0.2 / 0.8, -6 - 54 * 0.5 / 0.8]
     # within half a bin, a quarter of a degree, of the slope there
-    assert tables.at(logs, poses, ORIGIN) == pytest.approx(expected, abs=60 / 2.6 * np.radians(0.26))
+    assert tables.at(logs, poses, ORIGIN) == pytest.approx(expected, abs=54 / 0.8 * np.radians(0.26))
 
 
 def test_odd_libraries_and_arguments():
     library = np.array([[0.5, 0.5, 0.3], [1.0, 0.5, -2.0]])
     tables = _tables((), library, width=0.05)
-    poses = np.array([[0.5, 0.5, h] for h in (-3.0, 0.0, 0.3, 2.9)], np.float32)
+    poses = np.array([[0.5, 0.5, h] for h in (-0.1, 0.0, 0.3, 0.7)], np.float32)
     found = tables.at(np.array([-2.0, -7.0], np.float32), poses, ORIGIN)
     assert found == pytest.approx([-2] * 4, abs=1e-4)
     tables = _tables((), np.array([[1.0, 1.0, 0.5]]))

@@ -7,8 +7,8 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.geometry import wrap
 from maurice_mcl.library import ChannelIndex
-from maurice_mcl.map import Arena
-from maurice_mcl.sensor.references import crosses, virtual_references
+from maurice_mcl.map import Arena, crosses
+from maurice_mcl.sensor.virtual_references import virtual_references
 
 PITCH = 0.5
 
