@@ -11,7 +11,7 @@ from pathlib import Path
 
 from maurice_viz.plots.drawn import draw_figures
 from maurice_viz.plots.material import Material
-from maurice_viz.reports.claims import CLAIMS
+from maurice_viz.reports.claims import CLAIMS, judged
 
 HERE = Path(__file__).parent
 SHOWN = (26, 37, 58, 68)  # pictures of the page
@@ -21,8 +21,8 @@ def main() -> None:
     trials = Path(sys.argv[1])
     material, page = Material(trials), HERE / "thesis.md"
     lines = ["| claim | thesis | here | verdict |", "|---|---|---|---|"]
-    for one in CLAIMS:
-        found = one.check(material)
+    results = judged([one.check(material) for one in CLAIMS])
+    for one, found in zip(CLAIMS, results, strict=True):
         lines.append(f"| {one.name} ({one.section}) | {one.stated} | {found.ours} | {found.verdict} |")
     told = "\n".join(lines)
     text = page.read_text(encoding="utf-8")

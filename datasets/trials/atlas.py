@@ -12,10 +12,10 @@ import numpy as np
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.arrays import F64
 
 from .rows import KEY
-from .statistics import RESAMPLES, SEED, Interval
+from .statistics import Interval, share
+from .table import clusters_of
 
 LISTS = ("off_m", "confidence", "true_x_m", "true_y_m", "truth_rank")
 MOST_RUNS = 8  # that are kept of a spot: those with the largest errors there
@@ -31,7 +31,7 @@ class ReliabilityBin:
     low: float
     high: float
     confidence: float  # mean
-    right: Interval  # share of them that were correct; the interval draws drives
+    right: Interval  # share of them that were correct; the interval is over drives
     updates: int
 
 
@@ -92,6 +92,7 @@ def _updates(rows: pl.DataFrame, spot_m: float) -> pl.DataFrame:
     long = rows.select(*KEY, *kept, *LISTS, numbers).explode(*LISTS, "update")
     long = long.filter(pl.col("true_x_m").is_not_nan() & pl.col("off_m").is_not_nan())
     return long.with_columns(
+        pl.col("arena").is_not_null().alias("simulated"),
         pl.col("arena").fill_null(0),
         (pl.col("true_x_m") / spot_m).floor().cast(pl.Int32).alias("column"),
         (pl.col("true_y_m") / spot_m).floor().cast(pl.Int32).alias("row"),
@@ -111,16 +112,15 @@ def reliability(updates: pl.DataFrame) -> tuple[ReliabilityBin, ...]:
     """Return how often updates of each confidence were correct; bins with few updates are left out."""
     binned = updates.select(
         (pl.col("confidence") * BINS).floor().clip(0, BINS - 1).cast(pl.Int64).alias("bin"),
-        pl.struct("session", "arena", "seed").hash().alias("drive"),
-        "confidence",
-        (pl.col("off_m") <= pl.col("right_m")).cast(pl.Int64).alias("right"),
+        *("confidence", "session", "seed"),
+        pl.when(pl.col("simulated")).then(pl.col("arena")).alias("arena"),
+        pl.struct(KEY).hash().alias("run"),
+        (pl.col("off_m") <= pl.col("right_m")).alias("right"),
     )
     found = []
     for (number,), some in sorted(binned.group_by("bin"), key=lambda pair: pair[0]):
         if len(some) < LEAST_UPDATES:
             continue
-        by_drive = some.group_by("drive", maintain_order=True).agg(pl.col("right").sum(), pl.len())
-        right, count = by_drive["right"].to_numpy(), by_drive["len"].to_numpy()
         mean = some["confidence"].mean()
         assert isinstance(number, int)
         found.append(
@@ -128,16 +128,8 @@ def reliability(updates: pl.DataFrame) -> tuple[ReliabilityBin, ...]:
                 low=number / BINS,
                 high=(number + 1) / BINS,
                 confidence=float(mean) if isinstance(mean, float) else 0.0,
-                right=_share(right, count),
+                right=share(some["right"].to_numpy(), clusters_of(some)),
                 updates=len(some),
             )
         )
     return tuple(found)
-
-
-def _share(right: F64, count: F64) -> Interval:
-    """Return the share of updates that were correct, (D,) drives with some each; drives are drawn."""
-    drawn = np.random.default_rng(SEED).integers(len(count), size=(RESAMPLES, len(count)))
-    shares = right[drawn].sum(axis=1) / count[drawn].sum(axis=1)
-    low, high = np.percentile(shares, (2.5, 97.5))
-    return Interval(float(right.sum() / count.sum()), float(low), float(high), int(count.sum()))

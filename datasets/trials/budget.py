@@ -23,7 +23,7 @@ from maurice_mcl.filter.batch import compared_once
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.session import Moment
 
-from .statistics import Interval, mean, rate
+from .statistics import Clusters, Interval, mean, share
 
 COSTS = {
     MOTION: "odometry",
@@ -47,6 +47,12 @@ class BudgetPart:
         """What the cost is due to; empty where nothing is perfect."""
         return COSTS.get(self.part, "")
 
+    def to_json(self) -> dict[str, Any]:
+        """Return all figures as plain values; what is not known is None."""
+        cost = None if self.cost is None else self.cost.to_json()
+        figures = {"error": self.error.to_json(), "cost": cost, "lost": self.lost.to_json()}
+        return {"part": self.part, **figures, "costs": self.costs}
+
 
 @dataclass(frozen=True, slots=True)
 class ErrorBudget:
@@ -61,13 +67,13 @@ class ErrorBudget:
     @property
     def costliest(self) -> BudgetPart | None:
         """The part that costs most; None where no cost is above zero beyond doubt."""
-        sure = [one for one in self.parts if one.cost is not None and one.cost.low > 0]
-        return max(sure, key=lambda one: one.cost.value if one.cost else 0.0, default=None)
+        sure = [part for part in self.parts if part.cost is not None and part.cost.low > 0]
+        return max(sure, key=lambda part: part.cost.value if part.cost else 0.0, default=None)
 
     def to_json(self) -> dict[str, Any]:
         """Return all figures as plain values."""
         most = self.costliest
-        parts = [asdict(one) | {"costs": one.costs} for one in self.parts]
+        parts = [part.to_json() for part in self.parts]
         return asdict(self) | {"parts": parts, "costliest": None if most is None else most.costs}
 
 
@@ -79,7 +85,7 @@ class BudgetDrive:
     moments: Sequence[Moment]
     start: F64 | None
     seeds: Sequence[int]
-    group: int  # of drives that are alike: their arena
+    place: int  # its arena: drives in it are alike
 
 
 def budget_of(
@@ -89,29 +95,31 @@ def budget_of(
     drives: Sequence[BudgetDrive],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> ErrorBudget:
-    """Run every drive with each part made perfect in turn; intervals draw arenas, then runs."""
+    """Run every drive with each part made perfect in turn; intervals are over arenas, or drives, or seeds."""
     lines: dict[str, list[BudgetLine]] = {part: [] for part in PARTS}
-    groups: list[int] = []
     total = len(drives) * len(PARTS)
     for number, drive in enumerate(drives):
         comparisons = compared_once(drive.localizer.sensor, drive.moments)
-        groups += [drive.group] * len(drive.seeds)
         for done, part in enumerate(PARTS, number * len(PARTS)):
             progress(done, total)
             lines[part].append(
                 error_budget_line(drive.localizer, drive.moments, comparisons, drive.start, drive.seeds, part)
             )
     progress(total, total)
-    parts = tuple(_part(part, lines, np.array(groups)) for part in PARTS)
+    places, numbers = (
+        np.repeat(labels, [len(drive.seeds) for drive in drives])
+        for labels in ([drive.place for drive in drives], range(len(drives)))
+    )
+    parts = tuple(_part(part, lines, Clusters.of(places, numbers)) for part in PARTS)
     return ErrorBudget(name, label, units, len(drives), parts)
 
 
-def _part(part: str, lines: Mapping[str, Sequence[BudgetLine]], groups: F64) -> BudgetPart:
+def _part(part: str, lines: Mapping[str, Sequence[BudgetLine]], clusters: Clusters) -> BudgetPart:
     def errors(of: str) -> F64:
         return np.concatenate([line.errors_m for line in lines[of]])
 
     known = np.isfinite(errors(AS_IS))
     before = errors(SENSOR if part == LIBRARY else AS_IS)
-    cost = None if part == AS_IS else mean((before - errors(part))[known], groups[known])
-    lost = sum(line.lost for line in lines[part])
-    return BudgetPart(part, mean(errors(part)[known], groups[known]), cost, rate(lost, len(groups)))
+    cost = None if part == AS_IS else mean((before - errors(part))[known], clusters[known])
+    lost = share(np.concatenate([line.lost for line in lines[part]]), clusters)
+    return BudgetPart(part, mean(errors(part)[known], clusters[known]), cost, lost)

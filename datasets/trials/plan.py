@@ -186,7 +186,7 @@ class Plan:
 
 
 def _quick(part: Part) -> Part:
-    """Cut a part down; of a grid, the first and the last value of each key stay."""
+    """Cut a part down; of numbers in a grid, the first and the last stay: figures show every named value."""
     sessions = tuple(
         replace(
             spec,
@@ -197,7 +197,7 @@ def _quick(part: Part) -> Part:
         for spec in part.sessions
     )
     grid = {
-        key: [values[0], values[-1]] if len(values) > 2 else values
+        key: [values[0], values[-1]] if len(values) > 2 and not isinstance(values[0], str) else values
         for key, values in part.variants.grid.items()
     }
     return replace(

@@ -64,6 +64,8 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "localized_m": (_NUMBER, "driven by then"),
     "localized_s": (_NUMBER, "robot time by then"),
     "pictures_after": (_WHOLE, "pictures since then: where a run without is censored; null without truth"),
+    "after_m": (_NUMBER, "driven since then: where `localized_m` of a run without is censored"),
+    "after_s": (_NUMBER, "robot time since then: where `localized_s` of a run without is censored"),
     "right_at_end": (_FLAG, "correct in at least 7 of the last 10 updates"),
     "wrong_confident": (_NUMBER, "share of updates converged on a wrong place"),
     "succeeded_tenth": (_FLAG, "the thesis's success: deviation under 10 % of the arena"),
@@ -72,10 +74,7 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "sd_end_m": (_NUMBER, "standard deviation of the cloud, at the last update"),
     "ess_share": (_NUMBER, "effective sample size over the number of particles, mean"),
     "reseeded": (_WHOLE, "updates with fresh particles"),
-    "failure": (
-        _TEXT,
-        "of a run that failed, its class in figure 37 (not of `diagnose`): impoverishment, motion or other",
-    ),
+    "failure": (_TEXT, "of a run that failed, its cause as `diagnose` names it (docs/diagnose.md)"),
     "took_s": (_NUMBER, "in the filter; of runs stepped together, an equal share; differs from run to run"),
     "off_m": (_LIST, "position error at every update"),
     "sd_m": (_LIST, "standard deviation of the cloud at every update"),
@@ -88,7 +87,7 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
 TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
 KEY = ("part", "session", "variant", "seed")
 # not in rows of earlier versions: null
-LATER = ("right_m", "true_x_m", "true_y_m", "truth_rank", "heading_error_median_rad")
+LATER = ("right_m", "true_x_m", "true_y_m", "truth_rank", "heading_error_median_rad", "after_m", "after_s")
 MEASURED = ("took_s", "host")  # what may differ between two computations of the same run
 Key = tuple[str, str, int, int]
 

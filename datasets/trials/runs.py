@@ -16,6 +16,8 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
+from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
+from maurice_mcl.analysis.failures.kinds import UNKNOWN
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.batch_step import can_batch
 from maurice_mcl.filter.localizer import Localizer
@@ -110,9 +112,23 @@ def _rows(
         told["right_m"] = stepper.localizer.radii.right_m
         told |= _about_filter(job.asked[stepper.numbers[0]])
         for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
-            about = _about(job.asked[number], job.spec) | {"arena": drive.arena, "oracle_m": oracle}
+            asked = job.asked[number]
+            about = _about(asked, job.spec) | {"arena": drive.arena, "oracle_m": oracle}
             rows[number] = about | figures.row() | told
+            if figures.failed:
+                localizer = replace(stepper.localizer, seed=asked.seed)
+                rows[number]["failure"] = _cause(drive, localizer, first=figures.tracks)
     return rows, again
+
+
+def _cause(drive: Drive, localizer: Localizer, *, first: bool) -> str:
+    """Make a run that failed once more; return why it was lost `first`, or else last, as `diagnose` says."""
+    builder, state = DiagnosisBuilder(localizer), localizer.initialize(drive.start)
+    for moment in drive.session.moments():
+        state, record = localizer.step(state, moment.frame)
+        builder.add(moment, record)
+    failures = builder.result()
+    return failures[0 if first else -1].kind if failures else UNKNOWN
 
 
 def _begun(

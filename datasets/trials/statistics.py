@@ -1,101 +1,222 @@
-"""Intervals for what trials show: rates, means over arenas and drives, times that may be censored."""
+"""Intervals for what trials show: rates, means and times of runs that are alike within a drive or a place."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
 
-from maurice_mcl.arrays import F64, Bool
+from maurice_mcl.arrays import F64, I64, Bool
 
-SEED, RESAMPLES, Z = 0, 2000, 1.959964  # of the bootstrap; two-sided 95 percent
+SEED, LEVEL = 0, 0.95
+Z = float(stdtrit(np.inf, (1 + LEVEL) / 2))  # standard deviations: two-sided 95 percent
+FEW = 5  # drives or places: of fewer, equal values have no interval
+EQUAL = 1e-12  # of the largest value: a smaller standard error is a rounding error
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A figure and its 95 percent interval."""
+    """A figure and its interval, of 95 percent where nothing else is said; NaN: too few drives for one."""
 
     value: float
     low: float
     high: float
     count: int  # runs
+    drives: int = 0  # that these are runs of
 
     def excludes(self, value: float) -> bool:
         """Return whether a value lies outside the interval."""
-        return not self.low <= value <= self.high
+        return value < self.low or value > self.high
+
+    def said(self, factor: float = 1.0, digits: int = 1, sign: str = "") -> str:
+        """Write the figure and its limits, all times a factor: "4.4 (4.3 to 4.5)".
+
+        >>> from maurice_datasets.trials.statistics import Interval
+        >>> Interval(0.5, 0.25, 0.75, 8).said(100, 0)
+        '50 (25 to 75)'
+        """
+        if not np.isfinite(self.value):
+            return "not known"
+        value, low, high = (f"{one * factor:{sign}.{digits}f}" for one in (self.value, self.low, self.high))
+        return f"{value} ({low} to {high})" if np.isfinite(self.low) else f"{value} (too few drives)"
+
+    def to_json(self) -> dict[str, float | int | None]:
+        """Return it as plain values; what is not known is None."""
+        return {key: one if np.isfinite(one) else None for key, one in asdict(self).items()}
 
 
-def rate(hits: int, count: int) -> Interval:
-    """Return a share with its Wilson interval (Wilson 1927).
+UNKNOWN = Interval(np.nan, np.nan, np.nan, 0)  # of no runs
+Labels = Sequence[object] | NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Clusters:
+    """Which of N values are alike: those of one run, one drive, one place (an arena, a recorded session).
+
+    Everything is judged by clusters: a figure of 80 runs over 4 drives is one of 4 drives.
+    """
+
+    places: I64  # (N,) numbers from 0
+    drives: I64  # (N,) within places
+    runs: I64  # (N,) within drives
+
+    @classmethod
+    def of(cls, places: Labels, drives: Labels | None = None, runs: Labels | None = None) -> Clusters:
+        """Number labels (N,), each within the one before; None: every value has a drive or run of its own.
+
+        >>> from maurice_datasets.trials.statistics import Clusters
+        >>> Clusters.of(["hall", "hall", "lab"], [1, 1, 1]).drives.tolist()
+        [0, 0, 1]
+        """
+        levels = [np.zeros(len(places), np.int64)]
+        for labels in (places, drives, runs):
+            given = np.arange(len(places)) if labels is None else np.asarray(labels)
+            own = np.unique(given, return_inverse=True)[1]
+            both = np.stack([levels[-1], own], axis=1)
+            levels.append(np.unique(both, axis=0, return_inverse=True)[1].ravel())
+        return cls(*levels[1:])
+
+    def __getitem__(self, some: Bool) -> Clusters:
+        return Clusters(self.places[some], self.drives[some], self.runs[some])
+
+    @property
+    def count(self) -> int:
+        """The number of drives."""
+        return len(set(self.drives.tolist()))
+
+    @property
+    def units(self) -> I64:
+        """What counts as independent (N,): places, else drives, else the runs of the only drive."""
+        levels = (self.places, self.drives)
+        return next((labels for labels in levels if len(labels) and np.ptp(labels)), self.runs)
+
+
+def apart(count: int) -> Clusters:
+    """Return the clusters of values that have nothing in common: each is from a drive of its own."""
+    own = np.arange(count)
+    return Clusters(own, own, own)
+
+
+def _totals(influences: F64, units: I64) -> tuple[F64, float]:
+    """Return the sum over each unit (C,) of influences (N, ...) on a figure, and the degrees of freedom.
+
+    The squares of the sums add up to the figure's variance (Bell and McCaffrey 2002, CR2). Units that differ
+    in size count as fewer (Carter, Schnepel and Steigerwald 2017).
+    """
+    sizes = np.bincount(units).astype(np.float64)
+    shares = sizes[sizes > 0] / len(units)
+    sums = np.zeros((len(sizes), *influences.shape[1:]))
+    np.add.at(sums, units, influences)
+    rest = np.maximum(1 - shares, EQUAL).reshape(-1, *[1] * (influences.ndim - 1))
+    return np.asarray(sums[sizes > 0] / np.sqrt(rest)), float(1 / np.square(shares).sum() - 1)
+
+
+def _quantile(free: float, level: float) -> float:
+    return float(stdtrit(free, (1 + level) / 2)) if free > 0 else np.inf
+
+
+def _student(value: float, influences: F64, largest: float, clusters: Clusters, level: float) -> Interval:
+    """Return a figure with Student's interval, from what each run adds to its error (N,)."""
+    sums, free = _totals(influences, clusters.units)
+    error = float(np.sqrt(np.square(sums).sum()))
+    known = len(sums) > 1 and (error > EQUAL * largest or len(sums) >= FEW)
+    reach = _quantile(free, level) * error if known else np.nan
+    return Interval(value, value - reach, value + reach, len(influences), clusters.count)
+
+
+def mean(values: F64, clusters: Clusters | None = None, level: float = LEVEL) -> Interval:
+    """Return the mean (N,) with Student's interval over clusters; without clusters, over values.
+
+    >>> import numpy as np
+    >>> from maurice_datasets.trials.statistics import Clusters, mean
+    >>> figure = mean(np.array([1.0, 1.0, 3.0, 3.0]), Clusters.of([1, 1, 2, 2]))
+    >>> figure.value, round(figure.low, 1), round(figure.high, 1)
+    (2.0, -10.7, 14.7)
+    """
+    values = np.asarray(values, np.float64)
+    if not len(values):
+        return UNKNOWN
+    value = float(values.mean())
+    of = apart(len(values)) if clusters is None else clusters
+    return _student(value, (values - value) / len(values), float(np.abs(values).max()), of, level)
+
+
+def rate(hits: int, count: int, level: float = LEVEL) -> Interval:
+    """Return the share of independent runs that hit, with its Wilson interval (Wilson 1927).
 
     >>> from maurice_datasets.trials.statistics import rate
-    >>> found = rate(18, 20)
-    >>> round(found.low, 2), round(found.high, 2)
+    >>> figure = rate(18, 20)
+    >>> round(figure.low, 2), round(figure.high, 2)
     (0.7, 0.97)
     """
-    if count == 0:
-        return Interval(np.nan, np.nan, np.nan, 0)
-    p, n = hits / count, count
-    middle = (p + Z * Z / (2 * n)) / (1 + Z * Z / n)
-    reach = Z * np.sqrt(p * (1 - p) / n + Z * Z / (4 * n * n)) / (1 + Z * Z / n)
-    return Interval(p, max(float(middle - reach), 0.0), min(float(middle + reach), 1.0), n)
+    return _wilson(hits / max(count, 1), count, level, count, count) if count else UNKNOWN
 
 
-def rate_difference(before: Bool, after: Bool) -> Interval:
+def share(flags: Bool, clusters: Clusters | None = None, level: float = LEVEL) -> Interval:
+    """Return the share of flags (N,) with a Wilson interval for as many runs as the clusters are worth.
+
+    That is the number of independent runs with the same variance (Korn and Graubard 1998). Where all flags
+    are equal nothing tells it, and it is the number of drives.
+    """
+    flags = np.asarray(flags, bool)
+    if not len(flags):
+        return UNKNOWN
+    of = apart(len(flags)) if clusters is None else clusters
+    return _wilson(float(flags.mean()), _worth(flags, of, level), level, len(flags), of.count)
+
+
+def _worth(flags: Bool, clusters: Clusters, level: float) -> float:
+    """Return how many independent runs have the variance of the share of flags (N,) in clusters."""
+    units, count, value = clusters.units, len(flags), float(flags.mean())
+    if len(set(units.tolist())) == count:
+        return count
+    sums, free = _totals((flags - value) / count, units)
+    variance, binomial = float(np.square(sums).sum()), value * (1 - value)
+    size = clusters.count if binomial == 0 else count if variance == 0 else binomial / variance
+    return float(min(size * (_quantile(np.inf, level) / _quantile(free, level)) ** 2, count))
+
+
+def _wilson(p: float, n: float, level: float, count: int, drives: int) -> Interval:
+    if n <= 0:
+        return Interval(p, np.nan, np.nan, count, drives)
+    z = _quantile(np.inf, level)
+    middle = (p + z * z / (2 * n)) / (1 + z * z / n)
+    reach = z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+    return Interval(p, max(float(middle - reach), 0.0), min(float(middle + reach), 1.0), count, drives)
+
+
+def rate_difference(
+    before: Bool, after: Bool, clusters: Clusters | None = None, level: float = LEVEL
+) -> Interval:
     """Return by how much a rate differs between two flags (N,) of the same runs, after less before.
 
-    The interval is Newcombe's for paired rates (1998, method 10), from both Wilson intervals.
+    The interval is Newcombe's for paired rates (1998, method 10), from both shares' intervals and the
+    correlation of their clusters.
 
     >>> from maurice_datasets.trials.statistics import rate_difference
     >>> import numpy as np
-    >>> found = rate_difference(np.ones(20, bool), np.arange(20) < 15)
-    >>> found.value, round(found.low, 2), round(found.high, 2)
+    >>> figure = rate_difference(np.ones(20, bool), np.arange(20) < 15)
+    >>> figure.value, round(figure.low, 2), round(figure.high, 2)
     (-0.25, -0.47, -0.04)
     """
     before, after = np.asarray(before, bool), np.asarray(after, bool)
-    first, second = rate(int(before.sum()), len(before)), rate(int(after.sum()), len(after))
-    both, neither = int((before & after).sum()), int((~before & ~after).sum())
-    lost, won = int((before & ~after).sum()), int((~before & after).sum())
-    margins = float((both + lost) * (won + neither) * (both + won) * (lost + neither))
-    alike = 0.0 if margins == 0 else (both * neither - lost * won) / np.sqrt(margins)
+    of = apart(len(before)) if clusters is None else clusters
+    first, second = share(before, of, level), share(after, of, level)
+    if not len(before):
+        return first
+    sums, _ = _totals(np.stack([before - first.value, after - second.value], axis=1), of.units)
+    scale = float(np.sqrt(np.prod(np.square(sums).sum(axis=0))))
+    alike = float(np.prod(sums, axis=1).sum()) / scale if scale > 0 else 0.0
     down, up = second.value - second.low, second.high - second.value
     fell, rose = first.high - first.value, first.value - first.low
     low = np.sqrt(max(down**2 - 2 * alike * down * fell + fell**2, 0.0))
     high = np.sqrt(max(up**2 - 2 * alike * up * rose + rose**2, 0.0))
     value = second.value - first.value
-    return Interval(value, value - float(low), value + float(high), len(before))
-
-
-def mean(values: F64, groups: F64 | None = None) -> Interval:
-    """Return the mean (N,) with a bootstrap interval that draws groups, then members of each (N,).
-
-    Runs in one arena are alike, so arenas are drawn first. Without groups, or with one, members alone are.
-    """
-    values = np.asarray(values, np.float64)
-    if len(values) == 0:
-        return Interval(np.nan, np.nan, np.nan, 0)
-    means = _resampled_means(values, np.zeros(len(values)) if groups is None else np.asarray(groups))
-    low, high = np.percentile(means, (2.5, 97.5))
-    return Interval(float(values.mean()), float(low), float(high), len(values))
-
-
-def _resampled_means(values: F64, groups: F64) -> F64:
-    """Return means (RESAMPLES,) of samples: as many groups as there are, as many members as each has."""
-    rng = np.random.default_rng(SEED)
-    names, of = np.unique(groups, return_inverse=True)
-    sizes = np.bincount(of)
-    padded = np.zeros((len(names), sizes.max()))
-    for number in range(len(names)):
-        padded[number, : sizes[number]] = values[of == number]
-    chosen = rng.integers(len(names), size=(RESAMPLES, len(names)))
-    sums, counts = np.zeros(RESAMPLES), sizes[chosen].sum(axis=1)
-    for group in chosen.T:
-        size = sizes[group][:, None]
-        drawn = (rng.random((RESAMPLES, padded.shape[1])) * size).astype(int)
-        inside = np.arange(padded.shape[1]) < size
-        sums += np.where(inside, padded[group[:, None], drawn], 0).sum(axis=1)
-    return np.asarray(sums / counts)
+    return Interval(value, value - float(low), value + float(high), len(before), of.count)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +229,7 @@ class Survival:
     high: F64
     at_risk: int
     events: int
+    drives: int
 
     def time_at(self, share: float) -> float:
         """Return the first time at which the share is that small; inf if it never is."""
@@ -123,43 +245,43 @@ class Survival:
     def median_interval(self) -> tuple[float, float]:
         """Where the limits of the curve cross a half (Brookmeyer and Crowley 1982)."""
         early, late = np.flatnonzero(self.low <= 0.5), np.flatnonzero(self.high <= 0.5)
-        first, last = (float(self.times[found[0]]) if len(found) else np.inf for found in (early, late))
+        first, last = (float(self.times[reached[0]]) if len(reached) else np.inf for reached in (early, late))
         return first, last
 
 
-def survival(times: F64, happened: Bool) -> Survival:
+def survival(times: F64, happened: Bool, clusters: Clusters | None = None, level: float = LEVEL) -> Survival:
     """Return the Kaplan-Meier curve of times (N,) to an event, or (not `happened`) to the end of watching.
 
-    Limits are Greenwood's on the log-log scale (Kalbfleisch and Prentice 1980).
+    Limits are on the log-log scale (Kalbfleisch and Prentice 1980), with Greenwood's variance, or that of the
+    clusters where it is larger (Williams 1995).
     """
     times, happened = np.asarray(times, np.float64), np.asarray(happened, bool)
+    of = apart(len(times)) if clusters is None else clusters
     at = np.unique(times[happened])
-    risk = np.array([(times >= one).sum() for one in at], np.float64)
-    died = np.array([((times == one) & happened).sum() for one in at], np.float64)
-    share: F64 = np.asarray(np.cumprod(1 - died / risk), np.float64)
-    low, high = _limits(share, risk, died)
-    return Survival(at, share, low, high, len(times), int(happened.sum()))
-
-
-def _limits(share: F64, risk: F64, died: F64) -> tuple[F64, F64]:
+    there = times[:, None] >= at
+    died = (times[:, None] == at) & happened[:, None]
+    risk, events = there.sum(axis=0).astype(np.float64), died.sum(axis=0).astype(np.float64)
+    curve: F64 = np.asarray(np.cumprod(1 - events / risk), np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
-        spread = np.sqrt(np.cumsum(died / (risk * (risk - died)))) / np.abs(np.log(share))
-        reach = np.exp(Z * spread)
-        low, high = share**reach, share ** (1 / reach)
-    open_ = (share > 0) & (share < 1) & np.isfinite(spread)
-    return np.where(open_, low, 0.0 * share), np.where(
-        open_, high, np.where(share > 0, 1.0, high_at_zero(risk))
-    )
-
-
-def high_at_zero(risk: F64) -> F64:
-    """Return the upper limit where all have had the event: Wilson's for none of those last at risk."""
-    return np.array([rate(0, int(max(one, 1))).high for one in risk], np.float64)
+        hazard = events / risk
+        influences = np.cumsum((died - there * hazard) / (risk * (1 - hazard)), axis=1)
+        greenwood = np.sqrt(np.cumsum(events / (risk * (risk - events))))
+        spread = _quantile(np.inf, level) * greenwood
+        if len(np.unique(of.units)) < len(times):
+            sums, free = _totals(influences, of.units)
+            spread = np.fmax(spread, _quantile(free, level) * np.sqrt(np.square(sums).sum(axis=0)))
+        reach = np.exp(spread / np.abs(np.log(curve)))
+        low, high = curve**reach, curve ** (1 / reach)
+    known = (curve > 0) & (curve < 1) & np.isfinite(reach)
+    worth = np.maximum(risk * of.count / max(len(times), 1), 1).tolist()
+    none = [_wilson(0.0, left, level, 1, 1).high for left in worth]
+    low, high = np.where(known, low, 0.0), np.where(known, high, np.where(curve > 0, 1.0, none))
+    return Survival(at, curve, low, high, len(times), int(happened.sum()), of.count)
 
 
 @dataclass(frozen=True, slots=True)
 class LogFit:
-    """y = intercept + slope * log10(x), by least squares; the slope with a bootstrap interval."""
+    """y = intercept + slope * log10(x), by least squares; the slope with its interval."""
 
     intercept: float
     slope: Interval
@@ -169,20 +291,35 @@ class LogFit:
         return np.asarray(self.intercept + self.slope.value * np.log10(x))
 
 
-def log_fit(x: F64, y: F64, groups: F64) -> LogFit:
-    """Fit y (N,) against the decimal log of x (N,); the interval draws whole groups (N,), as drives."""
+def log_fit(x: F64, y: F64, clusters: Clusters, level: float = LEVEL) -> LogFit:
+    """Fit y (N,) against the decimal log of x (N,); the slope's interval is Student's over clusters."""
     x, y = np.log10(np.asarray(x, np.float64)), np.asarray(y, np.float64)
     slope, intercept = np.polyfit(x, y, 1)
-    rng = np.random.default_rng(SEED)
-    names, of = np.unique(groups, return_inverse=True)
-    sums = np.stack([np.bincount(of, weights) for weights in (np.ones(len(x)), x, y, x * x, x * y)], axis=1)
-    n, sx, sy, sxx, sxy = sums[rng.integers(len(names), size=(RESAMPLES, len(names)))].sum(axis=1).T
-    slopes = (n * sxy - sx * sy) / (n * sxx - sx * sx)
-    low, high = np.percentile(slopes, (2.5, 97.5))
-    return LogFit(float(intercept), Interval(float(slope), float(low), float(high), len(y)))
+    far = x - x.mean()
+    influences = far * (y - intercept - slope * x) / np.square(far).sum()
+    return LogFit(
+        float(intercept), _student(float(slope), influences, float(np.abs(y).max()), clusters, level)
+    )
 
 
-FLIPS, FEW = 10_000, 13  # of signs; up to so many differences all are tried
+def p_value(figure: Callable[[float], Interval], value: float) -> float:
+    """Return the two-sided p-value of a figure being `value`, from its intervals at all levels.
+
+    It is 1 less the highest level at which the interval leaves the value out; 1e-12 at least.
+
+    >>> import numpy as np
+    >>> from maurice_datasets.trials.statistics import mean, p_value
+    >>> round(p_value(lambda level: mean(np.array([1.0, 2.0, 4.0]), level=level), 0), 3)
+    0.118
+    """
+    low, high = np.log(1e-12), 0.0  # of p
+    for _ in range(30):
+        middle = (low + high) / 2
+        low, high = (low, middle) if figure(1 - np.exp(middle)).excludes(value) else (middle, high)
+    return float(np.exp(high))
+
+
+FLIPS, MOST_EXACT = 10_000, 13  # of signs; up to so many differences all are tried
 
 
 def sign_flip(differences: F64) -> float:
@@ -199,7 +336,7 @@ def sign_flip(differences: F64) -> float:
     values = differences[differences != 0]
     if not len(values):
         return 1.0
-    if len(values) <= FEW:
+    if len(values) <= MOST_EXACT:
         signs = 1 - 2 * ((np.arange(2 ** len(values))[:, None] >> np.arange(len(values))) & 1)
         return float((np.abs(signs @ values) >= np.abs(values.sum()) * (1 - 1e-12)).mean())
     signs = np.random.default_rng(SEED).choice((-1, 1), (FLIPS, len(values)))

@@ -14,13 +14,13 @@ import polars as pl
 from maurice_loaders.errors import InputError
 
 from .rows import KEY, SCHEMA, TYPES, read_rows
-from .statistics import Interval, Survival, mean, rate, survival
+from .statistics import Clusters, Interval, Survival, mean, rate_difference, share, survival
 
 NUMBERS = [
     name for name, kind in TYPES.items() if kind in (pl.Float64, pl.Int64, pl.Boolean) and name not in KEY
 ]
 LOCALIZED = "pictures_to_localize"
-TIMES = {LOCALIZED: "pictures_after"}  # censored: where a run without is cut off
+TIMES = {LOCALIZED: "pictures_after", "localized_m": "after_m", "localized_s": "after_s"}  # where censored
 DEFAULT = "error_m"
 
 
@@ -42,7 +42,7 @@ class Difference:
 
     by: dict[str, Any]
     against: dict[str, Any]
-    figure: Interval  # mean of the differences, run by run
+    figure: Interval  # mean of the differences, run by run; of a flag, the difference of its rates
 
 
 def load_trials(folder: str | Path, where: Sequence[str] = ()) -> pl.DataFrame:
@@ -101,14 +101,15 @@ def _of_one_type(values: list[Any]) -> list[Any]:
 def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Group]:
     """Return a group for every combination of columns: mean or share with an interval, median, runs.
 
-    Means have a bootstrap interval that draws arenas, then drives; shares have Wilson's. Pictures to
-    localize are censored at the end of a drive: their median is Kaplan and Meier's. InputError for unknown
+    Intervals are over arenas, else drives (`clusters_of`): Student's for means, Wilson's for shares. Times
+    to localize are censored at the end of a drive: their median is Kaplan and Meier's. InputError for unknown
     columns.
 
         >>> import polars as pl
         >>> from maurice_datasets.trials.table import grouped
-        >>> values = {"particles": [100, 100], "error_m": [1.0, 3.0], "error": [None, None], "arena": [1, 2]}
-        >>> grouped(pl.DataFrame(values), ["particles"])[0].figure.value
+        >>> runs = {"particles": [100, 100], "error_m": [1.0, 3.0], "error": [None, None], "arena": [1, 2]}
+        >>> rows = pl.DataFrame(runs | {"session": ["global", "global"], "seed": [0, 1]})
+        >>> grouped(rows, ["particles"])[0].figure.value
         2.0
     """
     columns = [_known(rows, name) for name in by]
@@ -122,33 +123,55 @@ def _group(by: dict[str, Any], rows: pl.DataFrame, metric: str) -> Group:
     good = rows.filter(pl.col("error").is_null())
     failed, curve = len(rows) - len(good), None
     if metric in TIMES:
-        curve = curve_of(good, metric)
-        return Group(by, rate(curve.events, curve.at_risk), curve.median, curve.at_risk, failed, curve)
+        known = good.filter(pl.col(TIMES[metric]).is_not_null())
+        curve = curve_of(known, metric)
+        reached = share(known[metric].is_not_null().to_numpy(), clusters_of(known))
+        return Group(by, reached, curve.median, curve.at_risk, failed, curve)
     known = good.filter(pl.col(metric).is_not_null())
-    values = known[metric].cast(pl.Float64).to_numpy()
+    values, clusters = known[metric].to_numpy(), clusters_of(known)
     if rows.schema[metric] == pl.Boolean:
-        return Group(by, rate(int(values.sum()), len(values)), np.nan, len(values), failed)
+        return Group(by, share(values, clusters), np.nan, len(values), failed)
     middle = float(np.median(values)) if len(values) else np.nan
-    return Group(by, mean(values, _arenas(known)), middle, len(values), failed)
+    return Group(by, mean(values, clusters), middle, len(values), failed)
 
 
 def curve_of(rows: pl.DataFrame, metric: str = LOCALIZED) -> Survival:
     """Return the Kaplan-Meier curve of a time that runs took, of those whose truth is known."""
     known = rows.filter(pl.col(TIMES[metric]).is_not_null())
-    took, ends = known[metric], known[TIMES[metric]].to_numpy()
-    times = np.minimum(took.fill_null(np.iinfo(np.int64).max).to_numpy(), ends)
-    return survival(times, took.is_not_null().to_numpy())
+    times, happened = (
+        known.select(_limited(metric))[metric].to_numpy(),
+        known[metric].is_not_null().to_numpy(),
+    )
+    return survival(times, happened, clusters_of(known))
 
 
-def _arenas(rows: pl.DataFrame) -> Any:
-    return rows["arena"].fill_null(0).to_numpy()
+def _limited(metric: str) -> pl.Expr:
+    """Return a column as numbers; of a time that is censored, the end of the drive for a run without."""
+    values = pl.col(metric).cast(pl.Float64)
+    return values.fill_null(pl.col(TIMES[metric])) if metric in TIMES else values
+
+
+def clusters_of(rows: pl.DataFrame) -> Clusters:
+    """Return which runs of trials are alike: seeds of one recorded session; drives in one simulated arena.
+
+    Rows of updates, with one `run` for each of a run's updates, are alike within that run.
+    """
+    recorded, session = pl.col("arena").is_null(), pl.col("session")
+    place = pl.when(recorded).then(session).otherwise(pl.format("arena {}", "arena"))
+    drive = pl.when(recorded).then(session).otherwise(pl.format("{} {}", "session", "seed"))
+    labels = rows.select(place=place, drive=drive).to_dict()
+    return Clusters.of(labels["place"].to_numpy(), labels["drive"].to_numpy(), _runs_of(rows))
+
+
+def _runs_of(rows: pl.DataFrame) -> Any:
+    return rows["run"].to_numpy() if "run" in rows.columns else None
 
 
 def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Difference]:
     """Compare every group with the first, run by run: same part, session, seed and other settings.
 
-    A flag counts as 0 or 1. Runs that only one of the two groups holds are left out. InputError for unknown
-    columns.
+    Rates have Newcombe's interval for pairs. A run that never localized counts with the whole of its drive.
+    Runs that only one of the two groups holds are left out. InputError for unknown columns.
 
         >>> import maurice_datasets as md
         >>> rows = md.load_trials("trials")  # doctest: +SKIP
@@ -161,12 +184,12 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
     whole = {"label", "variant"} & set(columns)  # these say already which settings a run has
     other = [] if whole else [name for name in _varied(rows) if name not in columns]
     same = ["part", "session", "seed", *other]
-    kept = rows.filter(pl.col("error").is_null() & pl.col(metric).is_not_null())
-    kept = kept.select(*dict.fromkeys([*columns, *same, "arena"]), pl.col(metric).cast(pl.Float64))
+    kept = rows.filter(pl.col("error").is_null() & pl.col(TIMES.get(metric, metric)).is_not_null())
+    kept = kept.select(*dict.fromkeys([*columns, *same, "arena"]), _limited(metric))
     parts = (
         [(values, some) for values, some in kept.group_by(columns, maintain_order=True)] if columns else []
     )
-    found = []
+    differences = []
     for values, some in parts[1:]:
         both = some.join(
             parts[0][1],
@@ -175,10 +198,16 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
             suffix="_first",
             nulls_equal=True,
         )
-        apart = (both[metric] - both[f"{metric}_first"]).to_numpy()
-        named = [dict(zip(columns, one, strict=True)) for one in (values, parts[0][0])]
-        found.append(Difference(named[0], named[1], mean(apart, _arenas(both))))
-    return found
+        after, before, clusters = (
+            both[metric].to_numpy(),
+            both[f"{metric}_first"].to_numpy(),
+            clusters_of(both),
+        )
+        flags = rows.schema[metric] == pl.Boolean
+        figure = rate_difference(before > 0, after > 0, clusters) if flags else mean(after - before, clusters)
+        named = [dict(zip(columns, names, strict=True)) for names in (values, parts[0][0])]
+        differences.append(Difference(named[0], named[1], figure))
+    return differences
 
 
 def _varied(rows: pl.DataFrame) -> list[str]:

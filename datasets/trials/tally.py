@@ -9,20 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.failures.causes import JUMPED, SLIPPED, TURNED, Cause, CauseFinder
-from maurice_mcl.analysis.failures.near_truth import has_near, have_near
 from maurice_mcl.analysis.metrics import RunErrors, RunScore, Scorer, SuccessJudge, first_mostly
 from maurice_mcl.analysis.trace_score import DrivenPath, score_trace, trace_errors
-from maurice_mcl.arrays import F64, Bool
+from maurice_mcl.arrays import F64
 from maurice_mcl.filter.batch import SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.map import Arena
 from maurice_mcl.records import FilterState, StepRecord
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.session import Moment
-
-IMPOVERISHED, MOVED_OTHERWISE, OTHER = "impoverishment", "motion", "other"
-BEFORE = 10  # updates: a slip explains a loss that comes so soon after it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,13 +30,24 @@ class RunFigures:
     confidence: F64  # (U,)
     driven_m: F64  # (U,)
     times_s: F64  # (U,)
-    near: Bool  # (U,) whether a particle was near the truth
     ess_share: F64  # (U,) effective sample size over the number of particles
     reseeded: int  # updates with fresh particles
     took_s: float
     kidnapped_at: int | None  # update, from 1
     known_start: bool
-    causes: Sequence[Cause]  # what befell the robot
+
+    @property
+    def tracks(self) -> bool:
+        """Whether the run began at the true pose and nobody carried the robot away."""
+        return self.known_start and self.kidnapped_at is None
+
+    @property
+    def failed(self) -> bool:
+        """Whether the run failed: it was lost, or where it does not track, is not right at its end.
+
+        This is the thesis's (3.6.2, figure 37). A run without truth did not fail.
+        """
+        return self.score.lost is True if self.tracks else self.score.right_at_end is False
 
     def row(self) -> dict[str, Any]:
         """Return all figures; None where the truth is not known."""
@@ -71,6 +77,8 @@ class RunFigures:
             "localized_m": None if at is None else float(self.driven_m[at]) - begun_m,
             "localized_s": None if at is None else float(self.times_s[at]) - begun_s,
             "pictures_after": None if found.lost is None else found.updates - since,
+            "after_m": None if found.lost is None else float(self.driven_m[-1]) - begun_m,
+            "after_s": None if found.lost is None else float(self.times_s[-1]) - begun_s,
             "right_at_end": found.right_at_end,
             "wrong_confident": found.wrong_confident_share,
             "succeeded_tenth": self._succeeded(0),
@@ -79,7 +87,6 @@ class RunFigures:
             "sd_end_m": float(self.sd_m[-1]),
             "ess_share": float(self.ess_share.cumsum()[-1]) / found.updates,
             "reseeded": self.reseeded,
-            "failure": self.failure(found.lost_at_update, found.right_at_end),
             "took_s": self.took_s,
             "off_m": self.errors.off_m.tolist(),
             "sd_m": self.sd_m.tolist(),
@@ -89,22 +96,6 @@ class RunFigures:
     def _succeeded(self, reading: int) -> bool:
         found = self.score.success[reading]
         return found.at_update is not None and found.failed is None
-
-    def failure(self, lost_at: int | None, right_at_end: bool | None) -> str | None:
-        """Say why a run failed: None for one that did not, or without truth (thesis 3.6.2 and figure 37).
-
-        A run whose start was known and that nobody carried away fails if it was lost, any other if it is not
-        right at its end.
-        """
-        tracking = self.known_start and self.kidnapped_at is None
-        lost_at = lost_at if tracking else None
-        if lost_at is None and (tracking or right_at_end is not False):
-            return None
-        last = self.score.updates if lost_at is None else lost_at
-        moved = [one for one in self.causes if one.kind in (SLIPPED, TURNED, JUMPED)]
-        if lost_at is not None and any(last - BEFORE <= one.step <= last for one in moved):
-            return MOVED_OTHERWISE
-        return IMPOVERISHED if not self.near[:last].all() else OTHER
 
 
 @dataclass(slots=True)
@@ -117,8 +108,7 @@ class RunTally:
     judge: SuccessJudge
     known_start: bool
     scorer: Scorer = field(default_factory=Scorer)
-    causes: CauseFinder = field(default_factory=CauseFinder)
-    values: list[tuple[float, float, bool, float]] = field(default_factory=list)  # sd, confidence, near, ESS
+    values: list[tuple[float, float, float]] = field(default_factory=list)  # sd, confidence, ESS
     fresh: int = 0
     took_s: float = 0.0
 
@@ -143,18 +133,16 @@ class RunTally:
         truth = moment.truth
         self.scorer.add(record.estimate, truth, moment.frame.motions)
         self.judge.add(record, truth)
-        self.causes.drive(moment, record.estimate.radii)
         sd_m = float(np.hypot(*record.mean_estimate.sd_m))
-        near = truth is not None and has_near(record.weighted, truth, record.estimate.radii.right_m)
         ess_share = record.effective_sample_size / record.weighted.size
-        self.values.append((sd_m, record.estimate.confidence, near, ess_share))
+        self.values.append((sd_m, record.estimate.confidence, ess_share))
         self.fresh += record.injected is not None
         self.took_s += sum(record.took_s.values())
 
     def figures(self, drive: Sequence[Moment]) -> list[RunFigures]:
         """Return the run's figures; the moments of the drive need no pictures."""
         path = DrivenPath.of(drive)
-        sd_m, confidence, near, ess_share = np.array(self.values, np.float64).T
+        sd_m, confidence, ess_share = np.array(self.values, np.float64).T
         return [
             RunFigures(
                 score=replace(self.scorer.result(), success=self.judge.result()),
@@ -163,13 +151,11 @@ class RunTally:
                 confidence=confidence,
                 driven_m=path.driven_m,
                 times_s=path.times_s,
-                near=near > 0,
                 ess_share=ess_share,
                 reseeded=self.fresh,
                 took_s=self.took_s,
                 kidnapped_at=kidnapped_at(drive),
                 known_start=self.known_start,
-                causes=self.causes.found,
             )
         ]
 
@@ -183,8 +169,6 @@ class BatchTally:
     runs: SteppedRuns
     arena: Arena
     known_start: bool
-    causes: CauseFinder = field(default_factory=CauseFinder)
-    near: list[Bool] = field(default_factory=list)  # (R,) at every update
     took_s: float = 0.0  # of each run
 
     @classmethod
@@ -200,16 +184,10 @@ class BatchTally:
         began = perf_counter()
         self.runs.advance(moment.frame, picture.comparison)
         self.took_s += (perf_counter() - began) / len(self.numbers) + picture.took_s
-        self.causes.drive(moment, self.localizer.radii)
-        near = np.zeros(len(self.numbers), bool)
-        if moment.truth is not None:
-            origin, right_m = self.localizer.library.origin, self.localizer.radii.right_m
-            near = have_near(self.runs.weighted, origin, moment.truth, right_m)
-        self.near.append(near)
 
     def figures(self, drive: Sequence[Moment]) -> list[RunFigures]:
         """Return the figures of each run; the moments of the drive need no pictures."""
-        path, near = DrivenPath.of(drive), np.array(self.near).T
+        path = DrivenPath.of(drive)
         return [
             RunFigures(
                 score=score_trace(trace, path, self.arena),
@@ -218,15 +196,13 @@ class BatchTally:
                 confidence=trace.confidence,
                 driven_m=path.driven_m,
                 times_s=path.times_s,
-                near=near[run],
                 ess_share=trace.effective_sample_size / self.localizer.particles,
                 reseeded=int((trace.fresh > 0).sum()),
                 took_s=self.took_s,
                 kidnapped_at=kidnapped_at(drive),
                 known_start=self.known_start,
-                causes=self.causes.found,
             )
-            for run, trace in enumerate(self.runs.traces())
+            for trace in self.runs.traces()
         ]
 
 

@@ -13,7 +13,7 @@ import polars as pl
 import rerun as rr
 
 from maurice_datasets.trials.statistics import mean
-from maurice_datasets.trials.table import DEFAULT, NUMBERS, TIMES
+from maurice_datasets.trials.table import DEFAULT, NUMBERS, TIMES, clusters_of
 from maurice_loaders.errors import InputError
 from maurice_mcl.analysis.failures.verdict import decisive_step
 
@@ -161,11 +161,11 @@ def _goes_with(rows: pl.DataFrame, name: str, by: str) -> bool:
 
 def _series(name: str, rows: pl.DataFrame, metric: str, by: str, settings: Sequence[object]) -> Series:
     at = [settings.index(value) for value in rows[by].to_list()]
-    values, arenas = rows[metric].to_numpy(), rows["arena"].fill_null(0).to_numpy()
+    values, clusters = rows[metric].to_numpy(), clusters_of(rows)
     means = []
     for number in sorted(set(at)):
         here = np.array(at) == number
-        found = mean(values[here], arenas[here])
+        found = mean(values[here], clusters[here])
         means.append(Mean(number, found.value, found.low, found.high))
     runs = [name_of(row) for row in rows.iter_rows(named=True)]
     return Series(name, at, np.asarray(values, np.float64), runs, means)

@@ -142,10 +142,10 @@ def _demands(drive: DriveCheck) -> Table:
 
 def _changes(drive: DriveCheck) -> Table:
     title = f"{drive.session}: against the baseline, {drive.changes[0].pairs} seeds"
-    table = _table(title, "figure", "difference", "95 % interval", "")
+    table = _table(title, "figure", "difference", "95 % interval", "p", "")
     for one in drive.changes:
         values = (one.before, one.now, one.difference, one.low, one.high)
         before, now, by, low, high = (drive.figure(one.kind, value) for value in values)
         name = f"{one.title}\n  {before} before, {now} now"
-        table.add_row(name, by, f"{low} to {high}", HELD if one.passed else FAILED)
+        table.add_row(name, by, f"{low} to {high}", f"{one.p:.2g}", HELD if one.passed else FAILED)
     return table

@@ -19,8 +19,8 @@ from rich.text import Text
 from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
 from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import TYPES
-from maurice_datasets.trials.statistics import Interval
-from maurice_datasets.trials.table import DEFAULT, Difference, Group, grouped, load_trials, paired
+from maurice_datasets.trials.statistics import FEW, Interval
+from maurice_datasets.trials.table import DEFAULT, TIMES, Difference, Group, grouped, load_trials, paired
 from maurice_loaders.writing import expect_absent, write_whole
 
 from ..errors import OptionError
@@ -31,7 +31,6 @@ from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option
 
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
-LOCALIZED = "pictures_to_localize"
 Folder = Annotated[Path, argument("DIR", "A folder that `trials` has made.")]
 Where = Annotated[
     list[str] | None,
@@ -220,6 +219,7 @@ def trials_table(
     differences = [one for one in differences if one.figure.count]
     if differences:
         results.print(_differences(differences, metric))
+    _say_if_few(one.figure for one in groups)
     if not any(one.figure.count for one in groups):
         note(f"no run holds {metric}: it failed, was left out, or has no truth for it")
 
@@ -228,15 +228,10 @@ def _plain(found: list[Group] | list[Difference]) -> list[dict[str, Any]]:
     """Return groups as plain values; what is not known or infinite is null."""
     kept = []
     for one in found:
-        values = {key: value for key, value in asdict(one).items() if key != "curve"}
-        figure = values.pop("figure")
-        told = values | figure | {"median": values.get("median")}
-        kept.append(
-            {
-                key: None if isinstance(value, float) and not math.isfinite(value) else value
-                for key, value in told.items()
-            }
-        )
+        values = {key: value for key, value in asdict(one).items() if key not in ("curve", "figure")}
+        median = values.get("median")
+        known = median if median is not None and math.isfinite(median) else None
+        kept.append(values | one.figure.to_json() | {"median": known})
     return kept
 
 
@@ -252,35 +247,46 @@ def _write(file: Path, groups: list[Group], *, parquet: bool, force: bool) -> No
 
 def _groups(groups: list[Group], metric: str) -> Table:
     title, factor = metric_title(metric)
-    digits, localize = _digits(metric), metric == LOCALIZED
+    digits, timed = _digits(metric), metric in TIMES
     flag = title.endswith("(%)")
     table = _table(title, groups[0].by if groups else ())
-    names = ("rate" if flag or localize else "mean", "95 % interval", "median", "runs", "failed")
-    kept = (True, True, localize or not flag, True, any(one.failed for one in groups))
-    for name in itertools.compress(names, kept):
+    names = ("rate" if flag or timed else "mean", "95 % interval", "median")
+    several = any(one.figure.drives != one.figure.count for one in groups)  # runs of a drive
+    kept = (True, True, not flag, True, several, any(one.failed for one in groups))
+    for name in itertools.compress((*names, "runs", "drives", "failed"), kept):
         table.add_column(name, justify="right")
     for one in groups:
-        value, limits = _in_words(one.figure, factor, digits)
-        middle = one.median if localize else one.median * factor
-        cells = (value, limits, _or_dash(middle, digits), str(one.runs), str(one.failed))
+        value, limits = _in_words(one.figure, 100 if timed else factor, digits)
+        counts = map(str, (one.runs, one.figure.drives, one.failed))
+        cells = (value, limits, _or_dash(one.median * factor, digits), *counts)
         table.add_row(*map(_cell, one.by.values()), *itertools.compress(cells, kept))
-    if localize:
-        table.caption = "rate: share that localized. median: pictures until then, censored at the end"
+    if timed:
+        table.caption = "rate: share that localized (%). median: the others are censored at their end"
     return table
 
 
 def _differences(differences: list[Difference], metric: str) -> Table:
     title, factor = metric_title(metric)
-    if metric == LOCALIZED:
-        title, factor = "pictures to localize of runs that both localized", 1.0
+    if metric in TIMES:
+        title += ", the whole drive where never"
     against = ", ".join(_cell(value) for value in differences[0].against.values())
     table = _table(f"{title}, less that of {against}, on the same drives", differences[0].by)
-    for name in ("difference", "95 % interval", "pairs"):
+    for name in ("difference", "95 % interval", "pairs", "drives"):
         table.add_column(name, justify="right")
     for one in differences:
         value, limits = _in_words(one.figure, factor, _digits(metric), "+")
-        table.add_row(*map(_cell, one.by.values()), value, limits, str(one.figure.count))
+        counts = map(str, (one.figure.count, one.figure.drives))
+        table.add_row(*map(_cell, one.by.values()), value, limits, *counts)
     return table
+
+
+def _say_if_few(figures: Iterable[Interval]) -> None:
+    """Say what intervals of so few drives are worth, once for all of a table."""
+    drives = min((one.drives for one in figures if one.count), default=FEW)
+    if drives == 1:
+        note("intervals are over the seeds of one drive: they say nothing of other drives")
+    elif drives < FEW:
+        note(f"{drives} drives are few: intervals are wide or missing; from {FEW} on they tell something")
 
 
 def _table(title: str, by: Iterable[str]) -> Table:
@@ -309,7 +315,7 @@ def _in_words(figure: Interval, factor: float, digits: int, sign: str = "") -> t
     value, low, high = (
         _or_dash(one * factor, digits, sign) for one in (figure.value, figure.low, figure.high)
     )
-    return value, f"{low} to {high}" if figure.count else "-"
+    return value, f"{low} to {high}" if math.isfinite(figure.low) else "-"
 
 
 def _or_dash(value: float, digits: int = 1, sign: str = "") -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.drives import Drive, turning_drive
-from maurice_datasets.trials.statistics import mean
+from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.proposal import belief_at
@@ -40,7 +40,7 @@ def turning(material: Material) -> Figure:
     """Draw deviation and error while the robot turns in place: simulated turns of 45 degrees, many runs."""
     spec = material.spec(EXAMPLE)
     drives = [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(DRIVES)]
-    made, places = panels(1, 2, "turns of 45 degrees", "")
+    made, both = panels(1, 2, "turns of 45 degrees", "")
     made.set_size_inches(10.0, 4.6)
     for number, feature in enumerate(("color", "blended")):
         found = [
@@ -48,20 +48,20 @@ def turning(material: Material) -> Figure:
             for seed in range(RUNS)
             for one in (drives[seed % DRIVES],)
         ]
-        arenas = np.arange(RUNS, dtype=np.float64) % DRIVES
-        for axes, column in zip(places, (0, 1), strict=True):
-            limits = [mean(np.array([one[column, at] for one in found]), arenas) for at in range(TURNS)]
+        places = Clusters.of(np.arange(RUNS) % DRIVES)
+        for axes, column in zip(both, (0, 1), strict=True):
+            limits = [mean(np.array([one[column, at] for one in found]), places) for at in range(TURNS)]
             y, low, high = np.array([[one.value, one.low, one.high] for one in limits]).T / INCH_M
             color, marker, line = STYLES[number]
             x, told = np.arange(1, TURNS + 1), f"{feature}, {RUNS} runs in {DRIVES} places"
             axes.plot(x, y, color=color, marker=marker, markevery=5, linestyle=line, label=told)
             axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
-    for axes, label in zip(places, (LABELS[DEVIATION], LABELS[OFF]), strict=True):
+    for axes, label in zip(both, (LABELS[DEVIATION], LABELS[OFF]), strict=True):
         axes.set_ylabel(label)
         axes.set_ylim(0)
         axes.set_xlim(0)
     told = f"simulated; clouds begin with sd {BEGUN_M / INCH_M:.0f} in along x and y, and 20 degrees; {BANDS}"
-    handles, labels = places[0].get_legend_handles_labels()
+    handles, labels = both[0].get_legend_handles_labels()
     made.legend(
         handles, labels, loc="outside lower center", ncols=2, fontsize=8, title=told, title_fontsize=8
     )

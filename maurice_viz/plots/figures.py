@@ -18,16 +18,18 @@ OVER_PARTICLES = (
     ThesisFigure(26, TRAVEL, partial(counts.before_loss, log=True)),
     ThesisFigure(27, f"{TRAVEL} (linear)", partial(counts.before_loss, log=False)),
     ThesisFigure(28, "Average error against the number of particles", counts.error),
-    ThesisFigure(29, "Error over distance against the number of particles", counts.error_a_distance),
-    ThesisFigure(30, "Error per 1,000 in of every run", counts.error_by_run),
+    ThesisFigure(
+        29, "Average error against the number of particles, with a fit", partial(counts.error, fitted=True)
+    ),
+    ThesisFigure(30, "Average error of every run", counts.error_by_run),
     ThesisFigure(37, "Global localization: final error, by what made a run fail", counts.final_error),
     ThesisFigure(
         38,
         "Global localization: distance driven until localized",
         partial(
-            counts.by_feature,
+            counts.localized_median,
             metric="localized_m",
-            label="driven until localized, runs that were (in)",
+            label="driven until localized (in)",
             features=("color",),
         ),
     ),

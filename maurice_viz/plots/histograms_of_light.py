@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_datasets.trials.statistics import mean
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.calibration.sensor import COLORS
 from maurice_mcl.sensor.descriptors.channel import BINS
@@ -26,7 +25,7 @@ from .marks import (
     grid_of_axes,
     remark,
 )
-from .material import Material, ThesisFigure
+from .material import Material, ThesisFigure, over_drives
 from .over_particles import STYLES
 
 if TYPE_CHECKING:
@@ -65,10 +64,10 @@ def by_channel(material: Material, channel: str) -> Figure:
         at = NUMBERS + 0.27 * (k - 1)
         axes.bar(at, parts[k], 0.27, color=color, hatch=HATCHES[k], edgecolor="white", lw=0, label=label)
     axes.legend(fontsize=8)
-    sums = np.concatenate([_sums(one, channel) for one in material.several])
+    sums = [_sums(one, channel) for one in material.several]
     own = float(parts.sum())
     told = f"step {pair.step}: sum {own:.2f} of {parts.size} (D = {own / parts.size:.3f}); "
-    remark(made, f"{told}over {_pictures(material)} mean {_interval(sums, _drives(material))}")
+    remark(made, f"{told}over {_pictures(material)} mean {over_drives(sums).said(1, 2)}")
     return made
 
 
@@ -84,16 +83,17 @@ def in_shifted_light(material: Material) -> Figure:
     dress(left, _told(pair), BIN_AXIS, COUNT_AXIS)
     over_each_other(left, *pair.described("color"))
     dress(right, f"all {_pictures(material)}", "brighter than its reference (gray levels)", "pictures")
-    driven = np.concatenate([one.brighter for one in material.several])
-    relit = np.concatenate([one.in_light(MORE_LIGHT).brighter for one in material.several])
+    shifts = [one.brighter for one in material.several]
+    relit_shifts = [one.in_light(MORE_LIGHT).brighter for one in material.several]
+    driven, relit = np.concatenate(shifts), np.concatenate(relit_shifts)
     edges = np.linspace(min(driven.min(), relit.min()), max(driven.max(), relit.max()), 30)
     right.hist(driven, list(edges), color="#888D96", edgecolor="white", label="in the light of the drive")
     label = f"in {MORE_LIGHT:g} x the light"
     right.hist(relit, list(edges), histtype="step", color=STYLES[1][0], hatch="///", label=label)
     right.legend(fontsize=8)
-    drives = _drives(material)
-    told = f"size of the shift, mean: {_interval(np.abs(driven), drives)} gray levels as driven"
-    remark(made, f"{told}, {_interval(np.abs(relit), drives)} in {MORE_LIGHT:g} x the light")
+    size, relit_size = (over_drives([np.abs(one) for one in some]) for some in (shifts, relit_shifts))
+    told = f"size of the shift, mean: {size.said(1, 2)} gray levels as driven"
+    remark(made, f"{told}, {relit_size.said(1, 2)} in {MORE_LIGHT:g} x the light")
     return made
 
 
@@ -134,8 +134,8 @@ def smoothed(material: Material) -> Figure:
         axes.set_ylim(0, top * 1.15)
     relit = [one.in_light(MORE_LIGHT) for one in material.several]
     sums = [(_sums(one, "color"), _sums(one, "smoothed")) for one in relit]
-    cut = np.concatenate([100 * (1 - smooth / np.maximum(plain, 1e-6)) for plain, smooth in sums])
-    less = _interval(cut, _drives(material), digits=0)
+    cut = [100 * (1 - smooth / np.maximum(plain, 1e-6)) for plain, smooth in sums]
+    less = over_drives(cut).said(1, 0)
     remark(made, f"{_told(pair)}; over {_pictures(material)} smoothing lowers the sum by {less} %")
     return made
 
@@ -199,19 +199,10 @@ def _titles(pair: PicturePair) -> tuple[str, str]:
     return f"sample of step {pair.step}", f"truth's reference, entry {pair.entry}"
 
 
-def _drives(material: Material) -> F64:
-    """Return the number of the drive of every picture."""
-    return np.concatenate([np.full(len(one.known), k) for k, one in enumerate(material.several)])
-
-
 def _pictures(material: Material) -> str:
     drives = len(material.several)
-    return f"{len(_drives(material))} pictures of {drives} drive{'s' * (drives > 1)}"
-
-
-def _interval(values: F64, groups: F64, digits: int = 2) -> str:
-    found = mean(values, groups)
-    return f"{found.value:.{digits}f} (95 %: {found.low:.{digits}f} to {found.high:.{digits}f})"
+    pictures = sum(len(one.known) for one in material.several)
+    return f"{pictures} pictures of {drives} drive{'s' * (drives > 1)}"
 
 
 FIGURES = (

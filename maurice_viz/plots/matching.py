@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_datasets.trials.statistics import mean
-from maurice_mcl.arrays import F32, F64
+from maurice_mcl.arrays import F32
 from maurice_mcl.calibration.sensor import stretched
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.sensor.descriptors.edges import edge_image
@@ -18,7 +17,7 @@ from .calibration import INK, dress
 from .example import MORE_LIGHT, DrivePictures, PicturePair, ranks_of, reference_picture, rooms_of, with_noise
 from .maps import map_axes
 from .marks import draw_picture, grid_of_axes, remark, say_pose
-from .material import Material, ThesisFigure
+from .material import Material, ThesisFigure, over_drives
 from .over_particles import STYLES
 
 if TYPE_CHECKING:
@@ -119,11 +118,9 @@ def best_matches(material: Material, feature: str) -> Figure:
 
 def _within_best(material: Material, feature: str) -> str:
     ranks = [one.ranks(feature) for one in material.several]
-    drives: F64 = np.concatenate([np.full(len(some), k) for k, some in enumerate(ranks)])
-    hit = mean(np.asarray(np.concatenate(ranks) <= BEST, np.float64), drives)
-    share = f"{hit.value:.0%} (95 %: {hit.low:.0%} to {hit.high:.0%})"
-    over = f"{hit.count} pictures of {len(ranks)} drives"
-    return f"the truth's reference is among the best five in {share} of {over}"
+    hits = over_drives([np.asarray(some <= BEST, np.float64) for some in ranks])
+    over = f"{sum(map(len, ranks))} pictures of {len(ranks)} drives"
+    return f"the truth's reference is among the best five in {hits.said(100, 0)} % of {over}"
 
 
 def placed(material: Material, *, reference: bool) -> Figure:

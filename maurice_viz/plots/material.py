@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive, arena_of, open_drive
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.rows import read_plan_of
+from maurice_datasets.trials.statistics import LEVEL, Interval, mean
 from maurice_datasets.trials.table import load_trials
 from maurice_datasets.trials.timing import read_timing
 from maurice_loaders.errors import InputError
+from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
@@ -170,6 +173,11 @@ def steps_of(localizer: Localizer, drive: Drive) -> Iterator[tuple[Moment, StepR
     for moment in drive.session.moments():
         state, record = localizer.step(state, moment.frame)
         yield moment, record
+
+
+def over_drives(values: Sequence[F64], level: float = LEVEL) -> Interval:
+    """Return the mean over drives of what each drive's pictures (P,) show; pictures of a drive are alike."""
+    return mean(np.array([one.mean() for one in values]), level=level)
 
 
 def settings_of(part: dict[str, Any], variant: int) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Figures of many runs against the number of particles: distance before loss, error, times to localize."""
+"""Figures of many runs against the number of particles: distance before loss, error, time to localize."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.statistics import log_fit
-from maurice_datasets.trials.table import curve_of, grouped
-from maurice_datasets.trials.tally import IMPOVERISHED, MOVED_OTHERWISE, OTHER
+from maurice_datasets.trials.table import LOCALIZED, TIMES, clusters_of, curve_of, grouped
+from maurice_mcl.analysis.failures.kinds import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.analysis.metrics import GOAL_M
 from maurice_mcl.geometry import INCH_M
 
+from ..text.trials import metric_title
 from .calibration import ACTUAL, BAND, INK, figure
-from .material import Material
+from .material import Material, NothingToDraw
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,63 +25,59 @@ if TYPE_CHECKING:
 # color, marker and line: told apart in gray print too
 STYLES = (("#0072B2", "o", "-"), ("#D55E00", "s", "--"), ("#009E73", "^", "-."), ("#CC79A7", "D", ":"))
 PARTICLES = "particles"
-MARKS = {IMPOVERISHED: ("s", "#D55E00"), MOVED_OTHERWISE: ("^", "#0072B2"), OTHER: ("x", "#009E73")}
-CLASSES = {
-    IMPOVERISHED: "failed: no particle near the truth",
-    MOVED_OTHERWISE: "failed: odometry wrong",
-    OTHER: "failed: other",
-}
+FAILED = (  # label, the causes that `diagnose` names, marker, color
+    ("failed: no particle at the true place", (PROPOSAL, RESAMPLING), "s", "#D55E00"),
+    ("failed: movement beyond the motion model", (MOTION,), "^", "#0072B2"),
+)
+OTHERS = ("x", "#009E73")
+THESIS_IN = 9  # mean error, in inches, over drives of 1,000
 
 
 def before_loss(material: Material, *, log: bool) -> Figure:
-    """Draw how far every run drove before it was lost, with the goal and a fit over the log of the count."""
-    rows = material.part("position-tracking")
+    """Draw how far every run drove before it was lost, with the goal and a fit over the log of the count.
+
+    Of a run that was not lost only the end of its drive is known. So means and fit are of the distance within
+    what every run drove, or the goal where that is less: nothing of it is cut off.
+    """
+    rows = material.part("position-tracking").filter(pl.col("lost").is_not_null())
+    if rows.is_empty():
+        raise NothingToDraw(material.folder, "holds no runs of position-tracking whose truth is known")
     made, axes = figure("", "particles", "driven before it was lost (in)")
-    x, y = _column(rows, PARTICLES), _column(rows, "before_loss_m") / INCH_M
-    axes.plot(_jittered(x), y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
-    _means(axes, rows, "before_loss_m", 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
-    fit = log_fit(x, y, _column(rows, "seed"))
-    slope, counts = fit.slope, np.unique(x)
-    told = f"fit: {slope.value:+.0f} in a decade ({slope.low:+.0f} to {slope.high:+.0f})"
-    axes.plot(counts, fit.at(counts), color=INK, linestyle="--", linewidth=1, label=told)
+    for lost, mark, label in ((True, ".", "lost there"), (False, "^", "not lost: end of the drive")):
+        some = rows.filter(pl.col("lost") == lost)
+        x, y = _jittered(_column(some, PARTICLES)), _inches(some, "before_loss_m")
+        axes.plot(x, y, mark, color=ACTUAL, ms=4, mfc="none", alpha=0.5, label=_runs(some, label))
+    every_m = min(float(rows["distance_m"].to_numpy().min()), GOAL_M)
+    within = rows.with_columns(pl.col("before_loss_m").clip(upper_bound=every_m))
+    label = f"mean within the first {every_m / INCH_M:,.0f} in, 95 % interval"
+    _means(axes, within, "before_loss_m", 1 / INCH_M, label, 0, shifted=False)
+    _fit(axes, within, "before_loss_m", "+.0f")
     axes.axhline(GOAL_M / INCH_M, color=INK, linestyle=":", label="goal of the thesis, 1,000 in")
     axes.set_ylim(0)
     _finish(axes, log=log)
     return made
 
 
-def error(material: Material, metric: str = "error_m", label: str = "mean error of a run (in)") -> Figure:
-    """Draw an error against the number of particles, of runs of the position tracking part."""
-    rows = material.part("position-tracking")
-    made, axes = figure("", "particles", label)
-    _points(axes, rows, metric)
-    _means(axes, rows, metric, 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
-    axes.set_ylim(0)
-    _finish(axes)
-    return made
-
-
-def error_a_distance(material: Material) -> Figure:
-    """Draw error over distance driven, with a fit over the log of the count."""
-    rows = material.part("position-tracking").filter(pl.col("distance_m") > 0)
-    rows = rows.with_columns((pl.col("error_m") / pl.col("distance_m")).alias("a_distance"))
-    made, axes = figure("", "particles", "mean error over distance driven (in per 1,000 in)")
-    x, y = _column(rows, PARTICLES), _column(rows, "a_distance") * 1000
-    axes.plot(_jittered(x), y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
-    fit, counts = log_fit(x, y, _column(rows, "seed")), np.unique(x)
-    told = f"fit: {fit.slope.value:+.1f} a decade ({fit.slope.low:+.1f} to {fit.slope.high:+.1f})"
-    axes.plot(counts, fit.at(counts), color=INK, linestyle="--", label=told)
-    axes.axhline(9, color=INK, linestyle=":", label="the thesis: 9 in per 1,000 in")
+def error(material: Material, *, fitted: bool = False) -> Figure:
+    """Draw the mean error of position tracking against the number of particles; with a fit over its log."""
+    rows = material.part("position-tracking").filter(pl.col("error_m").is_not_null())
+    made, axes = figure("", "particles", "mean error of a run (in)")
+    x, y = _jittered(_column(rows, PARTICLES)), _inches(rows, "error_m")
+    axes.plot(x, y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
+    _means(axes, rows, "error_m", 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
+    if fitted:
+        _fit(axes, rows, "error_m", "+.1f")
+        _thesis(axes)
     axes.set_ylim(0)
     _finish(axes)
     return made
 
 
 def error_by_run(material: Material) -> Figure:
-    """Draw the error of each run per 1,000 in, runs ordered by their number of particles."""
-    rows = material.part("position-tracking").filter(pl.col("distance_m") > 0).sort(PARTICLES, "seed")
-    made, axes = figure("", "run, ordered by number of particles", "error per 1,000 in driven (in)")
-    y = 1000 * _column(rows, "error_m") / _column(rows, "distance_m")
+    """Draw the mean error of each run, runs ordered by their number of particles."""
+    rows = material.part("position-tracking").filter(pl.col("error_m").is_not_null()).sort(PARTICLES, "seed")
+    made, axes = figure("", "run, ordered by number of particles", "mean error of a run (in)")
+    y = _inches(rows, "error_m")
     axes.plot(np.arange(1, len(y) + 1), y, ".", color=ACTUAL, label=_runs(rows, "each run"))
     counts = _column(rows, PARTICLES)
     for first in np.flatnonzero(np.diff(counts, prepend=-1)):
@@ -88,10 +85,28 @@ def error_by_run(material: Material) -> Figure:
         axes.annotate(
             f"{counts[first]:,.0f}", (first + 1, 1), xycoords=("data", "axes fraction"), fontsize=7, va="top"
         )
-    axes.axhline(9, color=INK, linestyle=":", label="the thesis: 9 in")
+    _thesis(axes)
     axes.set_ylim(0)
     axes.legend(loc="upper right", fontsize=8)
     return made
+
+
+def _thesis(axes: Axes) -> None:
+    axes.axhline(
+        THESIS_IN, color=INK, linestyle=":", label=f"the thesis: {THESIS_IN} in over 1,000 in driven"
+    )
+
+
+def _fit(axes: Axes, rows: pl.DataFrame, metric: str, digits: str) -> None:
+    """Draw a line through a metric of runs, in inches, over the log of the count; its slope in the legend."""
+    x = _column(rows, PARTICLES)
+    if len(counts := np.unique(x)) < 2:
+        return
+    fit = log_fit(x, _inches(rows, metric), clusters_of(rows))
+    slope = fit.slope
+    value, low, high = (f"{number:{digits}}" for number in (slope.value, slope.low, slope.high))
+    label = f"fit: {value} in a decade ({low} to {high})"
+    axes.plot(counts, fit.at(counts), color=INK, linestyle="--", linewidth=1, label=label)
 
 
 def final_error(material: Material, features: Sequence[str] = ("color",)) -> Figure:
@@ -108,21 +123,25 @@ def final_error(material: Material, features: Sequence[str] = ("color",)) -> Fig
         alpha=0.6,
         label=_runs(good, "right at the end"),
     )
-    for failure, (marker, color) in MARKS.items():
-        some = rows.filter(pl.col("failure") == failure)
+    failed = rows.filter(pl.col("failure").is_not_null())
+    other = failed.filter(~pl.col("failure").is_in([kind for _, kinds, *_ in FAILED for kind in kinds]))
+    classes = [
+        (label, failed.filter(pl.col("failure").is_in(kinds)), marker, color)
+        for label, kinds, marker, color in FAILED
+    ]
+    for label, some, marker, color in (*classes, (f"failed: {_causes(other)}", other, *OTHERS)):
         if not some.is_empty():
-            axes.plot(
-                _jittered(_column(some, PARTICLES)),
-                _inches(some, "final_error_m"),
-                marker,
-                color=color,
-                ms=5,
-                alpha=0.7,
-                label=_runs(some, CLASSES[failure]),
-            )
+            x, y = _jittered(_column(some, PARTICLES)), _inches(some, "final_error_m")
+            axes.plot(x, y, marker, color=color, ms=5, alpha=0.7, label=_runs(some, label))
     axes.set_ylim(0)
     _finish(axes)
     return made
+
+
+def _causes(rows: pl.DataFrame) -> str:
+    """Return what made runs fail, the commonest first."""
+    counts = rows["failure"].value_counts(sort=True).rows()
+    return ", ".join(f"{kind.replace('_', ' ')} {count}" for kind, count in counts)
 
 
 def by_feature(material: Material, metric: str, label: str, features: Sequence[str]) -> Figure:
@@ -172,20 +191,30 @@ def time_to_localize(material: Material, features: Sequence[str] = ("color", "bl
     return made
 
 
-def localized_median(material: Material, features: Sequence[str]) -> Figure:
-    """Draw the median number of pictures until localized against particles, censored runs counted as such."""
+def localized_median(
+    material: Material,
+    features: Sequence[str],
+    metric: str = LOCALIZED,
+    label: str = "pictures until localized",
+) -> Figure:
+    """Draw the median of a time to localize against particles; runs that never localized are censored."""
     rows = material.part("global-localization").filter(pl.col("feature").is_in(list(features)))
-    made, axes = figure("", "particles", "pictures until localized, median")
-    end = float(rows["pictures_after"].to_numpy().max())
+    rows = rows.filter(pl.col(TIMES[metric]).is_not_null())
+    if rows.is_empty():
+        why = f"holds no runs of global-localization with {TIMES[metric]}; make them with this version"
+        raise NothingToDraw(material.folder, why)
+    made, axes = figure("", "particles", f"{label}, median")
+    factor = metric_title(metric)[1]
+    end = float(rows[TIMES[metric]].to_numpy().max()) * factor
     for number, feature in enumerate(features):
         color, marker, line = STYLES[number]
-        groups = grouped(rows.filter(pl.col("feature") == feature), [PARTICLES], "pictures_to_localize")
-        groups = sorted(groups, key=lambda one: float(one.by[PARTICLES]))
-        x = np.array([one.by[PARTICLES] for one in groups], float) * (1 + 0.05 * number)
-        curves = [one.curve for one in groups if one.curve is not None]
-        middle = np.array([min(one.median, end) for one in curves])
-        low, high = np.array([np.minimum(one.median_interval, end) for one in curves]).T
-        told = f"{feature}, {groups[0].runs if groups else 0} runs each"
+        groups = grouped(rows.filter(pl.col("feature") == feature), [PARTICLES], metric)
+        groups = sorted(groups, key=lambda group: float(group.by[PARTICLES]))
+        x = np.array([group.by[PARTICLES] for group in groups], float) * (1 + 0.05 * number)
+        curves = [group.curve for group in groups if group.curve is not None]
+        middle = np.array([min(curve.median * factor, end) for curve in curves])
+        limits = np.array([curve.median_interval for curve in curves]).reshape(-1, 2).T * factor
+        low, high = np.minimum(limits, end)
         axes.errorbar(
             x,
             middle,
@@ -194,7 +223,7 @@ def localized_median(material: Material, features: Sequence[str]) -> Figure:
             marker=marker,
             linestyle=line,
             capsize=3,
-            label=told,
+            label=f"{feature}, {groups[0].runs if groups else 0} runs each",
         )
     axes.axhline(end, color=INK, linestyle=":", label="end of the drive: not localized by half of the runs")
     axes.set_ylim(0)
@@ -223,11 +252,6 @@ def _means(
     )
 
 
-def _points(axes: Axes, rows: pl.DataFrame, metric: str) -> None:
-    x, y = _column(rows, PARTICLES), _inches(rows, metric)
-    axes.plot(_jittered(x), y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
-
-
 def _finish(axes: Axes, *, log: bool = True) -> None:
     if log:
         axes.set_xscale("log")
@@ -249,4 +273,5 @@ def _jittered(x: Any) -> Any:
 
 
 def _runs(rows: pl.DataFrame, what: str) -> str:
-    return f"{what}, {len(rows)} runs"
+    drives = clusters_of(rows).count
+    return f"{what}, {len(rows)} runs" + (f" of {drives} drives" if drives != len(rows) else "")

@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.statistics import Interval, mean
+from maurice_datasets.trials.table import clusters_of
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 
@@ -37,20 +38,22 @@ BANDS = "bands: means, 95 % intervals"
 def curve(rows: pl.DataFrame, column: str) -> list[Interval]:
     """Return the mean of a column of lists over runs at every update, in its own unit.
 
-    Each with its interval over arenas, then drives. Runs that ended earlier or whose truth is not known at an
+    Each with its interval over arenas, or drives. Runs that ended earlier or whose truth is not known at an
     update are left out there.
     """
-    lists, arenas = rows[column].to_list(), rows["arena"].fill_null(0).to_numpy()
+    lists, clusters = rows[column].to_list(), clusters_of(rows)
     values = np.full((len(lists), max(map(len, lists))), np.nan)
     for number, one in enumerate(lists):
         values[number, : len(one)] = one
     known = np.isfinite(values)
-    return [mean(at[held], arenas[held]) for at, held in zip(values.T, known.T, strict=True)]
+    return [mean(at[held], clusters[held]) for at, held in zip(values.T, known.T, strict=True)]
 
 
 def by_feature(material: Material, part: str, features: Sequence[str]) -> Figure:
     """Draw the deviation of the cloud against the update, a line a feature, one panel a session."""
     rows = material.part(part)
+    if missing := [name for name in features if name not in rows["feature"].to_list()]:
+        raise NothingToDraw(material.folder, f"holds no runs of {part} with {', '.join(missing)}")
     sessions = rows["session"].unique(maintain_order=True).to_list()
     made, axes = panels(1, len(sessions), UPDATE, LABELS[DEVIATION])
     for place, session in zip(axes, sessions, strict=True):
@@ -109,7 +112,7 @@ def after_kidnapping(rows: pl.DataFrame, column: str) -> Interval:
     since = rows["kidnapped_at_update"].to_list()
     lists = rows[column].to_list()
     values = np.array([np.nanmean(one[at - 1 :]) for one, at in zip(lists, since, strict=True)])
-    return mean(values * FACTORS[column], rows["arena"].fill_null(0).to_numpy())
+    return mean(values * FACTORS[column], clusters_of(rows))
 
 
 def kidnapped(material: Material) -> Figure:

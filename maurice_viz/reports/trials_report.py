@@ -13,7 +13,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from maurice_datasets.trials.plan import shipped_plans
 from maurice_datasets.trials.rows import read_plan_of
-from maurice_datasets.trials.statistics import Interval
 from maurice_datasets.trials.table import grouped
 from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.geometry import INCH_M
@@ -23,7 +22,7 @@ from ..plots.calibration import expect_matplotlib
 from ..plots.drawn import rendered
 from ..plots.figures import FIGURES
 from ..plots.material import Material
-from .claims import CLAIMS, NOT, REPRODUCED, UNDECIDED, UNTESTABLE
+from .claims import BUILT_IN, CLAIMS, NOT, REPRODUCED, UNDECIDED, UNTESTABLE, judged
 
 SECTIONS = (
     (range(4, 15), "Motion and noise (3.2, 3.3)"),
@@ -38,7 +37,7 @@ SECTIONS = (
     (range(70, 74), "Cost, and what remained open (5)"),
 )
 PAGE_DPI = 100
-CLASSES = {REPRODUCED: "yes", NOT: "no", UNDECIDED: "open", UNTESTABLE: "none"}
+CLASSES = {REPRODUCED: "yes", NOT: "no", UNDECIDED: "open", UNTESTABLE: "none", BUILT_IN: "none"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +60,8 @@ def trials_report(
     """Write one self-contained page about a folder of trials: what every variant reached, with intervals.
 
     Trials of the shipped plans also get the thesis's claims and its figures. Of each claim it says:
-    reproduced, not reproduced, undecided (the interval allows both) or not testable. Returns the file.
+    reproduced, not reproduced, undecided (the trials allow both), built into the simulated robot, or not
+    testable. Returns the file.
     InputError for a folder without trials and for a file that exists, unless `force` is given.
 
         >>> import maurice_viz as mv
@@ -81,7 +81,8 @@ def page_of(material: Material, progress: Callable[[int, int], None] | None = No
     """Return the page."""
     plan, rows = read_plan_of(material.folder), material.rows
     thesis = not {part["name"] for part in plan["parts"]}.isdisjoint(shipped_plans())
-    found = [(one, one.check(material)) for one in CLAIMS] if thesis else []
+    claims = CLAIMS if thesis else ()
+    found = list(zip(claims, judged([one.check(material) for one in claims]), strict=True))
     drawn = drawings(material, progress) if thesis else []
     page = Environment(
         loader=PackageLoader("maurice_viz.reports"), autoescape=True, undefined=StrictUndefined
@@ -142,18 +143,11 @@ def _results(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
         recorded = some["arena"].null_count() == len(some)
         unit, factor = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
         lines = [
-            (*error.by.values(), error.runs, _said(error.figure, factor, 2), _said(right.figure, 100, 0))
+            (*error.by.values(), error.runs, error.figure.said(factor, 2), right.figure.said(100, 0))
             for error, right in zip(errors, rights, strict=True)
         ]
         found.append({"title": part["title"], "unit": unit, "rows": lines})
     return found
-
-
-def _said(figure: Interval, factor: float, digits: int) -> str:
-    if not figure.count:
-        return "not known"
-    value, low, high = (f"{one * factor:.{digits}f}" for one in (figure.value, figure.low, figure.high))
-    return f"{value} ({low} to {high})"
 
 
 def _about(rows: pl.DataFrame) -> str:

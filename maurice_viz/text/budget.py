@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from maurice_datasets.trials.budget import ErrorBudget
-from maurice_datasets.trials.statistics import Interval
 
 from ..style import units_named
 
@@ -15,9 +14,9 @@ def budget_rows(found: ErrorBudget) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for one in found.parts:
         error, cost = one.error, one.cost
-        told = ("", "") if cost is None else (one.costs, _with_limits(cost, per_m, digits, "+"))
+        told = ("", "") if cost is None else (one.costs, cost.said(per_m, digits, "+"))
         lost = f"{100 * one.lost.value:.0f} %"
-        rows.append((one.part, _with_limits(error, per_m, digits), lost, *told))
+        rows.append((one.part, error.said(per_m, digits), lost, *told))
     return rows
 
 
@@ -42,8 +41,3 @@ ADVICE = {
     "distance between references": "Add references (`library check` says where).",
     "number of particles": "Use more particles (`--particles`).",
 }
-
-
-def _with_limits(figure: Interval, per_m: float, digits: int, sign: str = "") -> str:
-    value, low, high = (f"{one * per_m:{sign}.{digits}f}" for one in (figure.value, figure.low, figure.high))
-    return f"{value} ({low} to {high})"

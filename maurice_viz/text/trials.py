@@ -19,7 +19,7 @@ def metric_title(metric: str) -> tuple[str, float]:
     for ending, (unit, factor) in UNITS.items():
         if metric.endswith(ending):
             return f"{metric.removesuffix(ending).replace('_', ' ')} ({unit})", factor
-    flag = str(SCHEMA[metric][0]) == "Boolean" or metric == "pictures_to_localize"
+    flag = str(SCHEMA[metric][0]) == "Boolean"
     return f"{metric.replace('_', ' ')}{' (%)' if flag else ''}", 100.0 if flag else 1.0
 
 

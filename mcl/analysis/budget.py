@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import F32, F64
+from ..arrays import F32, F64, Bool
 from ..errors import InputError
 from ..filter.batch import RunTrace, run_batch
 from ..filter.localizer import Localizer
@@ -49,7 +49,7 @@ class BudgetLine:
 
     part: str  # one of PARTS
     errors_m: F64  # (S,) mean position error of each seed's run, over updates 4 to the last
-    lost: int  # runs that were ever lost
+    lost: Bool  # (S,) whether each run was ever lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def error_budget_line(
 def _scored(part: str, traces: Sequence[RunTrace], moments: Sequence[Moment]) -> BudgetLine:
     scores = [score_trace(trace, moments) for trace in traces]
     errors = [np.nan if one.position_error_mean_m is None else one.position_error_mean_m for one in scores]
-    return BudgetLine(part, np.array(errors), sum(one.lost is True for one in scores))
+    return BudgetLine(part, np.array(errors), np.array([one.lost is True for one in scores]))
 
 
 def with_true_motions(moments: Sequence[Moment], start: F64 | None) -> list[Moment]:

@@ -139,7 +139,7 @@ def test_a_baseline_of_something_else_is_one_line(drive, baseline, tmp_path):
     assert "another drive" in failure("check", longer, *FEW, *seeds, "--against", baseline)
     assert "make one with --save-baseline" in failure("check", drive, *seeds, "--against", other / "none")
     assert "expected a baseline" in failure("check", drive, *seeds, "--against", drive)
-    with pytest.raises(OptionError, match="--seeds 5"):
+    with pytest.raises(OptionError, match="--seeds 6"):
         mv.check(drive, against=baseline)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, Bool
+from ...arrays import F64
 from ...records import Belief, StepRecord
 from ..metrics import LOST_RAD
 
@@ -59,13 +59,3 @@ def has_near(belief: Belief, truth: F64, radius_m: float) -> bool:
     x, y = truth[:2] - belief.origin
     near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= radius_m**2
     return bool((np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)).any())
-
-
-def have_near(poses: F32, origin: F64, truth: F64, radius_m: float) -> Bool:
-    """Return `has_near` (R,) of R clouds with poses (3, R, N) relative to an origin."""
-    x, y = truth[:2] - origin
-    away = np.square(poses[0] - x)
-    away += np.square(poses[1] - y)
-    near = away <= radius_m**2
-    alike = np.cos(poses[2][near] - truth[2]) >= np.cos(LOST_RAD)
-    return np.bincount(near.nonzero()[0][alike], minlength=len(near)) > 0

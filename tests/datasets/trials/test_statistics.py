@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
-from scipy.stats import binomtest
+from scipy.special import ndtri
+from scipy.stats import binomtest, ttest_1samp
 
 from maurice_datasets.trials.statistics import (
+    Clusters,
     holm,
     log_fit,
     mean,
+    p_value,
     rate,
     rate_difference,
+    share,
     sign_flip,
     survival,
 )
@@ -47,20 +53,99 @@ def test_nobody_reached_it() -> None:
     assert found.events == 0
 
 
-def test_the_mean_of_arenas_is_wider_than_that_of_drives() -> None:
+def nested(rng: np.random.Generator, counts: tuple[int, int, int], alike: float) -> tuple[Clusters, Any]:
+    """Return clusters of places, drives and runs, and values (N,) with mean 0 that are alike in both."""
+    places, drives, runs = counts
+    place = np.repeat(np.arange(places), drives * runs)
+    drive = np.repeat(np.arange(places * drives), runs)
+    values = rng.normal(size=len(drive)) + alike * rng.normal(size=drive.max() + 1)[drive]
+    return Clusters.of(place, drive), values + (places > 1) * alike * rng.normal(size=places)[place]
+
+
+@pytest.mark.parametrize(
+    "counts", [(2, 1, 5), (3, 2, 2), (5, 4, 1), (5, 2, 4), (1, 8, 3), (10, 8, 1), (1, 1, 12)]
+)
+@pytest.mark.parametrize("alike", [0.0, 1.5])
+def test_intervals_of_clustered_runs_cover_the_truth_as_often_as_they_say(
+    counts: tuple[int, int, int], alike: float
+) -> None:
+    rng, trials = np.random.default_rng(2), 250
+    alike *= counts != (1, 1, 12)  # seeds of one drive: the interval is over these
+    above = 0.7  # probability of a value above this limit
+    limit = ndtri(1 - above) * np.sqrt(1 + alike**2 * (2 if counts[0] > 1 else 1))
+    held = np.ones((trials, 4))
+    for trial in range(trials):
+        clusters, values = nested(rng, counts, alike)
+        x, over = 10.0 ** (np.arange(len(values)) % 3), values > limit
+        figures = (
+            (mean(values, clusters), 0.0),
+            (share(over, clusters), above),
+            (log_fit(x, values, clusters).slope, 0.0),
+        )
+        held[trial, :3] = [not figure.excludes(true) for figure, true in figures]
+        curve = survival(np.where(over, 2.0, 1.0), ~over, clusters)
+        if 0 < curve.events < len(values):
+            held[trial, 3] = curve.low[0] <= above <= curve.high[0]
+    assert (held.mean(axis=0) > 0.9 - 4 * np.sqrt(0.09 / trials)).all(), held.mean(axis=0)
+    assert held[:, 0].mean() <= 0.99
+
+
+@pytest.mark.parametrize("counts", [(5, 4, 1), (1, 10, 4)])
+def test_differences_of_paired_rates_cover_the_truth(counts: tuple[int, int, int]) -> None:
+    rng, held = np.random.default_rng(3), []
+    for _ in range(300):
+        clusters, values = nested(rng, counts, 1.0)
+        before, after = (values + rng.normal(size=len(values)) > 1 for _ in range(2))
+        held.append(not rate_difference(before, after, clusters).excludes(0))
+    assert 0.9 - 4 * np.sqrt(0.09 / 300) < np.mean(held)
+
+
+def test_copies_of_a_run_tell_nothing_more() -> None:
     rng = np.random.default_rng(1)
-    arenas = np.repeat(np.arange(10), 20)
-    values = rng.normal(size=10)[arenas] + 0.1 * rng.normal(size=200)
-    grouped, flat = mean(values, arenas), mean(values)
-    assert grouped.value == flat.value == pytest.approx(values.mean())
-    assert grouped.high - grouped.low > 2 * (flat.high - flat.low)
+    values, drives = rng.normal(size=20), Clusters.of(np.arange(20))
+    times, ended = rng.integers(1, 9, 20).astype(float), rng.random(20) < 0.7
+    x = 10.0 ** rng.integers(0, 3, 20)
+    copies = Clusters.of(np.repeat(np.arange(20), 6), np.repeat(np.arange(20), 6))
+    for figure, data in (
+        (mean, (values,)),
+        (share, (values > 1.5,)),
+        (rate_difference, (values > 1, values > 0)),
+    ):
+        one, many = figure(*data, drives), figure(*(np.repeat(part, 6) for part in data), copies)
+        assert (one.value, many.drives, many.count) == (pytest.approx(many.value), 20, 120)
+        assert one.high - one.low <= (many.high - many.low) * (1 + 1e-9)
+    one, many = survival(times, ended, drives), survival(np.repeat(times, 6), np.repeat(ended, 6), copies)
+    assert (one.high - one.low <= (many.high - many.low) * (1 + 1e-9)).all()
+    one, many = log_fit(x, values, drives).slope, log_fit(np.repeat(x, 6), np.repeat(values, 6), copies).slope
+    assert many.high - many.low == pytest.approx(one.high - one.low)
 
 
-def test_the_interval_of_the_mean_covers_the_true_mean_as_often_as_it_says() -> None:
-    rng = np.random.default_rng(2)
-    found = [mean(rng.normal(size=40)) for _ in range(300)]
-    hits = sum(one.low <= 0 <= one.high for one in found)
-    assert abs(hits / 300 - 0.94) < 4 * np.sqrt(0.94 * 0.06 / 300)
+def test_a_cluster_is_within_the_one_before() -> None:
+    clusters = Clusters.of(["a", "a", "b", "b"], [0, 1, 0, 0])
+    assert (clusters.count, clusters.units.tolist()) == (3, [0, 0, 1, 1])
+    only = Clusters.of(["a", "a"], [0, 0])
+    assert (only.count, len(set(only.units.tolist()))) == (1, 2)  # seeds of one drive
+    updates = Clusters.of(["a"] * 3, [0] * 3, [0] * 3)  # updates of one run
+    assert np.isnan(share(np.array([True, True, False]), updates).low)
+    assert np.isnan(mean(np.array([1.0, 2.0, 3.0]), updates).low)
+
+
+def test_few_drives_have_no_interval_where_nothing_tells_their_spread() -> None:
+    assert np.isnan(mean(np.ones(2)).low)
+    assert mean(np.ones(5)).low == mean(np.ones(5)).high == 1
+    assert not mean(np.ones(1)).excludes(7)
+    assert rate_difference(np.zeros(2, bool), np.ones(2, bool)).low < 0.5
+    assert mean(np.array([1.0, 3.0])).said() == "2.0 (-10.7 to 14.7)"
+    assert mean(np.ones(2)).said(100, 0) == "100 (too few drives)"
+    assert mean(np.zeros(0)).said() == "not known"
+    assert mean(np.ones(2)).to_json() == {"value": 1.0, "low": None, "high": None, "count": 2, "drives": 2}
+
+
+@pytest.mark.parametrize("value", [-0.4, 0.1, 0.9])
+def test_p_values_are_those_of_students_test(value: float) -> None:
+    values = np.random.default_rng(5).normal(size=9)
+    found = p_value(lambda level: mean(values, level=level), value)
+    assert found == pytest.approx(ttest_1samp(values, value).pvalue, rel=1e-6)
 
 
 def test_a_log_fit_finds_the_slope() -> None:
@@ -68,7 +153,7 @@ def test_a_log_fit_finds_the_slope() -> None:
     x = np.tile([100.0, 1000.0, 10000.0], 30)
     drives = np.repeat(np.arange(30), 3)
     y = 5 - 2 * np.log10(x) + rng.normal(size=30)[drives] + 0.1 * rng.normal(size=90)
-    fit = log_fit(x, y, drives)
+    fit = log_fit(x, y, Clusters.of(drives))
     assert fit.slope.low < -2 < fit.slope.high
     assert fit.slope.high - fit.slope.low < 0.2
     assert fit.at(np.array([100.0])) == pytest.approx(1, abs=0.8)

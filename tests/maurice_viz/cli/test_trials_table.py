@@ -12,7 +12,7 @@ from maurice_datasets.trials.statistics import Interval
 from maurice_datasets.trials.table import Difference, Group
 from maurice_viz.cli.trials import _differences, _groups
 
-KNOWN = Interval(0.254, 0.127, 0.508, 20)
+KNOWN = Interval(0.254, 0.127, 0.508, 20, 20)
 NOT_KNOWN = Interval(float("nan"), float("nan"), float("nan"), 0)
 BY = {"feature": "color", "resampling.scheme": "systematic", "part": "global-localization"}
 
@@ -31,7 +31,8 @@ def printed(table: Table, width: int = 80) -> str:
         ("took_s", "took (s)", "0.3", "0.1 to 0.5"),
         ("confidence_end", "confidence end", "0.25", "0.13 to 0.51"),
         ("right_at_end", "right at end (%)", "25.4", "12.7 to 50.8"),
-        ("pictures_to_localize", "pictures to localize (%)", "25.4", "12.7 to 50.8"),
+        ("pictures_to_localize", "pictures to localize", "25.4", "12.7 to 50.8"),
+        ("localized_m", "localized (in)", "25.4", "12.7 to 50.8"),
     ],
 )
 def test_units(metric: str, title: str, value: str, limits: str) -> None:
@@ -56,7 +57,7 @@ def test_what_is_not_known_is_a_dash() -> None:
 
 
 def test_differences_of_pictures_are_pictures() -> None:
-    apart = Difference({"feature": "edges"}, {"feature": "color"}, Interval(2.0, 1.0, 3.0, 7))
+    apart = Difference({"feature": "edges"}, {"feature": "color"}, Interval(2.0, 1.0, 3.0, 7, 7))
     shown = printed(_differences([apart], "pictures_to_localize"))
-    assert "both localized, less that of color" in shown.splitlines()[0]
+    assert "whole drive where never, less that of color" in shown.splitlines()[0]
     assert "+2.0" in shown

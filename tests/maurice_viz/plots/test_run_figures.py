@@ -105,6 +105,7 @@ def test_a_curve_is_the_mean_of_its_runs_and_its_band_holds_it(tmp_path: Path) -
             "part": ["smoothing"] * 6,
             "session": ["global"] * 6,
             "feature": ["color", "smoothed"] * 3,
+            "seed": [0, 0, 1, 1, 2, 2],
             "arena": [1, 1, 1, 2, 2, 2],
             "sd_m": values.tolist(),
         }
@@ -118,14 +119,15 @@ def test_a_curve_is_the_mean_of_its_runs_and_its_band_holds_it(tmp_path: Path) -
 
 
 def test_a_run_that_ended_earlier_is_left_out_after_its_end(tmp_path: Path) -> None:
-    rows = pl.DataFrame({"arena": [1, 2], "off_m": [[1.0, 2.0, 3.0], [3.0, None]]}, strict=False)
+    named = {"arena": [1, 2], "session": ["global", "global"], "seed": [0, 1]}
+    rows = pl.DataFrame(named | {"off_m": [[1.0, 2.0, 3.0], [3.0, None]]}, strict=False)
     assert [(one.value, one.count) for one in traces.curve(rows, "off_m")] == [(2, 2), (2, 1), (3, 1)]
 
 
 def test_certainty_is_the_mean_since_the_kidnapping() -> None:
-    rows = pl.DataFrame(
-        {"arena": [1, 1], "kidnapped_at_update": [2, 3], "confidence": [[1.0, 0.2, 0.4], [1.0, 1.0, 0.5]]}
-    )
+    named = {"arena": [1, 1], "session": ["kidnapped", "kidnapped"], "seed": [0, 1]}
+    since = {"kidnapped_at_update": [2, 3], "confidence": [[1.0, 0.2, 0.4], [1.0, 1.0, 0.5]]}
+    rows = pl.DataFrame(named | since)
     found = traces.after_kidnapping(rows, traces.CONFIDENCE)
     assert (round(found.value, 6), found.count) == (40, 2)
 

@@ -80,7 +80,7 @@ class DriveCheck:
         before, now, by, low, high = (self.figure(one.kind, v) for v in values)
         return (
             f"{one.title}: {before} before, {now} now, difference {by} ({low} to {high}, 95 % interval), "
-            f"{one.pairs} seeds"
+            f"{one.pairs} seeds, p = {one.p:.2g}"
         )
 
     def figure(self, kind: str, value: float) -> str:

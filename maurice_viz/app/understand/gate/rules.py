@@ -1,7 +1,7 @@
 """From runs to a decision: which demands hold, in how many runs, and whether that is worse than a baseline.
 
-The rules are in docs/check.md: a demand holds where enough of the runs meet it; a change fails where the
-interval of the paired difference leaves no doubt that it is for the worse.
+The rules are in docs/check.md: a demand holds where enough of the runs meet it; a change fails where a test
+of the paired differences says that it is for the worse.
 """
 
 from __future__ import annotations
@@ -9,18 +9,30 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from maurice_datasets.trials.statistics import Interval, Z, mean, rate, rate_difference
+from maurice_datasets.trials.statistics import (
+    Interval,
+    Z,
+    holm,
+    mean,
+    p_value,
+    rate,
+    rate_difference,
+    sign_flip,
+)
 from maurice_mcl.analysis.demands import CONVERGED, ERROR, KEPT, LOCALIZED, Demands, RunJudgement
+from maurice_mcl.arrays import F64
 
 from ....style import Scale
 
 ROUNDING = 1e-9  # of a rate
-LEAST_PAIRS = 5  # with fewer no interval of a difference means anything
+LEAST_PAIRS = 6  # with fewer no test of rates can tell anything
+CHANGED = 0.05  # p-value, of both sides: so 2.5 % of the checks in which nothing changed fail
 UNCHANGED_M = 0.001  # a difference of mean errors below it is none: another machine rounds otherwise
 
 
@@ -75,11 +87,13 @@ class BaselineChange:
     low: float  # 95 percent interval of the paired difference
     high: float
     pairs: int
+    p: float  # of no change, adjusted for the number of figures that are compared
 
     @property
     def passed(self) -> bool:
         """Whether nothing shows that it grew worse: an error that grew, or a rate that fell."""
-        return self.low <= UNCHANGED_M if self.kind == ERROR else self.high >= -ROUNDING
+        worse = self.difference > UNCHANGED_M if self.kind == ERROR else self.difference < -ROUNDING
+        return not (worse and self.p < CHANGED)
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON: meters, or rates from 0 to 1."""
@@ -203,20 +217,25 @@ def enough(needed: float) -> int:
 def changes(
     before: Mapping[int, RunJudgement], now: Sequence[RunJudgement], demands: Demands, scale: Scale
 ) -> tuple[BaselineChange, ...]:
-    """Compare runs with those of a baseline by seed; those whose seed it lacks are left out."""
-    pairs = [(before[one.seed], one) for one in now if one.seed in before]
+    """Compare runs with those of a baseline by seed; those whose seed it lacks are left out.
+
+    Mean errors are tested by Student's t, rates by McNemar's exact test, all together by Holm's adjustment.
+    """
+    pairs = [(before[run.seed], run) for run in now if run.seed in before]
     found = []
     errors = [(a.error_m, b.error_m) for a, b in pairs if a.error_m is not None and b.error_m is not None]
     if errors:
         old, new = np.array(errors, np.float64).T
-        found.append(_change("mean error", ERROR, old, new, mean(new - old)))
-    for kind in (one for one in demands.kinds if one != ERROR):
+        p = p_value(partial(mean, new - old, None), UNCHANGED_M)
+        found.append(_change("mean error", ERROR, old, new, mean(new - old), p))
+    for kind in (name for name in demands.kinds if name != ERROR):
         old, new = np.array([[a.met[kind], b.met[kind]] for a, b in pairs], np.float64).T
-        both = rate_difference(old > 0, new > 0)
-        found.append(_change(title_of(kind, demands, scale), kind, old, new, both))
-    return tuple(found)
+        difference, title = rate_difference(old > 0, new > 0), title_of(kind, demands, scale)
+        found.append(_change(title, kind, old, new, difference, sign_flip(new - old)))
+    adjusted = holm([change.p for change in found])
+    return tuple(replace(change, p=p) for change, p in zip(found, adjusted, strict=True))
 
 
-def _change(title: str, kind: str, old: Any, new: Any, by: Interval) -> BaselineChange:
+def _change(title: str, kind: str, old: F64, new: F64, by: Interval, p: float) -> BaselineChange:
     before, now = float(old.mean()), float(new.mean())
-    return BaselineChange(title, kind, before, now, by.value, by.low, by.high, by.count)
+    return BaselineChange(title, kind, before, now, by.value, by.low, by.high, by.count, p)

@@ -10,10 +10,14 @@ import pytest
 import maurice_viz as mv
 from helpers.commands import run
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_datasets.trials.engine import run_plan
+from maurice_datasets.trials.plan import read_plan
+from maurice_datasets.trials.table import load_trials
 from maurice_loaders.runs.store import open_run
 from maurice_mcl.analysis.failures import diagnosis
 from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
 from maurice_viz.app.saved import open_saved
+from maurice_viz.app.understand.diagnose import diagnose
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.failure import failure_event, say_cause
 
@@ -194,3 +198,30 @@ def test_without_truth_and_without_failure_it_says_so(small_session: Path) -> No
     text = run("diagnose", log, "--particles", 100).stdout
     assert "There is no truth to judge by" in text
     assert ("no sign" in text) == ("Probably lost" not in text)
+
+
+PLAN = """
+seeds = 4
+[[sessions]]
+path = "session.log"
+[[sessions]]
+path = "session.log"
+label = "anywhere"
+start = "anywhere"
+[settings]
+particles = 4
+"""
+
+
+def test_rows_of_trials_name_the_same_cause(small_session, tmp_path):
+    plan = small_session.with_name("few.toml")
+    plan.write_text(PLAN)
+    run_plan(read_plan(plan), tmp_path / "out")
+    rows = load_trials(tmp_path / "out")
+    assert rows["failure"].null_count() < len(rows)
+    for row in rows.iter_rows(named=True):
+        start = "global" if row["session"] == "anywhere" else None
+        failures = diagnose(small_session, particles=4, seed=row["seed"], start=start).runs[0].failures
+        failed = row["right_at_end"] is False if start else row["lost"]
+        kinds = [failure.kind for failure in failures] or ["unknown"]
+        assert row["failure"] == (kinds[-1] if start else kinds[0]) if failed else row["failure"] is None
