@@ -42,7 +42,7 @@ Figure = Callable[[float], Interval]  # with its interval of some level
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class ClaimFigure:
     """A figure of trials, and the values between which it lies if a claim is true."""
 
     figure: Figure
@@ -71,7 +71,7 @@ class ClaimResult:
 
     ours: str
     verdict: str = UNDECIDED
-    evidence: tuple[Evidence, ...] = ()  # all must be true
+    evidence: tuple[ClaimFigure, ...] = ()  # all must be true
 
     @property
     def is_true(self) -> bool:
@@ -151,7 +151,7 @@ def best_quality(material: Material) -> ClaimResult:
     first, second = partial(over_drives, best), partial(over_drives, bulk)
     middle = f"{said(second(0.95), '%', 100, 0)} of entries from 0.3 to 0.7"
     ours = f"best entry {said(first(0.95), '', 1, 2)}; {middle}"
-    return ClaimResult(ours, evidence=(Evidence(first, 0.8, 0.88), Evidence(second, 0.5)))
+    return ClaimResult(ours, evidence=(ClaimFigure(first, 0.8, 0.88), ClaimFigure(second, 0.5)))
 
 
 def critical_count(material: Material) -> ClaimResult:
@@ -169,7 +169,7 @@ def critical_count(material: Material) -> ClaimResult:
         for figure, count in ((few, below[-1]), (many, above[-1]))
     ]
     ours = f"{', '.join(told)}, than with {counts[-1]:,}; {100 * MORE:.0f} points count as more"
-    return ClaimResult(ours, evidence=(Evidence(few, MORE), Evidence(many, high=MORE)))
+    return ClaimResult(ours, evidence=(ClaimFigure(few, MORE), ClaimFigure(many, high=MORE)))
 
 
 def error_by_count(material: Material) -> ClaimResult:
@@ -185,7 +185,7 @@ def error_by_count(material: Material) -> ClaimResult:
 
     told = f"{said(slope(0.95), 'in per decade of particles', 1, 2)}, on drives that no count lost"
     return ClaimResult(
-        f"{told}; {TOLERATED:g} in count as none", evidence=(Evidence(slope, -TOLERATED, TOLERATED),)
+        f"{told}; {TOLERATED:g} in count as none", evidence=(ClaimFigure(slope, -TOLERATED, TOLERATED),)
     )
 
 
@@ -211,7 +211,9 @@ def hundred_particles(material: Material) -> ClaimResult:
     figure = partial(share, reached, clusters)
     best = float(rows["before_loss_m"].to_numpy().max()) / INCH_M
     ours = f"{said(figure(0.95), '%', 100, 0)} drive 1,000 in; the best {best:,.0f} in"
-    return ClaimResult(f"{ours}; {100 * MORE:.0f} % count as none", evidence=(Evidence(figure, high=MORE),))
+    return ClaimResult(
+        f"{ours}; {100 * MORE:.0f} % count as none", evidence=(ClaimFigure(figure, high=MORE),)
+    )
 
 
 def impoverished(material: Material) -> ClaimResult:
@@ -234,7 +236,7 @@ def _share_of_causes(material: Material, over: int, causes: Sequence[str], words
 
     figure = partial(share, flags, clusters)
     ours = f"{len(failed)} of {len(rows)} runs were lost; {said(figure(0.95), '%', 100, 0)} of them {words}"
-    return ClaimResult(f"{ours}; tested: most", evidence=(Evidence(figure, MOST),))
+    return ClaimResult(f"{ours}; tested: most", evidence=(ClaimFigure(figure, MOST),))
 
 
 def confidence(material: Material) -> ClaimResult:
@@ -254,7 +256,7 @@ def difference(
         rows = material.part(part)
         figure = _differ(rows.filter(pl.col("session") == session) if session else rows, key, first, other)
         ours = f"{said(figure(0.95), 'in', 1 / INCH_M)}, {other} less {first}"
-        return ClaimResult(ours, evidence=(Evidence(figure, high=0),))
+        return ClaimResult(ours, evidence=(ClaimFigure(figure, high=0),))
 
     return test
 
@@ -289,7 +291,7 @@ def recovery(material: Material) -> ClaimResult:
         f"{name} {one(0.95).said(100, 0, '+')}" for name, one in zip(names, figures, strict=True)
     )
     ours = f"right at the end: without {said(none, '%', 100, 0)}; more, in points: {more}"
-    return ClaimResult(ours, evidence=tuple(Evidence(figure, 0) for figure in figures))
+    return ClaimResult(ours, evidence=tuple(ClaimFigure(figure, 0) for figure in figures))
 
 
 def brightness(material: Material) -> ClaimResult:
@@ -297,7 +299,7 @@ def brightness(material: Material) -> ClaimResult:
     rows = material.part("brightness", feature="color").with_columns(session=pl.lit("tracking"))
     figure = _differ(rows, "lights", "", "dim:1.3@1")
     ours = said(figure(0.95), "in more at +30 %", 1 / INCH_M)
-    return ClaimResult(ours, evidence=(Evidence(figure, 0),))
+    return ClaimResult(ours, evidence=(ClaimFigure(figure, 0),))
 
 
 def update_cost(material: Material) -> ClaimResult:

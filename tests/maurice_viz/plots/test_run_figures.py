@@ -162,8 +162,11 @@ def test_a_figure_of_runs_without_values_is_a_note(figure, value, tmp_path, monk
     names = {"part": ("position-tracking", "global-localization"), "seed": (0, 1), "particles": (100, 2000)}
     runs = [dict(zip(names, values, strict=True)) for values in itertools.product(*names.values())]
     named = {"feature": "color", "session": "drive", "arena": 0, "settings": "{}", "pictures_after": 9}
-    lengths = ("error_m", "before_loss_m", "localized_m", "final_error_m", "distance_m")
-    rows = [dict.fromkeys(TYPES) | named | dict.fromkeys(lengths, value) | run for run in runs]
+    lengths = ("error_m", "before_loss_m", "localized_m", "after_m", "final_error_m", "distance_m")
+    known = None if value is None else False
+    rows = [
+        dict.fromkeys(TYPES) | named | dict.fromkeys(lengths, value) | {"lost": known} | run for run in runs
+    ]
     table = with_settings(pl.DataFrame(rows, schema=TYPES))
     monkeypatch.setattr(drawn, "_material", lambda folder, changed: made_of(tmp_path, table))
     monkeypatch.setattr(drawn, "rows_changed", lambda folder: 0.0)

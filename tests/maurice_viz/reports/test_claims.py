@@ -27,8 +27,8 @@ from maurice_viz.reports.claims import (
     REPRODUCED,
     UNDECIDED,
     UNTESTABLE,
+    ClaimFigure,
     ClaimResult,
-    Evidence,
     judged,
     said,
 )
@@ -68,14 +68,14 @@ def pairs(part: str, key: str, values: dict[str, float], **more: Any) -> list[di
     ]
 
 
-def evidence(value: float, reach: float, low: float = 6, high: float = 13.5, drives: int = 20) -> Evidence:
+def evidence(value: float, reach: float, low: float = 6, high: float = 13.5, drives: int = 20) -> ClaimFigure:
     """Return a figure whose interval reaches so far at 95 %, and farther at a higher level."""
 
     def figure(level: float) -> Interval:
         wide = reach * ndtri((1 + level) / 2) / 1.96
         return Interval(value, value - wide, value + wide, drives, drives)
 
-    return Evidence(figure, low, high)
+    return ClaimFigure(figure, low, high)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def evidence(value: float, reach: float, low: float = 6, high: float = 13.5, dri
         ([evidence(9, np.nan)], UNDECIDED),
     ],
 )
-def test_a_verdict_goes_as_far_as_the_interval(parts: list[Evidence], verdict: str) -> None:
+def test_a_verdict_goes_as_far_as_the_interval(parts: list[ClaimFigure], verdict: str) -> None:
     assert judged([ClaimResult("", evidence=tuple(parts))])[0].verdict == verdict
 
 
@@ -108,7 +108,7 @@ def test_no_verdict_is_wrong_more_often_than_promised() -> None:
     rng, wrong = np.random.default_rng(1), 0
     for _ in range(60):
         figures = [partial(mean, rng.normal(size=8), None) for _ in range(20)]
-        results = judged([ClaimResult("", evidence=(Evidence(figure, 0),)) for figure in figures])
+        results = judged([ClaimResult("", evidence=(ClaimFigure(figure, 0),)) for figure in figures])
         wrong += any(result.verdict != UNDECIDED for result in results)
     assert wrong / 60 < 0.05 + 4 * np.sqrt(0.05 * 0.95 / 60)
 
