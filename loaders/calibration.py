@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -205,11 +204,7 @@ def floor_between(arena: Arena | None, start: F64, end: F64) -> str | None:
 
 def floor_at(arena: Arena, point: F64) -> str:
     """Name the topmost floor at a point (2,); "" where there is none."""
-    x, y = (float(v) for v in point)
-    for floor in reversed(arena.floors):
-        if cv2.pointPolygonTest(floor.polygon.astype(np.float32), (x, y), False) >= 0:
-            return floor.name
-    return ""
+    return next((floor.name for floor in reversed(arena.floors) if floor.depth_m(point[None])[0] >= 0), "")
 
 
 # Pictures taken with the lens covered, from a survey log, its folder, or a folder of pictures.

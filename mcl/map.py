@@ -23,6 +23,20 @@ class Region:
     name: str
     polygon: F64  # (K, 2) x_m, y_m, K >= 3, not closed
 
+    def depth_m(self, points: F64) -> F64:
+        """Return how far points (N, 2) are from the outline: above 0 inside, below 0 outside.
+
+        >>> import numpy as np
+        >>> from maurice_mcl.map import Region
+        >>> square = Region("mat", np.array([[0, 0], [2, 0], [2, 2], [0, 2]]) + 5e6)
+        >>> square.depth_m(np.array([[0.5, 1], [2.25, 1]]) + 5e6).tolist()
+        [0.5, -0.25]
+        """
+        corner = self.polygon[0]  # float32 has steps of half a meter at UTM coordinates
+        outline = (self.polygon - corner).astype(np.float32)
+        places = (points - corner).tolist()
+        return np.array([cv2.pointPolygonTest(outline, place, measureDist=True) for place in places])
+
 
 SOLID, MOVABLE = "solid", "movable"  # what obstacles are to a filter: a robot is never there, or it may be
 OBSTACLES = (SOLID, MOVABLE)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-import cv2
 import numpy as np
 
 from maurice_mcl.arrays import F64
@@ -37,10 +36,9 @@ def thing_at(places: F64, arena: Arena) -> str | None:
     """Return the name of the obstacle that at least half of some places (K, 2) are on."""
     best, named = SHARE, None
     for one in arena.obstacles:
-        outline = one.polygon.astype(np.float32).reshape(-1, 1, 2)
-        inside = [cv2.pointPolygonTest(outline, (float(x), float(y)), True) > -ON_M for x, y in places]
-        if np.mean(inside) >= best:
-            best, named = float(np.mean(inside)), one.name
+        share = float(np.mean(one.depth_m(places) > -ON_M))
+        if share >= best:
+            best, named = share, one.name
     return named
 
 

@@ -84,3 +84,18 @@ def test_without_a_map_the_bounds_stay_as_near_as_the_places_are_to_each_other(
     places = apart_m * np.array([[0, 0, 0.0], [0, 0, 1.0], [1, 0, 0.0], [2, 0, 0.0]])
     low, high = -margin_m, margin_m
     assert open_arena(places).bounds == pytest.approx((low, low, 2 * apart_m + high, high))
+
+
+@pytest.mark.parametrize("off_m", [(0, 0), (500_000, 5_400_000), (-3e6, 7e6)])
+def test_depth_in_a_polygon_does_not_depend_on_where_the_map_lies(off_m):
+    rng, off_m = np.random.default_rng(4), np.array(off_m)
+    triangle = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    points = rng.uniform(-0.5, 2.0, (500, 2))
+    x, y = points.T
+    sides = np.stack([y, x, (2 - x - 2 * y) / np.sqrt(5)])  # inside: the distance to the nearest line
+    depth = Region("rug", triangle + off_m).depth_m(points + off_m)
+    inside = sides.min(axis=0) > 0
+    assert depth[inside] == pytest.approx(sides.min(axis=0)[inside], abs=1e-6)
+    assert (depth[~inside] <= 0).all()
+    corner = (x < 0) & (y < 0)
+    assert depth[corner] == pytest.approx(-np.hypot(*points[corner].T), abs=1e-6)

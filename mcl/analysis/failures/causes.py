@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
-import cv2
 import numpy as np
 
 from ...arrays import F64
@@ -146,23 +145,22 @@ class ObstacleFinder:
 
     localizer: Localizer | None = None
     found: tuple[InObstacle, ...] = ()
-    _outlines: list[tuple[str, cv2.typing.MatLike]] = field(default_factory=list)
+    _obstacles: tuple[Region, ...] = ()
     _deep_m: float = 0.0
 
     def __post_init__(self) -> None:
         if self.localizer is None or self.localizer.obstacles != SOLID:
             return
         self._deep_m = DEEP_CELLS * self.localizer.reference.grid.cell_m
-        self._outlines = [_outline(one) for one in self.localizer.library.arena.obstacles]
+        self._obstacles = self.localizer.library.arena.obstacles
 
     def see(self, step: int, truth: F64 | None) -> None:
         """Process the next update."""
         if truth is None:
             return
-        place = float(truth[0]), float(truth[1])
-        for name, outline in self._outlines:
-            if cv2.pointPolygonTest(outline, place, measureDist=True) > self._deep_m:
-                self._add(name, step)
+        for obstacle in self._obstacles:
+            if obstacle.depth_m(truth[None, :2])[0] > self._deep_m:
+                self._add(obstacle.name, step)
                 return
 
     def _add(self, name: str, step: int) -> None:
@@ -171,7 +169,3 @@ class ObstacleFinder:
             self.found = (*self.found[:-1], replace(last, last=step))
         else:
             self.found = (*self.found, InObstacle(name, step, step))
-
-
-def _outline(obstacle: Region) -> tuple[str, cv2.typing.MatLike]:
-    return obstacle.name, obstacle.polygon.astype(np.float32)

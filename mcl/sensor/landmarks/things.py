@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 
 from ...arrays import F64, I32, Bool
@@ -20,11 +19,7 @@ def things_of(points: F64, obstacles: Sequence[Region]) -> I32:
     for number, obstacle in enumerate(obstacles):
         low, high = obstacle.polygon.min(axis=0) - REACH_M, obstacle.polygon.max(axis=0) + REACH_M
         near = np.flatnonzero(((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1))
-        outline = obstacle.polygon.astype(np.float32)
-        for k in near:
-            place = float(points[k, 0]), float(points[k, 1])
-            if cv2.pointPolygonTest(outline, place, measureDist=True) > -REACH_M:
-                thing[k] = number
+        thing[near[obstacle.depth_m(points[near, :2]) > -REACH_M]] = number
     return thing
 
 
