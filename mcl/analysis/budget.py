@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ..errors import InputError
 from ..filter.batch import RunTrace, run_batch
 from ..filter.localizer import Localizer
 from ..filter.proposal import regions
-from ..geometry import motion_between, wrap, wrap_angle
+from ..geometry import compose, motion_between, wrap, wrap_angle
 from ..library import Library
 from ..map import spacing
 from ..records import Comparison
@@ -106,19 +107,19 @@ def _scored(part: str, traces: Sequence[RunTrace], moments: Sequence[Moment]) ->
 def with_true_motions(moments: Sequence[Moment], start: F64 | None) -> list[Moment]:
     """Return the moments with the movement from truth to truth in place of odometry.
 
-    Where the robot was carried no movement is told: no odometer could. An update without truth keeps its own.
+    Where the robot was carried no movement is told: no odometer could. An update without truth keeps its own,
+    and the next one with truth leads from there.
     """
-    told, before = [], start
+    moved, here = [], start
     for moment in moments:
-        truth, carried = moment.truth, moment.kidnapped
+        truth, here = moment.truth, None if moment.kidnapped else here
         if truth is not None:
-            motions = np.zeros((0, 3))
-            if before is not None and not carried:
-                motions = motion_between(before, truth)[None]
-            moment = replace(moment, frame=replace(moment.frame, motions=motions))
-        told.append(moment)
-        before = truth if truth is not None else before
-    return told
+            motions = np.zeros((0, 3)) if here is None else motion_between(here, truth)[None]
+            moment, here = replace(moment, frame=replace(moment.frame, motions=motions)), truth
+        elif here is not None:
+            here = reduce(compose, moment.frame.motions, here)
+        moved.append(moment)
+    return moved
 
 
 def perfect_comparisons(

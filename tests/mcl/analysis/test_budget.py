@@ -47,6 +47,25 @@ def test_true_motions_lead_from_truth_to_truth(moments: list[mcl.Moment]) -> Non
         assert np.allclose(here, moment.truth, atol=1e-9)
 
 
+@pytest.mark.parametrize("without", [[1], [1, 2], [2, 4], [1, 2, 3, 4]])
+def test_updates_without_truth_do_not_count_a_distance_twice(
+    moments: list[mcl.Moment], without: list[int]
+) -> None:
+    given = [replace(moment, truth=None) if k in without else moment for k, moment in enumerate(moments)]
+    here = moments[0].truth
+    assert here is not None
+    for moment in with_true_motions(given, here):
+        for motion in moment.frame.motions:
+            here = compose(here, motion)
+        if moment.truth is not None:
+            assert np.allclose(here, moment.truth, atol=1e-9)
+
+
+def test_a_truth_after_a_kidnapping_without_one_tells_no_movement(moments: list[mcl.Moment]) -> None:
+    carried = replace(moments[1], truth=None, events=("kidnapped",))
+    assert len(with_true_motions([moments[0], carried, moments[2]], None)[2].frame.motions) == 0
+
+
 def test_no_movement_is_told_where_the_robot_was_carried(moments: list[mcl.Moment]) -> None:
     carried = [moments[0], replace(moments[1], events=("kidnapped",))]
     assert len(with_true_motions(carried, None)[1].frame.motions) == 0
