@@ -29,7 +29,14 @@ from maurice_loaders.session_log.records import read_header
 from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.calibration.motion import Calibration, FloorOf, MotionSegment, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
-from maurice_mcl.calibration.odometry import LinearMaurice, LinearModel, LinearOdometry, MotionFit, fit_motion
+from maurice_mcl.calibration.odometry import (
+    LinearMaurice,
+    LinearModel,
+    LinearOdometry,
+    MotionConstant,
+    MotionFit,
+    fit_motion,
+)
 from maurice_mcl.calibration.sensor import NoiseFloor, noise_floor
 from maurice_mcl.session import SessionInfo
 
@@ -169,6 +176,11 @@ def make_trials(to: str | Path, *, trials: int = 41, seed: int = 0, force: bool 
     return path
 
 
+def _stands(constant: MotionConstant) -> str:
+    """Return what the value is of a constant that a log does not tell by itself."""
+    return "the default" if constant.value == constant.default else "what fits with it"
+
+
 MODELS = ("odometry", "maurice")
 TOLERATED = 0.01  # a scale that is surely farther from 1 is no noise
 
@@ -181,10 +193,10 @@ class DriveCalibration:
     fit: MotionFit
 
     def to_toml(self) -> str:
-        """Return the constants as TOML for a replay; those that the log does not tell keep their defaults."""
+        """Return the constants as TOML for a replay, and which of them the log does not tell."""
         names = ", ".join(source.name for source in self.sources)
         said = [f"from {self.fit.segments} movements of {names}"]
-        said += [f"{one.name}: the default, {one.why}" for one in self.fit.constants if not one.told]
+        said += [f"{one.name}: {_stands(one)}, {one.why}" for one in self.fit.constants if not one.told]
         return motion_to_toml(self.fit.motion_header(), tuple(said))
 
     def to_json(self) -> dict[str, Any]:
@@ -196,7 +208,7 @@ class DriveCalibration:
     def warnings(self) -> list[str]:
         """What the log cannot tell, and movements that no constant explains."""
         fit = self.fit
-        said = [f"{one.name}: {one.why}; the default stands" for one in fit.constants if not one.told]
+        said = [f"{one.name}: {one.why}; {_stands(one)} stands" for one in fit.constants if not one.told]
         scales = {"ways": ("odometry_scale", fit.way_scale), "turns": ("turn_scale", fit.turn_scale)}
         for what, (key, found) in scales.items():
             if found is not None and (found.low > 1 + TOLERATED or found.high < 1 - TOLERATED):

@@ -4,8 +4,9 @@ A segment is what was measured between two known poses. To first order its error
 in the model's biases, its covariance linear in the model's variances, so both have maximum likelihood
 estimates, the variances by the MM iteration of Zhou et al. (2019). Intervals are on the log scale, from the
 information matrix and the scatter of the scores (a sandwich): movements that are not quite normal, as slips,
-widen them. A variance on which the log says nothing (a drive without turns on the noise of turns), or which
-cannot be told apart from another one, is marked so and keeps its default.
+widen them. A constant on which the log says nothing (a drive without turns on the noise of turns), or which
+its movements cannot tell apart from others (equal turns: gain and bias), is marked so. The former keeps its
+default, the latter fit together.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..arrays import F64
+from ..arrays import F64, Bool
 from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
 from ..geometry import compose, motion_between, wrap_angle
 from .motion import FloorOf, MotionSegment
@@ -28,7 +29,12 @@ STEPS, RELINEARIZED = 400, 4  # of the iteration; times that the mean's constant
 SETTLED = 1e-7  # relative change of the variances at which it has converged
 Z = 1.959964  # two-sided 95 %
 WIDEST = 1.0  # standard error of a variance's log from which on the log does not tell it: a factor of seven
-ALIKE = 0.98  # correlation of two estimates from which on they cannot be told apart
+# by what the variance of an estimate may grow as others are fitted with it (variance inflation factor;
+# Marquardt 1970): at 25, two estimates have a correlation of 0.98
+MOST_INFLATED = 25.0
+ALIKE = 0.5  # of the largest correlation of such an estimate: with these it is confused
+SINGULAR, KEPT = 1e-9, 0.01  # share of information added: to be invertible, to keep what is not told apart
+TOO_WIDE = "too few movements, or too little noise, to tell it"
 TRUTH = np.diag([0.001**2, 0.001**2, math.radians(0.05) ** 2])  # least covariance of a segment: the truth's
 FAR = 21.1  # squared Mahalanobis distance, three dimensions, that one movement in ten thousand exceeds
 
@@ -149,13 +155,11 @@ class MotionConstant:
     name: str  # as under robot.motion in a header
     fitted: Fitted  # with its 95 % interval
     default: float
-    told: bool  # whether the log tells it; else the default stands
+    # what to filter with: the fitted value, also of constants that only fit together; the default where no
+    # movement shows it
+    value: float
+    told: bool  # whether the log tells it by itself
     why: str = ""  # why not
-
-    @property
-    def value(self) -> float:
-        """What to filter with: the fitted value, or the default where the log does not tell."""
-        return self.fitted.value if self.told else self.default
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +170,7 @@ class MotionFit:
     constants: tuple[MotionConstant, ...]
     segments: int  # movements between true poses
     far: int  # of them with an error that one in ten thousand would exceed: slips, perhaps
-    alike: tuple[tuple[str, str], ...]  # pairs of variances that cannot be told apart
+    alike: tuple[tuple[str, str], ...]  # pairs of constants that cannot be told apart
     way_scale: Fitted | None = None  # way really driven over measured; None: the model has its own, or no way
     turn_scale: Fitted | None = None  # the same of turns
 
@@ -199,20 +203,34 @@ def fit_motion(segments: Sequence[MotionSegment], model: LinearModel) -> MotionF
     if len(segments) < FEWEST:
         raise ValueError(f"found {len(segments)} movements between true poses, expected {FEWEST} or more")
     means, variances = model.defaults()
+    design = _information(_linearized(segments, model, means), variances)
+    untold = {name for pair in _confounded(model.means, design) for name in pair}
+    free = np.array([name not in untold for name in model.means], bool)
     for _ in range(RELINEARIZED):
-        linear = [model.linear(segment, means) for segment in segments]
-        errors = np.array([_error(s, one.mean) for s, one in zip(segments, linear, strict=True)])
-        biases, parts = np.array([one.biases for one in linear]), np.array([one.parts for one in linear])
-        change = _generalized(errors, biases, parts, variances)
+        linear = _linearized(segments, model, means)
+        change = _generalized(linear, variances, free)
         means = means + change
-        variances = _variances(errors - biases @ change, parts, variances)
-    return _described(segments, model, means, variances)
+        variances = _variances(linear.errors - linear.biases @ change, linear.parts, variances)
+    return _described(_linearized(segments, model, means), model, means, variances, design)
 
 
-def _error(segment: MotionSegment, mean: F64) -> F64:
-    error = motion_between(segment.before, segment.after) - mean
-    error[2] = wrap_angle(float(error[2]))
-    return error
+@dataclass(frozen=True, slots=True, eq=False)
+class _Linear:
+    """N segments by a motion model, to first order."""
+
+    ends: F64  # (N, 3) by the measured motions
+    errors: F64  # (N, 3) what is left to where they really ended
+    biases: F64  # (N, 3, P)
+    parts: F64  # (N, Q, 3, 3)
+
+
+def _linearized(segments: Sequence[MotionSegment], model: LinearModel, means: F64) -> _Linear:
+    linear = [model.linear(segment, means) for segment in segments]
+    ends = np.array([one.mean for one in linear])
+    errors = np.array([motion_between(one.before, one.after) for one in segments]) - ends
+    errors[:, 2] = wrap_angle(errors[:, 2])
+    biases, parts = np.array([one.biases for one in linear]), np.array([one.parts for one in linear])
+    return _Linear(ends, errors, biases, parts)
 
 
 def _inverse(parts: F64, variances: F64) -> F64:
@@ -220,11 +238,53 @@ def _inverse(parts: F64, variances: F64) -> F64:
     return np.asarray(np.linalg.inv(np.einsum("q,nqij->nij", variances, parts) + TRUTH))
 
 
-def _generalized(errors: F64, biases: F64, parts: F64, variances: F64) -> F64:
-    """Return the change (P,) of the mean's constants: generalized least squares, the least of equals."""
-    weighed = np.einsum("nip,nij->npj", biases, _inverse(parts, variances))
-    square = np.einsum("npj,njk->pk", weighed, biases)
-    return np.asarray(np.linalg.pinv(square, rcond=1e-9) @ np.einsum("npj,nj->p", weighed, errors))
+def _information(linear: _Linear, variances: F64) -> F64:
+    """Return the information matrix (P, P) of the mean's constants."""
+    inverse = _inverse(linear.parts, variances)
+    return np.asarray(np.einsum("nip,nij,njk->pk", linear.biases, inverse, linear.biases))
+
+
+def _generalized(linear: _Linear, variances: F64, free: Bool) -> F64:
+    """Return the change (P,) of the mean's constants, by generalized least squares.
+
+    Of those that are not `free` (P,) only what the movements tell of them together changes.
+    """
+    inverse = _inverse(linear.parts, variances)
+    right = np.einsum("nip,nij,nj->p", linear.biases, inverse, linear.errors)
+    length, shape = _shaped(_information(linear, variances))
+    kept = shape + np.diag(np.where(free, SINGULAR, KEPT))
+    return np.asarray(np.linalg.solve(kept, right / length) / length)
+
+
+def _shaped(information: F64) -> tuple[F64, F64]:
+    """Return the lengths (K,) of an information matrix and the matrix (K, K) for length one; 1 for unseen."""
+    seen = np.diag(information) > 0
+    length = np.sqrt(np.where(seen, np.diag(information), 1.0))
+    return length, np.asarray(information / np.outer(length, length) + np.diag(np.where(seen, 0.0, 1.0)))
+
+
+def _confounded(names: Sequence[str], information: F64) -> list[tuple[str, str]]:
+    """Return the pairs of K constants that the movements cannot tell apart, by their information (K, K).
+
+    It depends on which movements there are, and not on how well they fit.
+    """
+    _, shape = _shaped(information)
+    inverse = np.linalg.inv(shape + SINGULAR * np.eye(len(names)))
+    inflation = np.diag(inverse)
+    correlation = np.abs(inverse) / np.sqrt(np.outer(inflation, inflation)) - np.eye(len(names))
+    pairs = set[tuple[str, str]]()
+    for k in np.flatnonzero(inflation > MOST_INFLATED):
+        others = np.flatnonzero(correlation[k] > ALIKE * correlation[k].max())
+        pairs |= {(names[min(k, other)], names[max(k, other)]) for other in others}
+    return sorted(pairs)
+
+
+def _why(name: str, seen: bool, alike: Sequence[tuple[str, str]]) -> str:
+    """Return why the movements cannot tell a constant; "" where they can."""
+    if not seen:
+        return "no movement of the log shows it"
+    others = sorted({other for pair in alike if name in pair for other in pair} - {name})
+    return f"cannot be told apart from {', '.join(others)} in this log" if others else ""
 
 
 def _variances(errors: F64, parts: F64, variances: F64) -> F64:
@@ -241,43 +301,35 @@ def _variances(errors: F64, parts: F64, variances: F64) -> F64:
     return variances
 
 
-def _described(
-    segments: Sequence[MotionSegment], model: LinearModel, means: F64, variances: F64
-) -> MotionFit:
-    linear = [model.linear(segment, means) for segment in segments]
-    errors = np.array([_error(s, one.mean) for s, one in zip(segments, linear, strict=True)])
-    biases, parts = np.array([one.biases for one in linear]), np.array([one.parts for one in linear])
-    inverse = _inverse(parts, variances)
-    logs, correlation = _log_covariance(errors, parts, inverse, variances)
+def _described(linear: _Linear, model: LinearModel, means: F64, variances: F64, design: F64) -> MotionFit:
+    """Describe a fit; `design` (P, P) is the information matrix of the mean's constants at the defaults."""
+    inverse = _inverse(linear.parts, variances)
+    logs, information = _log_covariance(linear, inverse, variances)
     sd = np.sqrt(np.diag(logs))
-    alike = [
-        (model.variances[a], model.variances[b])
-        for a in range(len(sd))
-        for b in range(a)
-        if abs(correlation[a, b]) > ALIKE
-    ]
-    usual_means, usual = model.defaults()
-    constants = _mean_constants(model, means, biases, inverse, usual_means)
+    alike = [*_confounded(model.means, design), *_confounded(model.variances, information)]
+    constants, (_, usual) = _mean_constants(linear, model, means, variances, design), model.defaults()
     for k, name in enumerate(model.variances):
-        seen = bool(parts[:, k].any())
+        seen = bool(linear.parts[:, k].any())
         root = 0.5 if "sd_" in name else 1.0
         low, high = (variances[k] * math.exp(sign * Z * min(sd[k], 30)) for sign in (-1, 1))
         fitted = Fitted(*(float(v) ** root for v in (variances[k], low, high)))
         if not seen:
             fitted = Fitted(float(usual[k]) ** root, 0.0, math.inf)
-        why = _why(name, seen, float(sd[k]), [pair for pair in alike if name in pair])
-        constants.append(MotionConstant(name, fitted, float(usual[k]) ** root, not why, why))
-    far = np.einsum("ni,nij,nj->n", errors, inverse, errors) > FAR
-    way, turn = _scales(linear, errors) if not model.means else (None, None)
-    return MotionFit(model.name, tuple(constants), len(segments), int(far.sum()), tuple(alike), way, turn)
+        why, default = _why(name, seen, alike), float(usual[k]) ** root
+        value = fitted.value
+        if not why and sd[k] > WIDEST:
+            value, why = default, TOO_WIDE
+        constants.append(MotionConstant(name, fitted, default, value, not why, why))
+    far = np.einsum("ni,nij,nj->n", linear.errors, inverse, linear.errors) > FAR
+    way, turn = (None, None) if model.means else _scales(linear)
+    return MotionFit(model.name, tuple(constants), len(far), int(far.sum()), tuple(alike), way, turn)
 
 
-def _scales(linear: Sequence[LinearMotion], errors: F64) -> tuple[Fitted | None, Fitted | None]:
+def _scales(linear: _Linear) -> tuple[Fitted | None, Fitted | None]:
     """Return actual over measured: of the ways along their measured direction, and of the turns."""
-    ends = np.array([one.mean for one in linear])
-    ways = np.hypot(ends[:, 0], ends[:, 1])
-    along = (ends[:, :2] * errors[:, :2]).sum(axis=1) / np.maximum(ways, 1e-9)
-    return _scale(ways, along), _scale(ends[:, 2], errors[:, 2])
+    ways = np.hypot(linear.ends[:, 0], linear.ends[:, 1])
+    along = (linear.ends[:, :2] * linear.errors[:, :2]).sum(axis=1) / np.maximum(ways, 1e-9)
+    return _scale(ways, along), _scale(linear.ends[:, 2], linear.errors[:, 2])
 
 
 def _scale(measured: F64, errors: F64) -> Fitted | None:
@@ -290,39 +342,29 @@ def _scale(measured: F64, errors: F64) -> Fitted | None:
 
 
 def _mean_constants(
-    model: LinearModel, means: F64, biases: F64, inverse: F64, usual: F64
+    linear: _Linear, model: LinearModel, means: F64, variances: F64, design: F64
 ) -> list[MotionConstant]:
-    square = np.einsum("nip,nij,njk->pk", biases, inverse, biases)
-    spread = np.diag(np.linalg.pinv(square, rcond=1e-9)) if len(means) else np.zeros(0)
-    found = []
+    alike, (usual, _) = _confounded(model.means, design), model.defaults()
+    length, shape = _shaped(_information(linear, variances))
+    error = np.sqrt(np.diag(np.linalg.inv(shape + SINGULAR * np.eye(len(means))))) / length
+    constants = []
     for k, name in enumerate(model.means):
-        told, reach = bool(square[k, k] > 0), Z * math.sqrt(max(float(spread[k]), 0.0))
-        fitted = Fitted(float(means[k]), float(means[k]) - reach, float(means[k]) + reach)
-        found.append(
-            MotionConstant(name, fitted, float(usual[k]), told, "" if told else "no movement shows it")
-        )
-    return found
+        why = _why(name, bool(design[k, k] > 0), alike)
+        value, reach = float(means[k]), math.inf if why else Z * float(error[k])
+        fitted = Fitted(value, value - reach, value + reach)
+        constants.append(MotionConstant(name, fitted, float(usual[k]), value, not why, why))
+    return constants
 
 
-def _log_covariance(errors: F64, parts: F64, inverse: F64, variances: F64) -> tuple[F64, F64]:
-    """Return the covariance (Q, Q) of the logs of the variances, and the correlation by information alone."""
-    pulled = np.einsum("nij,nj->ni", inverse, errors)
-    share = np.einsum("nij,nqjk->nqik", inverse, parts)
-    scores = np.einsum("ni,nqij,nj->nq", pulled, parts, pulled) - np.einsum("nqii->nq", share)
+def _log_covariance(linear: _Linear, inverse: F64, variances: F64) -> tuple[F64, F64]:
+    """Return the covariance (Q, Q) of the logs of the variances, and their information matrix (Q, Q)."""
+    pulled = np.einsum("nij,nj->ni", inverse, linear.errors)
+    share = np.einsum("nij,nqjk->nqik", inverse, linear.parts)
+    scores = np.einsum("ni,nqij,nj->nq", pulled, linear.parts, pulled) - np.einsum("nqii->nq", share)
     scores *= variances / 2
     information = np.einsum("nqij,nrji->qr", share, share) * np.outer(variances, variances) / 2
     turned = np.linalg.pinv(information + np.diag(np.full(len(variances), 1e-9)))
     robust = turned @ (scores.T @ scores) @ turned
-    plain = np.diag(turned).clip(1e-300)
     # the wider of both: with few segments the scatter of the scores is too small
-    wider = np.maximum(np.diag(robust), plain)
-    return np.diag(wider), np.asarray(turned / np.sqrt(np.outer(plain, plain)))
-
-
-def _why(name: str, seen: bool, sd: float, alike: Sequence[tuple[str, str]]) -> str:
-    if not seen:
-        return "no movement of the log shows it"
-    others = sorted({other for pair in alike for other in pair} - {name})
-    if others:
-        return f"cannot be told apart from {', '.join(others)} in this log"
-    return "too few movements, or too little noise, to tell it" if sd > WIDEST else ""
+    wider = np.maximum(np.diag(robust), np.diag(turned).clip(1e-300))
+    return np.diag(wider), np.asarray(information)

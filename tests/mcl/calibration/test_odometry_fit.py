@@ -15,6 +15,7 @@ from maurice_mcl.filter.motion import (
     OdometryMotion,
     OdometryParameters,
 )
+from maurice_mcl.geometry import compose
 
 TRUE = OdometryParameters(0.03, 0.005, 0.001, 0.002)
 SEEDS, DRIVEN = 12, 150
@@ -77,6 +78,50 @@ def test_arcs_of_one_curvature_do_not_tell_two_causes_of_one_error_apart():
     whys = {one.name: one.why for one in fit.constants if not one.told}
     assert "way_from_turn" in whys["way_from_way"]
     assert "way_from_way" in whys["way_from_turn"]
+
+
+MAURICE = LinearMaurice(("",), lambda start, end: "")
+
+
+def turned(turns: F64, way: float, seed: int = 0) -> list[MotionSegment]:
+    """Turn by angles (n,) with gain 1 and drive a way after each, with a little noise."""
+    rng, segments = np.random.default_rng(seed), []
+    for turn in turns:
+        motions = np.array([[0.0, 0.0, turn], [way, 0.0, 0.0]])
+        pose = compose(np.zeros(3), motions[0] + [0, 0, 0.01 * rng.normal()])
+        pose = compose(pose, motions[1] + [0.005 * rng.normal() * (way > 0), 0, 0])
+        segments.append(MotionSegment(np.zeros(3), tuple(motions), pose))
+    return segments
+
+
+@pytest.mark.parametrize("way", [0.0, 0.5])
+@pytest.mark.parametrize("sd", [0.0, 1e-6, 1e-3])
+def test_equal_turns_do_not_tell_gain_from_bias(way: float, sd: float) -> None:
+    """However many, and however precise: they fit together, and what is told besides is right."""
+    turns = 1.5 + sd * np.random.default_rng(1).normal(size=200)
+    fit = fit_motion(turned(turns, way), MAURICE)
+    whys = {one.name: one.why for one in fit.constants if not one.told}
+    assert "turn_bias_rad" in whys["turn_gain"]
+    assert "turn_gain" in whys["turn_bias_rad"]
+    found = fit.motion_header()
+    assert 1.5 * found["turn_gain"] + found["turn_bias_rad"] == pytest.approx(
+        1.5, abs=4 * 0.01 / np.sqrt(200)
+    )
+    if way:
+        (bias,) = (one for one in fit.constants if one.name == "straight_bias_m")
+        assert bias.told
+        assert abs(bias.fitted.value) < 4 * 0.005 / np.sqrt(200)
+
+
+@pytest.mark.parametrize("turns", [(0.5, 1.5), (-1.5, 1.5)])
+def test_different_turns_tell_gain_from_bias(turns: tuple[float, float]) -> None:
+    within = []
+    for seed in range(SEEDS):
+        angles = np.random.default_rng(seed + 100).uniform(*turns, 200)
+        fit = {one.name: one for one in fit_motion(turned(angles, 0.5, seed), MAURICE).constants}
+        assert fit["turn_gain"].told
+        within += [fit["turn_gain"].fitted.holds(1.0), fit["turn_bias_rad"].fitted.holds(0.0)]
+    assert np.mean(within) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(within))
 
 
 class EvenDrift:
