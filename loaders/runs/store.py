@@ -102,7 +102,7 @@ def open_run(folder: str | Path) -> SavedRun:
         raise InputError(file, f"{found}; replay the session again with --save-run")
     try:
         before = Layer("an earlier version", BEFORE_IT_EXISTED)
-        return SavedRun(folder, manifest, configure([before, read_config(file)]))
+        return SavedRun(folder, manifest, configure([before, read_config(file)], sensors=None))
     except ValueError as problem:  # a channel that is not installed here, a key of another version
         raise InputError(file, f"{problem}; was it made by another version?") from None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
@@ -91,7 +92,11 @@ def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Locali
     try:
         return build_localizer(library, session, parameters, seed=run.manifest.seed, radii=run.manifest.radii)
     except (ValueError, KeyError) as problem:
-        raise InputError(run.folder, f"its filter cannot be built here: {problem}") from None
+        raise InputError(run.folder, f"its filter cannot be built here: {problem.args[0]}") from None
+
+
+def _localizers_of(runs: Sequence[SavedRun], session: AnySession, library: Library) -> list[Localizer]:
+    return [localizer_of(run, session, library) for run in runs]
 
 
 Part = TypeVar("Part")
@@ -122,15 +127,16 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     problems: list[str] = []
     session = _tried(lambda: session_of(run), problems)
     library = _tried(lambda: library_of(run, listener), problems)
+    localizers: list[Localizer] | None = None
+    if session is not None and library is not None:
+        localizers = _tried(partial(_localizers_of, runs, session, library), problems)
     if problems:
         empty = "pictures and comparisons" if session is None else "comparisons"
         listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
-    labelled, localizers = {one.manifest.label: one for one in runs}, dict[str, Localizer]()
-    if session is not None and library is not None:
-        localizers = {name: localizer_of(one, session, library) for name, one in labelled.items()}
-    else:
+    if localizers is None or library is None:
         library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
-    restored = [Restored(one, localizers.get(label)) for label, one in labelled.items()]
+    known: Sequence[Localizer | None] = localizers or [None] * len(runs)
+    restored = [Restored(*pair) for pair in zip(runs, known, strict=True)]
     reading = first.reading
     made = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
     notes_then = tuple(named for named, asked in made if asked)

@@ -273,8 +273,8 @@ def _confounded(names: Sequence[str], information: F64) -> list[tuple[str, str]]
     inflation = np.diag(inverse)
     correlation = np.abs(inverse) / np.sqrt(np.outer(inflation, inflation)) - np.eye(len(names))
     pairs = set[tuple[str, str]]()
-    for k in np.flatnonzero(inflation > MOST_INFLATED):
-        others = np.flatnonzero(correlation[k] > ALIKE * correlation[k].max())
+    for k in np.flatnonzero(inflation > MOST_INFLATED).tolist():
+        others = np.flatnonzero(correlation[k] > ALIKE * correlation[k].max()).tolist()
         pairs |= {(names[min(k, other)], names[max(k, other)]) for other in others}
     return sorted(pairs)
 

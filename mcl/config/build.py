@@ -20,7 +20,7 @@ from ..library import Library
 from ..map import spacing
 from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
 from ..radii import Radii, radii_of
-from ..sensor.descriptors.registry import weights_of
+from ..sensor.descriptors.registry import CHANNELS, weights_of
 from ..sensor.left_out import PlaceScore, is_sparse, score_places
 from ..sensor.model import SensorModel
 from ..sensor.references import (
@@ -40,6 +40,7 @@ from .parameters import (
     Setting,
     configure,
 )
+from .rules import check_channel
 
 
 def make_localizer(
@@ -60,9 +61,10 @@ def make_localizer(
     bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
     motion model is that of the session which `run` is given. `settings` maps any key of
     docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
-    `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`); each is used with
-    weight 1. Environment variables are not read. The scales of a library with few places are widened
-    (`adapted`), and a library without landmarks is used without them (`available`), with a warning.
+    `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`); each is used, with
+    weight 1 unless "sensor.weights" has another. Environment variables are not read. The scales of a library
+    with few places are widened (`adapted`), and a library without landmarks is used without them
+    (`available`), with a warning.
 
     Raises InputError, in one line, for an unknown name, key or channel and for a value out of range.
 
@@ -75,6 +77,8 @@ def make_localizer(
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
     weights = None if feature is None else weights_of(feature)
+    for name in (sensor.name for sensor in sensors if sensor.name in CHANNELS):
+        raise InputError(None, f"sensors: found the name of a channel, {name!r}, expected another")
     library = replace(library, sensors={**library.sensors, **{one.name: one for one in sensors}})
     given = {"sensor.weights": weights, "particles": particles, "motion": motion}
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
@@ -82,7 +86,7 @@ def make_localizer(
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
     try:
         nearest = nearest_reference(library.poses, library.arena)
-        configuration, missing = available(configure(layers), library)
+        configuration, missing = available(configure(layers, library.sensors), library)
         parameters = adapted(configuration, library, nearest)[0].parameters
         localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
     except ValueError as problem:
@@ -222,6 +226,11 @@ def adapted(
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:
     channels = {name: weight for name, weight in p.sensor.weights.items() if name not in library.sensors}
+    try:
+        for name in channels:
+            check_channel("sensor.weights", name)
+    except ValueError as problem:
+        raise KeyError(str(problem)) from None
     replace(p.sensor, weights=channels).check_names()
     sensors = {name: library.sensors[name] for name in p.sensor.weights if name in library.sensors}
     model = SensorModel(library, nearest, p.sensor, sensors=sensors, spread=_spread(library, nearest))

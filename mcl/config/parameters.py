@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import FEATURES, weights_of
 from ..sensor.model import SensorParameters
 from ..sensor.references import InterpolationParameters
-from .rules import RENAMED_KEYS, RENAMED_WORDS, RULES
+from .rules import RENAMED_KEYS, RENAMED_WORDS, RULES, check_channel
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,10 +183,11 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def configure(layers: Iterable[Layer]) -> Configuration:
+def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> Configuration:
     """Merge layers, later ones over earlier ones; names of earlier versions are translated.
 
-    Raises ValueError in one line with the origin, the key, the value and its range.
+    `sensors` are pose sensors besides ours that may have a weight; None: any, as in a saved run whose sensors
+    are not at hand. Raises ValueError in one line with the origin, the key, the value and its range.
     """
     found = {key: Setting(key, value, "default") for key, value in defaults().items()}
     for layer in layers:
@@ -194,6 +195,10 @@ def configure(layers: Iterable[Layer]) -> Configuration:
             key = RENAMED_KEYS.get(name, name)
             found[key] = Setting(key, _checked(key, value, layer.origin), layer.origin)
     values = {key: setting.value for key, setting in found.items()}
+    if sensors is not None:
+        weights = found["sensor.weights"]
+        for name in weights.value:
+            _in_layer(weights.origin, check_channel, weights.key, name, sensors)
     if values["resampling.kld.least"] > values["resampling.kld.most"]:
         least, most = values["resampling.kld.least"], values["resampling.kld.most"]
         origin = found["resampling.kld.least"].origin
@@ -219,9 +224,13 @@ def _checked(key: str, value: Any, origin: str) -> Any:
         near = difflib.get_close_matches(key, RULES, n=1)
         advice = f"did you mean {near[0]}?" if near else "`maurice-replay config show` lists all"
         raise ValueError(f"{origin}: {key} is not known; {advice}")
+    word = RENAMED_WORDS.get((key, value), value) if isinstance(value, str) else value
+    return _in_layer(origin, RULES[key], key, word)
+
+
+def _in_layer(origin: str, rule: Callable[..., Any], *given: Any) -> Any:
     try:
-        word = RENAMED_WORDS.get((key, value), value) if isinstance(value, str) else value
-        return RULES[key](key, word)
+        return rule(*given)
     except ValueError as problem:
         raise ValueError(f"{origin}: {problem}") from None
 

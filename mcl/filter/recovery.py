@@ -29,7 +29,8 @@ from .proposal import Regions, likely_poses, uniform_poses
 from .resampling import Resampled
 from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of
 
-BAD_SDS = 2.0  # below the mean that a bad picture counts at most (Huber 1981)
+# a bad picture counts as one so far below the mean at most (Huber 1981), and so much less than a good one
+BAD_SDS, BAD_SHARE = 2.0, 0.1
 
 RecoveryStrategy = Callable[[float, RecoveryState], "Recovery"]  # evidence in nats (<= 0 or -inf), state
 
@@ -80,10 +81,10 @@ class DynamicThreshold:
             test = RecoveryTest(PICTURE, threshold, evidence)
         if not math.isfinite(evidence):
             return Recovery(self.share, state, test=test)
-        rate = max(self.rate, 1 / (state.updates + 1))
-        is_bad, off = test is not None and evidence < threshold, evidence - state.slow
-        if is_bad:  # the threshold hardly falls by one of these, but by a lasting drop
-            off = max(off, -BAD_SDS * sd)
+        rate, off = max(self.rate, 1 / (state.updates + 1)), evidence - state.slow
+        is_bad = test is not None and evidence < threshold
+        if is_bad:  # the threshold hardly falls by a few of these, but by a lasting drop
+            rate, off = rate * BAD_SHARE, max(off, -BAD_SDS * sd)
         spread = 0.0 if state.updates == 0 else (1 - rate) * (state.spread + rate * off * off)
         seen = RecoveryState(state.slow + rate * off, 0.0, spread, state.updates + 1)
         return Recovery(self.share if is_bad else 0.0, seen, test=test)

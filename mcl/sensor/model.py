@@ -160,7 +160,7 @@ class SensorModel:
     @property
     def weights(self) -> dict[str, float]:
         """Return the weight of each channel in use, in order: those of `parameters` without pose sensors."""
-        given, there = self.parameters.weights, {*self.sensors, *POSE_SENSORS}
+        given, there = self.parameters.weights, {*self.sensors, *self.library.sensors, *POSE_SENSORS}
         return {name: weight for name, weight in given.items() if name not in there}
 
     @property

@@ -17,7 +17,9 @@ import pytest
 from rerun.chunk import RrdReader
 
 from helpers.commands import COMMAND, maurice, one_line, runs_of
+from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.runs.manifest import read_manifest, write_manifest
+from maurice_loaders.runs.store import open_run
 from maurice_loaders.runs.writer import RunWriter
 from maurice_viz.cli.shared import console
 
@@ -86,6 +88,23 @@ def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_em
     paths = {path for path, _ in content(tmp_path / "b.rrd")}
     assert {"/blended/belief/particles", "/world/walls", "/session/truth"} <= paths
     assert "session.log" in one_line(maurice("verify", "kept", expect=1)[1])
+
+
+def test_a_run_with_a_sensor_of_ones_own_opens_without_it(saved, tmp_path):
+    """Its weight is kept with the run; its code is not."""
+    folder = tmp_path / "kept"
+    file = folder / "configuration.toml"
+    text = file.read_text()
+    assert "edges = " in text
+    file.write_text(text.replace("edges = ", "beacon = 0.5\nedges = ", 1))
+    manifest = read_manifest(folder)
+    write_manifest(folder, replace(manifest, configuration_sha256=hash_file(file)))
+    assert open_run(folder).configuration.values()["sensor.weights"]["beacon"] == 0.5
+    out, err = maurice("kept", "--no-recording", "--json")
+    assert json.loads(out)["runs"] == json.loads(saved)["runs"]
+    assert "no channel called 'beacon'" in one_line(err)
+    assert "panels of comparisons stay empty" in err
+    assert "no channel called 'beacon'" in maurice("verify", "kept", expect=1)[1]
 
 
 def test_a_changed_picture_empties_the_panels_from_there_on(saved, tmp_path):

@@ -92,12 +92,13 @@ class BranchChange:
         given |= {} if self.feature is None else {"sensor.weights": weights_of(self.feature)}
         kept = {key: value for key, value in saved.values().items() if value is not None}
         if self.preset is not None:
-            own = {key: value for key, value in kept.items() if key in ("motion", "particles")}
-            kept = dict(PRESETS[self.preset]) | own
+            other = {key: value for key, value in kept.items() if key in ("motion", "particles")}
+            kept = dict(PRESETS[self.preset]) | other
         if self.has_other_sensor:
             kept = {key: value for key, value in kept.items() if key not in fitted}
         try:
-            return configure([Layer("run", kept), Layer("command line", given)])
+            own = saved.parameters.sensor.weights
+            return configure([Layer("run", kept), Layer("command line", given)], own)
         except ValueError as problem:
             raise OptionError(str(problem)) from None
 
@@ -184,7 +185,8 @@ class BranchPoint:
         saved = self.run.configuration
         given = {key: value for key, value in saved.values().items() if value is not None}
         for keys in (("sensor.widening", "sensor.scales"), ("sensor.widening",)):
-            asked = configure([Layer("run", {key: given[key] for key in given if key not in keys})])
+            without = Layer("run", {key: given[key] for key in given if key not in keys})
+            asked = configure([without], saved.parameters.sensor.weights)
             if adapted(asked, self.library, self.localizer.reference)[0].parameters == saved.parameters:
                 return keys
         return ()

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.config.build import available
+from maurice_mcl.config.build import adapted, available
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.sensor_proposal import density, draw_poses, elsewhere
 from maurice_mcl.pose_sensor import EXACT, PoseProposal, Shown
 from maurice_mcl.randomness import stream
+from maurice_mcl.sensor.descriptors.registry import weights_of
+from maurice_mcl.sensor.references import nearest_reference
 
 SD_M = 0.05
 LEAST = -8.0
@@ -73,6 +75,38 @@ def test_nats_of_all_sensors_add_up(drive, truths):
     assert sighting.log_likelihood == pytest.approx(without.log_likelihood + nats, rel=1e-6)
     assert found.cost == pytest.approx(alone.cost + found.sensed[0].cost, rel=1e-6)
     assert found.of_references == pytest.approx(alone.of_references)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.5, 3.0])
+def test_a_sensor_of_ones_own_can_be_weighted(drive, truths, weight):
+    sensor, frame = Position(truths), next(drive.moments()).frame
+    weights = {**weights_of("blended"), "position": weight}
+    weighted, plain = _made(sensor, settings={"sensor.weights": weights}), _made(sensor)
+    assert plain.sensor.weights == weighted.sensor.weights == weights_of("blended")
+    poses = plain.initialize(None).belief.poses
+    nats = sensor.log_likelihood(truths[1], poses, plain.library.origin)
+    found = weighted.sensor.at(weighted.sensor.see(frame), poses).log_likelihood
+    usual = plain.sensor.at(plain.sensor.see(frame), poses).log_likelihood
+    assert found == pytest.approx(usual + (weight - 1) * nats, abs=1e-3)
+
+
+def test_a_sensor_that_is_not_there_cannot_be_weighted(truths):
+    with pytest.raises(mcl.InputError, match=r"sensor\.weights: no channel called 'position'; there are"):
+        mcl.make_localizer(mcl.tiny_library(), settings={"sensor.weights": {"color": 1, "position": 0.5}})
+    with pytest.raises(mcl.InputError, match="found the name of a channel, 'color'"):
+        _made(Position(truths, name="color"))
+
+
+def test_a_sensor_of_ones_own_leaves_the_scales_of_channels_as_they_are(truths):
+    """Where places are sparse, scales are widened by the library's own pictures."""
+    library = mcl.tiny_library()
+    sparse = replace(library, sensors={"position": Position(truths)})
+    weights = {**weights_of("blended"), "position": 0.5}
+    configuration = configure([Layer("here", {"sensor.weights": weights})], ["position"])
+    nearest = nearest_reference(library.poses, library.arena)
+    own, plain = adapted(configuration, sparse, nearest), adapted(configure([]), library, nearest)
+    assert own[1] is not None
+    assert own[1] == plain[1]
 
 
 def test_a_frame_that_says_nothing_changes_nothing(drive, truths):
