@@ -96,12 +96,13 @@ def test_a_run_with_a_sensor_of_ones_own_opens_without_it(saved, tmp_path):
     file = folder / "configuration.toml"
     text = file.read_text()
     assert "edges = " in text
-    file.write_text(text.replace("edges = ", "beacon = 0.5\nedges = ", 1))
+    file.write_text(text.replace("edges = ", "beacon = 0.5, edges = ", 1))
     manifest = read_manifest(folder)
     write_manifest(folder, replace(manifest, configuration_sha256=hash_file(file)))
     assert open_run(folder).configuration.values()["sensor.weights"]["beacon"] == 0.5
     out, err = maurice("kept", "--no-recording", "--json")
-    assert json.loads(out)["runs"] == json.loads(saved)["runs"]
+    (found,), (expected,) = runs_of(out), runs_of(saved)
+    assert found["position_error_mean_m"] == expected["position_error_mean_m"]
     assert "no channel called 'beacon'" in one_line(err)
     assert "panels of comparisons stay empty" in err
     assert "no channel called 'beacon'" in maurice("verify", "kept", expect=1)[1]
