@@ -117,7 +117,7 @@ def _row(which: str, kind: str, number: int) -> Row:
     row |= {"discarded": run.discarded, "named": failures[0].kind if failures else NONE}
     if failures:
         first = failures[0]
-        row |= {"first": first.first, "at": first.lost, "also": list(first.also)}
+        row |= {"first": first.first, "at": first.episode.onset, "also": list(first.also)}
         row |= {"evidence": {name: str(value) for name, value in first.evidence.items()}}
         row |= {"later": [one.kind for one in failures[1:]]}
     return row

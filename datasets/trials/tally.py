@@ -95,7 +95,7 @@ class RunFigures:
 
     def _succeeded(self, reading: int) -> bool:
         found = self.score.success[reading]
-        return found.at_update is not None and found.failed is None
+        return found.at_step is not None and found.failed is None
 
 
 @dataclass(slots=True)

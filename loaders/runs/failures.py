@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
+from maurice_mcl.analysis.episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, Episode
 from maurice_mcl.analysis.failures.kinds import CAUSES, Failure, Value
 
 from ..errors import FieldError
@@ -21,27 +22,43 @@ def failure_to_json(failure: Failure) -> dict[str, Any]:
     return asdict(failure) | {"evidence": kept, "also": list(failure.also)}
 
 
-def failures_from_json(value: Any, steps: Any) -> tuple[Failure, ...]:
-    """Return the failures of a run of so many steps; none of one that did not end. FieldError for others."""
+def failures_from_json(value: Any, steps: Any) -> tuple[Failure, ...] | None:
+    """Return the failures of a run of so many steps; none of one that did not end. FieldError for others.
+
+    Those of an earlier version, which had no episodes, are not known: None.
+    """
     if steps is None:
         return ()
     last = whole(steps, "steps")
-    return tuple(_failure(mapping(one, "failures"), last) for one in items(value, "failures"))
+    failures = [mapping(one, "failures") for one in items(value, "failures")]
+    known = all("episode" in one for one in failures)
+    return tuple(_failure(one, last) for one in failures) if known else None
 
 
 def _failure(found: dict[str, Any], steps: int) -> Failure:
-    first, last, lost = (whole(found.get(name), f"failures.{name}") for name in ("first", "last", "lost"))
-    if not 1 <= min(first, lost) <= max(first, last, lost) <= steps:
-        raise FieldError(f"found a failure from step {first} to {last}, expected steps from 1 to {steps}")
+    first = whole(found.get("first"), "failures.first")
+    episode = _episode(mapping(found["episode"], "failures.episode"))
+    named = [first, episode.first, episode.onset, episode.last]
+    if not 1 <= min(named) <= max(named) <= steps:
+        raise FieldError(f"found a failure from step {min(named)} to {max(named)}, expected 1 to {steps}")
     return Failure(
         _kind(found.get("kind")),
         first,
-        last,
-        lost,
+        episode,
         {str(name): _value(one) for name, one in mapping(found.get("evidence"), "failures.evidence").items()},
         flag(found.get("truth_known"), "failures.truth_known"),
         tuple(_kind(one) for one in items(found.get("also"), "failures.also")),
     )
+
+
+def _episode(found: dict[str, Any]) -> Episode:
+    kind = found.get("kind")
+    if kind not in (KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST):
+        raise FieldError(f"found episode {show(kind)}, expected kidnapped, lost, searching or probably-lost")
+    named: dict[str, Any] = {one.name: found.get(one.name) for one in fields(Episode)[1:]}
+    for name, value in named.items():
+        named[name] = None if value is None else whole(value, f"failures.episode.{name}")
+    return Episode(kind, **named)
 
 
 def _kind(value: Any) -> str:

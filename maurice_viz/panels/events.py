@@ -18,7 +18,7 @@ from maurice_mcl.session import Moment, first_word
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
-from ..style import FRESH, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
+from ..style import FRESH, GROUND, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
 from ..text.failure import title
 from ..text.what_if import BRANCH
@@ -55,13 +55,14 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
     return rrb.TextDocumentView(name=title, origin=paths.text)
 
 
-# Events as lanes over time. A state lasts until the next one. An event is at the left edge of its mark, which
-# lasts for a share of the run that can be read on a screen, or until the next one. Only changes are logged.
+# Events as lanes over time. A state lasts until the next one; a mark lasts as long as its event: one step, or
+# several in a row. Both begin at the first phase of their step. One step is too narrow for a word, so
+# the word of a mark follows it, on the ground of the lane. Only changes are logged.
 
 LOG_LANE = "/_log"  # of all runs of a recording; lanes stand in the order of their paths
 USUAL_UPDATES = 120  # if the number is not known beforehand
 LEAST_HOLD = 2
-MARKS_A_RUN = 8  # so many marks fill a lane: each has room for a word
+MARKS_A_RUN = 8  # so many words of marks fill a lane
 
 DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
 NEUTRAL = PALE
@@ -72,7 +73,7 @@ TONES = {
     kinds.ACTS: ACTS,
     kinds.NEUTRAL: NEUTRAL,
 }
-LEGEND = "marks begin at their event; green good, orange wrong or doubtful, blue search or acts, red lost"
+LEGEND = "words follow their mark; green good, orange wrong or doubtful, blue search or acts, red lost"
 LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump, branch"
 
 CAUSE = "cause: "  # before the kind of a failure: a state, or a mark of its own
@@ -103,7 +104,8 @@ SHORT = {
     states.WRONG: "wrong",
     states.SEARCHING: "search",
     **{f"{CAUSE}{kind}": f"lost: {title(kind)}" for kind in CAUSES},
-}  # labels of marks and states, if not their names: a state can be as short as one update
+}  # labels of states, lines and words, if not their names
+WORDS = {f"{CAUSE}{kind}": f"cause: {title(kind)}" for kind in CAUSES}  # of marks: it need not be lost yet
 LINE_COLORS: Mapping[str, RGB] = {
     name: FRESH if kind.tone == kinds.ACTS else TONES[kind.tone]
     for name, kind in KINDS.items()
@@ -117,11 +119,14 @@ class EventLines:
     """Remembers when events were, and draws them as vertical lines into plots at the end of a run."""
 
     _seen: dict[str, list[tuple[int, float]]] = field(default_factory=dict)  # steps and times, by name
+    _before: set[str] = field(default_factory=set)  # names of the update before
 
     def see(self, step: int, time_s: float, names: Iterable[str]) -> None:
         """Remember the events of an update."""
-        for name in set(names) & set(LINE_COLORS):
+        now = set(names) & set(LINE_COLORS)
+        for name in now - self._before:  # what lasts several steps is one line
             self._seen.setdefault(name, []).append((step, time_s))
+        self._before = now
 
     def draw(self, rec: rr.RecordingStream, path: str, low: float, high: float) -> None:
         """Draw all into the plot of the values at `path`, from the lowest to the highest."""
@@ -132,12 +137,13 @@ class EventLines:
             look = rr.SeriesLines(names=[label], colors=[color], widths=[width], aggregation_policy="off")
             rec.log(line, look, static=True)
             for step, time_s in places:
-                set_place(rec, step, time_s, Phase.ESTIMATE)
+                set_place(rec, step, time_s, Phase.PREDICT)
                 for value in (low, high, np.nan):  # the last parts it from the next line
                     rec.log(line, rr.Scalars(value))
 
 
-BRIEF = " (brief)"  # added to the name of what is too short for its word on a screen
+BRIEF = " (brief)"  # added to the name of a state that is too short for its word on a screen
+WORD = " (word)"  # added to the name of a mark whose word follows it
 WORDS_A_RUN = 32  # so many words have room beside each other in a lane
 
 
@@ -147,94 +153,83 @@ class _Lane:
 
     path: str
     colors: Mapping[str, RGB]
-    at_end: bool = False  # whether all is drawn in the end, so that causes, known only then, have room
-    _changes: list[tuple[int, float, str]] = field(default_factory=list)  # step, time, name
+    changes: list[tuple[int, float, str]] = field(default_factory=list)  # step, time, name; "": nothing
 
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        """Log what names look like, static."""
-        shades = [rr.components.Color(packed(color)) for color in self.colors.values()]
-        labels = [SHORT.get(name, name.replace("-", " ")) for name in self.colors]
-        values = [*self.colors, *(f"{name}{BRIEF}" for name in self.colors)]
-        style = rr.StateConfiguration(
-            values=values, labels=[*labels, *([" "] * len(labels))], colors=shades + shades
-        )
-        rec.log(self.path, style, static=True)
+    def prepare(self, rec: rr.RecordingStream, *, marks: bool = False) -> None:
+        """Log what names look like, static; marks have no words of their own, which follow them."""
+        named = {name: SHORT.get(name, name.replace("-", " ")) for name in self.colors}
+        looks = [(name, named[name], color) for name, color in self.colors.items()]
+        brief = [(f"{name}{BRIEF}", " ", color) for name, _, color in looks]
+        if marks:
+            words = [(f"{name}{WORD}", WORDS.get(name, label), GROUND) for name, label, _ in looks]
+            looks, brief = [(name, " ", color) for name, _, color in looks], words
+        values, labels, colors = zip(*looks, *brief, strict=True)
+        shades = [rr.components.Color(packed(color)) for color in colors]
+        rec.log(self.path, rr.StateConfiguration(values=values, labels=labels, colors=shades), static=True)
 
-    def change(self, rec: rr.RecordingStream, moment: Moment, name: str) -> None:
-        """Begin a name, or nothing."""
-        self._changes.append((moment.frame.step, moment.frame.time_s, name))
-        self._put(rec, -1, self._changes[-1])
+    def change(self, rec: rr.RecordingStream, step: int, time_s: float, name: str) -> None:
+        """Begin a name, or nothing, where it is another one than before."""
+        if name == (self.changes[-1][2] if self.changes else ""):
+            return
+        self.changes.append((step, time_s, name))
+        self._log(rec, step, time_s, name)
 
     def rename(self, rec: rr.RecordingStream, first: int, last: int, old: str, new: str) -> None:
         """Give what was called `old` from one step to another a new name."""
-        for k, (step, time_s, name) in enumerate(self._changes):
+        for k, (step, time_s, name) in enumerate(self.changes):
             if first <= step <= last and name == old:
-                self._put(rec, k, (step, time_s, new))
+                self.changes[k] = step, time_s, new
+                self._log(rec, step, time_s, new)
 
-    def insert(
-        self, rec: rr.RecordingStream, step: int, times_s: Mapping[int, float], hold: int, name: str
-    ) -> None:
-        """Mark a step that is over, for so many steps, or half of them where other marks follow."""
-        if self.at_end:
-            self._make_room(step, step + hold // 2, times_s)
-        before = [k for k, one in enumerate(self._changes) if one[0] < step]
-        after = next((one[0] for one in self._changes if one[0] > step), None)
-        at = len(before)
-        same = at < len(self._changes) and self._changes[at][0] == step
-        if not same:
-            self._changes.insert(at, (step, times_s[step], name))
-        self._put(rec, at, (step, times_s[step], name))
-        end = step + hold
-        if (after is None or after > end) and end in times_s:
-            self._changes.insert(at + 1, (end, times_s[end], ""))
-            self._put(rec, at + 1, self._changes[at + 1])
-
-    def _make_room(self, first: int, end: int, times_s: Mapping[int, float]) -> None:
-        """Let the last mark that began between two steps begin at the second one; the others give way."""
-        inside = [k for k, one in enumerate(self._changes) if first < one[0] < end]
-        if not inside:
-            return
-        last = self._changes[inside[-1]][2]
-        del self._changes[inside[0] : inside[-1] + 1]
-        if end in times_s and all(one[0] != end for one in self._changes):
-            self._changes.insert(inside[0], (end, times_s[end], last))
-
-    def _put(self, rec: rr.RecordingStream, k: int, change: tuple[int, float, str]) -> None:
-        self._changes[k] = step, time_s, name = change
-        if self.at_end:
-            return
-        set_place(rec, step, time_s, Phase.ESTIMATE)
-        rec.log(self.path, rr.StateChange(state=name) if name else rr.StateChange.from_fields(state=[]))
-
-    def finish(self, rec: rr.RecordingStream, steps: int) -> None:
+    def shorten(self, rec: rr.RecordingStream, steps: int) -> None:
         """Take the word from what lasted less than its share of a run of so many steps."""
-        if self.at_end:
-            self.at_end = False
-            for k, change in enumerate(self._changes):
-                self._put(rec, k, change)
-        for (step, time_s, name), (after, _, _) in pairwise(self._changes):
+        for (step, time_s, name), (after, _, _) in pairwise(self.changes):
             if name and (after - step) * WORDS_A_RUN < steps:
-                set_place(rec, step, time_s, Phase.ESTIMATE)
-                rec.log(self.path, rr.StateChange(state=f"{name}{BRIEF}"))
+                self._log(rec, step, time_s, f"{name}{BRIEF}")
+
+    def _log(self, rec: rr.RecordingStream, step: int, time_s: float, name: str) -> None:
+        set_place(rec, step, time_s, Phase.PREDICT)
+        rec.log(self.path, rr.StateChange(state=name) if name else rr.StateChange.from_fields(state=[]))
 
 
 @dataclass(slots=True)
 class _Marks:
-    """A lane of events: shows the first event of a step for `hold_steps`, then nothing."""
+    """A lane of events: at each step the gravest one; after it, for some steps, the word of the gravest."""
 
     lane: _Lane
     hold_steps: int
-    _until: int | None = None  # the step from which nothing is shown; None: nothing is shown
+    at_end: bool  # whether all is drawn in the end, with the causes that are known only then
+    _rows: dict[int, tuple[float, str]] = field(default_factory=dict)  # time and name, by step, until drawn
+    _word: str = ""
+    _until: int = 0  # the step from which that word is not shown any more
 
     def draw(self, rec: rr.RecordingStream, moment: Moment, names: Iterable[str]) -> None:
-        step = moment.frame.step
-        found = sorted(set(names) & set(self.lane.colors), key=list(self.lane.colors).index)
-        if found:
-            self.lane.change(rec, moment, found[0])
-            self._until = step + self.hold_steps
-        elif self._until is not None and step >= self._until:
-            self.lane.change(rec, moment, "")
-            self._until = None
+        """Take the events of the next step."""
+        step, time_s = moment.frame.step, moment.frame.time_s
+        name = min(set(names) & set(self.lane.colors), key=list(self.lane.colors).index, default="")
+        if self.at_end:
+            self._rows[step] = time_s, name
+        else:
+            self._show(rec, step, time_s, name)
+
+    def mark(self, step: int, name: str) -> None:
+        """Show a name at a step that is over, instead of what was there."""
+        if step in self._rows:
+            self._rows[step] = self._rows[step][0], name
+
+    def finish(self, rec: rr.RecordingStream) -> None:
+        """Draw what was kept."""
+        for step, (time_s, name) in self._rows.items():
+            self._show(rec, step, time_s, name)
+        self._rows = {}
+
+    def _show(self, rec: rr.RecordingStream, step: int, time_s: float, name: str) -> None:
+        order, is_over = list(self.lane.colors).index, step >= self._until
+        if name and (not self._word or is_over or order(name) < order(self._word)):
+            self._word, self._until = name, step + self.hold_steps
+        elif is_over:
+            self._word = ""
+        self.lane.change(rec, step, time_s, name or (f"{self._word}{WORD}" if self._word else ""))
 
 
 class EventsPanel(Panel):
@@ -242,47 +237,39 @@ class EventsPanel(Panel):
 
     def __init__(self, run: DrawnRun) -> None:
         super().__init__(run)
-        hold_steps = hold_for(run.updates or USUAL_UPDATES)
-        self._status, self._now, self._step = _Lane(status_path(run.paths), STATUS_COLORS), "", 0
-        self._times_s: dict[int, float] = {}  # of each step drawn
-        known = run.updates > 0  # else it is live, and marks are drawn as they come
-        noticed = _Lane(noticed_path(run.paths), NOTICED_COLORS, at_end=known)
-        self._noticed = _Marks(noticed, hold_steps)
-        self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps) if run.draws_scene else None
-        marks = [self._noticed, *([self._log] if self._log else [])]
-        self._lanes = [self._status, *(one.lane for one in marks)]
+        hold_steps, known = hold_for(run.updates or USUAL_UPDATES), run.updates > 0  # else it is live
+        self._status, self._step = _Lane(status_path(run.paths), STATUS_COLORS), 0
+        self._noticed = _Marks(_Lane(noticed_path(run.paths), NOTICED_COLORS), hold_steps, known)
+        self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps, False) if run.draws_scene else None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        for lane in self._lanes:
-            lane.prepare(rec)
+        self._status.prepare(rec)
+        for one in filter(None, (self._noticed, self._log)):
+            one.lane.prepare(rec, marks=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        self._step = update.moment.frame.step
-        self._times_s[self._step] = update.moment.frame.time_s
-        set_phase(rec, update.moment, Phase.ESTIMATE)
-        if update.status != self._now:
-            self._status.change(rec, update.moment, update.status)
-            self._now = update.status
+        moment = update.moment
+        self._step = moment.frame.step
+        self._status.change(rec, self._step, moment.frame.time_s, update.status)
         shown = [event for event in update.events if not event.is_routine]
-        self._noticed.draw(rec, update.moment, [event.kind for event in shown])
+        self._noticed.draw(rec, moment, [event.kind for event in shown])
         if self._log is not None:
-            self._log.draw(rec, update.moment, [name_of(event) for event in shown])
+            self._log.draw(rec, moment, [name_of(event) for event in shown])
 
     def diagnosed(self, rec: rr.RecordingStream, failures: Sequence[Failure]) -> None:
         for one in failures:
-            name = f"{CAUSE}{one.kind}"
-            self._status.rename(rec, one.lost, one.last, states.LOST, name)
-            self._status.rename(rec, one.lost, one.last, states.PROBABLY_LOST, name)
-            if one.first in self._times_s:
-                self._noticed.lane.insert(rec, one.first, self._times_s, self._noticed.hold_steps, name)
+            name, episode = f"{CAUSE}{one.kind}", one.episode
+            self._status.rename(rec, episode.first, episode.last, states.LOST, name)
+            self._status.rename(rec, episode.first, episode.last, states.PROBABLY_LOST, name)
+            self._noticed.mark(one.first, name)
 
     def finish(self, rec: rr.RecordingStream) -> None:
-        for lane in self._lanes:
-            lane.finish(rec, self._step)
+        self._noticed.finish(rec)
+        self._status.shorten(rec, self._step)
 
 
 def hold_for(updates: int) -> int:
-    """Return for how many steps a mark lasts, in a run of this many updates."""
+    """Return for how many steps the word of a mark is shown, in a run of this many updates."""
     return max(LEAST_HOLD, round(updates / MARKS_A_RUN))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from maurice_mcl.analysis.events import FAILURE, KINDS, RunEvent
+from maurice_mcl.analysis.events import FAILURE, KINDS, RunEvent, joined
 from maurice_mcl.analysis.failures.kinds import (
     AMBIGUITY,
     DATA,
@@ -47,10 +47,10 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "usual_s": "usual time between pictures",
     "sd": "standard deviations of the motion model",
     "movements": "movements taken together",
-    "worst_step": "farthest off at step",
+    "worst_step": "farthest off",
     "spread_nats": "best place over a middling one",
     "to_reference_m": "nearest reference",
-    "none_looks_that_way": "updates without a reference that looks that way",
+    "none_looks_that_way": "steps without a reference that looks that way",
     "spacing_m": "usual distance between references",
     "brightness": "brightness, references = 1",
     "level": "mean gray level",
@@ -75,18 +75,19 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "near": "particles at the true place",
     "particles": "of how many particles",
     "ever": "any weight at the true place, ever",
-    "held_until": "weight at the true place until step",
-    "came": "first weight at the true place at step",
-    "died": "last particle there died at step",
+    "held_until": "weight at the true place until",
+    "came": "first weight at the true place",
+    "died": "last particle there died",
     "nearest_m": "nearest particle",
     "knows": "probability that it was not lost",
-    "last": "until step",
+    "last": "until",
     "cloud_nats": "evidence of the cloud",
     "usual_cloud_nats": "usual evidence of the cloud",
     "best_nats": "evidence of the best reference",
     "usual_best_nats": "usual evidence of the best reference",
     "confused": "share of the library's own pictures that are confused",
 }
+STEPS = {"worst_step", "held_until", "came", "died", "last"}  # of evidence, whose values are steps
 UNEXPLAINED = "not explained by anything that is looked for"
 WITHOUT_TRUTH = " (without ground truth)"
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
@@ -99,31 +100,31 @@ def title(kind: str) -> str:
 
 def failure_event(failure: Failure, time_s: float, scale: Scale) -> RunEvent:
     """Return a failure as an event of the step at which its cause shows first."""
-    until = f"; lost from {failure.lost} to {failure.last}"
-    return RunEvent(failure.first, time_s, FAILURE, f"{failure.kind}: {say_cause(failure, scale)}{until}")
+    text = f"{failure.kind}: {say_cause(failure, scale)}; {failure.episode.account}"
+    return RunEvent(failure.first, time_s, FAILURE, text)
 
 
 def with_failures(
     events: Iterable[RunEvent], failures: Iterable[Failure], times_s: Mapping[int, float], scale: Scale
 ) -> list[RunEvent]:
-    """Return the events of a run in order with its failures among them."""
+    """Return the events of a run in order, those of several steps in a row as one, with its failures."""
     found = [failure_event(one, times_s[one.first], scale) for one in failures if one.first in times_s]
     order = list(KINDS)
-    return sorted([*events, *found], key=lambda one: (one.step, order.index(one.kind)))
+    return sorted([*joined(list(events)), *found], key=lambda one: (one.step, order.index(one.kind)))
 
 
 def say_cause(failure: Failure, scale: Scale) -> str:
-    """Return the cause as a clause: "the robot was carried 2.13 m at 18, unseen by its odometry"."""
+    """Return the cause as a clause: "the robot was carried 2.13 m at step 18, unseen by its odometry"."""
     clause = CLAUSES.get(failure.kind)
     text = UNEXPLAINED if clause is None else clause(failure, failure.evidence, scale)
     return text if failure.truth_known else f"{text}{WITHOUT_TRUTH}"
 
 
 def say_failure(failure: Failure, scale: Scale) -> str:
-    """Return one sentence: when it was lost, and why."""
-    until = f" to {failure.last}" if failure.last > failure.lost else ""
-    lost = "Lost" if failure.truth_known else "Probably lost"
-    return f"{lost} from {failure.lost}{until}: {say_cause(failure, scale)}."
+    """Return one sentence: when it was wrong, and why."""
+    episode = failure.episode
+    when = ", ".join(filter(None, [episode.account, episode.ending]))
+    return f"{when[:1].upper()}{when[1:]}: {say_cause(failure, scale)}."
 
 
 def say_evidence(failure: Failure, scale: Scale) -> list[str]:
@@ -144,32 +145,34 @@ def _value(name: str, value: float | str, scale: Scale) -> str:
         return value
     if name.endswith("_m"):
         return scale.say(value)
+    if name in STEPS:
+        return f"step {value:.0f}"
     unit = {"_s": " s", "_nats": " nats"}.get(name[name.rfind("_") :], "")
     return f"{value:.3g}{unit}" if value < 1000 else f"{value:.0f}{unit}"
 
 
 def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if "equal_pictures" in e:
-        return f"the camera gave the same picture {e['equal_pictures']} times from {failure.first} on"
-    gap = f"a gap of {e['gap_s']:.0f} s before {failure.first} (usually {e['usual_s']:.1f} s)"
+        return f"the camera gave the same picture {e['equal_pictures']} times from step {failure.first} on"
+    gap = f"a gap of {e['gap_s']:.0f} s before step {failure.first} (usually {e['usual_s']:.1f} s)"
     moved = f", in which the robot moved {scale.say(e['moved_m'])}" if "moved_m" in e else ""
     return f"the recording has {gap}{moved}"
 
 
 def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if not failure.truth_known and e.get("told") == "the log says so":
-        return f"the robot was carried away at {failure.first}, as the log says"
+        return f"the robot was carried away at step {failure.first}, as the log says"
     if not failure.truth_known:
-        return f"the pictures from {failure.first} on fit other places, as after a kidnapping"
+        return f"the pictures from step {failure.first} on fit other places, as after a kidnapping"
     by = f" {scale.say(e['moved_m'])}" if "moved_m" in e else " away"
-    return f"the robot was carried{by} at {failure.first}, unseen by its odometry"
+    return f"the robot was carried{by} at step {failure.first}, unseen by its odometry"
 
 
 def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if "truth" in e:
-        return f"the robot was off the map from {failure.first} on"
+        return f"the robot was off the map from step {failure.first} on"
     drove = f": odometry says {scale.say(e['driven_m'])}" if e["driven_m"] > 0 else ""
-    return f"no particle was on the map at {failure.first}{drove}"
+    return f"no particle was on the map at step {failure.first}{drove}"
 
 
 def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -177,16 +180,16 @@ def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     several = f"in {e['movements']} movements" if e["movements"] > 1 else ""
     how = " ".join(part for part in (f"{e['sd']:.1f} sigma of its {e['axis']}", several) if part)
     moved = f"; odometry says {scale.say(e['driven_m'])}, the robot moved {scale.say(e['moved_m'])}"
-    when = f"at {failure.first}" if e["movements"] == 1 else f"from {failure.first} on"
+    when = f"at step {failure.first}" if e["movements"] == 1 else f"from step {failure.first} on"
     told = "" if e["axis"] == "turn" else moved
     return f"the robot moved beyond the motion model {when}{floor} ({how}{told})"
 
 
 def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if e["weights"] == "not a number":
-        return f"the likelihood is not a number from {failure.first} on"
+        return f"the likelihood is not a number from step {failure.first} on"
     if "spread_nats" not in e:
-        return f"all weights were zero at {failure.first}"
+        return f"all weights were zero at step {failure.first}"
     apart = f"{e['spread_nats']:.0f} nats from a middling place to the best one"
     return f"the likelihood is so sharp that all weights but one vanish ({apart})"
 
@@ -194,23 +197,25 @@ def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 def _library_gap(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     unseen, usual = e.get("none_looks_that_way", 0), f"usually {scale.say(e['spacing_m'])} apart"
     if 2 * unseen > e["updates"]:
-        turned = f"at {unseen} of {e['updates']} updates; references are {usual}"
-        return f"no reference looks the way that the robot did from {failure.first} on ({turned})"
+        turned = f"at {unseen} of {e['updates']} steps; references are {usual}"
+        return f"no reference looks the way that the robot did from step {failure.first} on ({turned})"
     apart = f"{scale.say(e['to_reference_m'])} to the nearest, {usual}"
-    return f"the library has no reference near the true place from {failure.first} on ({apart})"
+    return f"the library has no reference near the true place from step {failure.first} on ({apart})"
 
 
 def _lighting(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     times = f"{e['brightness']:.2g} times as bright as the references there"
     levels = f"mean gray level {e['level']:.0f}, expected {e['expected_level']:.0f}"
-    return f"the pictures are {times} from {failure.first} on ({levels})"
+    return f"the pictures are {times} from step {failure.first} on ({levels})"
 
 
 def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if not failure.truth_known:
-        return f"the pictures from {failure.first} on fit no reference as well as before, and are as bright"
+        return (
+            f"the pictures from step {failure.first} on fit no reference as well as before, and are as bright"
+        )
     how = f"{e['times_usual']:.1f} times the usual cost, most by {e['channel']}{_bins(e)}"
-    return f"the pictures from {failure.first} on do not show what the references there do ({how})"
+    return f"the pictures from step {failure.first} on do not show what the references there do ({how})"
 
 
 def _sensor(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -245,7 +250,7 @@ def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 def _resampling(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     had = f"{e['share']:.1%} of the weight, worth {e['copies']:.1f} copies"
-    return f"resampling at {failure.first} left no particle at the true place, which had {had}: chance"
+    return f"resampling at step {failure.first} left no particle at the true place, which had {had}: chance"
 
 
 def _impoverished(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -253,8 +258,8 @@ def _impoverished(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if e["ever"] == "no":
         return f"no particle with any weight was ever at the true place ({nearest})"
     if e["ever"] == "late":
-        return f"no particle with any weight was at the true place before {e['came']}"
-    return f"the last particle at the true place died at {e['died']}, and no other came there"
+        return f"no particle with any weight was at the true place before step {e['came']}"
+    return f"the last particle at the true place died at step {e['died']}, and no other came there"
 
 
 CLAUSES: Mapping[str, Clause] = {

@@ -18,17 +18,17 @@ STILL_RAD = np.radians(0.5)  # a turn that would be written "0 deg" is not menti
 
 
 def motion(motions: F64, scale: Scale) -> str:
-    """Return the measured motion in words: "drove 18.0 in forward and turned 45 deg left (2 movements)"."""
+    """Return what odometry measured: "18.0 in forward and a turn of 45 deg left (2 movements)"."""
     forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
     parts = []
     if _shows(forward, scale):
-        parts.append(f"drove {scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
+        parts.append(f"{scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
     if _shows(left, scale):
-        parts.append(f"slid {scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
+        parts.append(f"{scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
     if abs(turn) > STILL_RAD:
-        parts.append(f"turned {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
+        parts.append(f"a turn of {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
     count = f" ({len(motions)} movements)" if len(motions) > 1 else ""
-    return (" and ".join(parts) or "stood still") + count
+    return (" and ".join(parts) or "no movement") + count
 
 
 def _shows(length_m: float, scale: Scale) -> bool:
@@ -84,7 +84,7 @@ def cloud(record: StepRecord, scale: Scale) -> str:
 def moved(record: StepRecord, scale: Scale) -> str:
     """Describe the motion if there is odometry; else empty."""
     motions = record.frame.motions
-    return f"The robot {motion(motions, scale)}. " if len(motions) else ""
+    return f"Odometry says {motion(motions, scale)}. " if len(motions) else ""
 
 
 def _recorded_phase(record: StepRecord, slot: Phase, scale: Scale) -> str:
@@ -108,7 +108,7 @@ def predicted(record: StepRecord, scale: Scale) -> str:
     turned = f"{np.degrees(heading):.0f} deg" if heading < ALL_ROUND_RAD else "every heading"
     toward = ", some toward the pose that a sensor proposes" if GUIDED in record.events else ""
     return (
-        f"The robot {motion(record.frame.motions, scale)}. Every particle moved likewise with its own noise"
+        f"Odometry says {motion(record.frame.motions, scale)}. Every particle moved so, with its own noise"
         f"{toward}; the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
     )
 
@@ -244,7 +244,7 @@ def _done(record: StepRecord, scale: Scale) -> str:
         test = record.recovery_test
         why = f"{_capital(say_recovery_test(test))}: " if test else ""
         kept = f"{kept} {why}**{int(record.injected.sum())} fresh** particles."
-    return f"The robot {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
+    return f"Odometry says {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
 
 
 def _when(moment: Moment) -> str:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.analysis.dead_reckoning import CAMERA, SENSORS
+from maurice_mcl.analysis.episodes import SEARCHING
 from maurice_mcl.analysis.failures.kinds import Failure
+from maurice_mcl.analysis.failures.verdict import RunVerdict
 from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
 from maurice_mcl.analysis.run_comparison import (
     APART_FOR,
@@ -50,7 +52,7 @@ def _paired_json(result: RunResult) -> dict[str, Any] | None:
         "heading_error": _difference_json(paired.heading, "rad"),
         "apart_mean_m": paired.apart_mean_m,
         "apart_most_m": paired.apart_most_m,
-        "parted_at_update": paired.parted_at,
+        "parted_at_step": paired.parted_at,
     }
 
 
@@ -60,8 +62,8 @@ def _difference_json(difference: ErrorDifference | None, unit: str) -> dict[str,
     return {
         f"difference_mean_{unit}": difference.mean,
         f"interval_95_{unit}": None if difference.interval is None else list(difference.interval),
-        "block_updates": difference.block,
-        "updates": difference.updates,
+        "block_steps": difference.block,
+        "steps": difference.updates,
         "better": difference.better,
         "worse": difference.worse,
     }
@@ -75,14 +77,12 @@ SCORES = (
     "position_error_final_m",
     "heading_error_mean_rad",
     "heading_error_median_rad",
-    "localized_at_update",
     "localized_share",
     "lost",
-    "lost_at_update",
     "reached",
     "wrong_confident_share",
 )
-SUCCESS = ("at_update", "at_m", "at_s", "failed", "failed_at_update")
+SUCCESS = ("at_step", "at_m", "at_s", "failed", "failed_at_step")
 
 
 def _run_json(result: RunResult) -> dict[str, Any]:
@@ -90,6 +90,8 @@ def _run_json(result: RunResult) -> dict[str, Any]:
     scores = _values(result.score, SCORES)
     head = {"label": result.label, "verdict": _verdict_json(result)}
     relative = None if result.score.relative is None else asdict(result.score.relative)
+    scores["localized_at_step"] = result.verdict.found
+    scores["lost_at_step"] = _lost_at(result.verdict)
     scores["relative_error"] = relative
     scores["knows_where_it_is"] = _signal_json(result)
     scores["odometry_alone"] = _alone_json(result)
@@ -101,7 +103,7 @@ def _signal_json(result: RunResult) -> dict[str, Any] | None:
     signal = result.signal
     if signal is None:
         return None
-    spans = [{"from_step": first, "to_step": last} for first, last in signal.probably_lost]
+    spans = [{"from_step": first, "to_step": last} for first, last in result.verdict.doubts]
     return {"share": signal.share, "at_end": signal.at_end, "probably_lost": spans}
 
 
@@ -115,7 +117,6 @@ def _alone_json(result: RunResult) -> dict[str, Any] | None:
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
 IN_OBSTACLE = ("obstacle", "first", "last")
-TROUBLE = ("kind", "step", "recovered", "lost", "fresh", "updates", "is_sure")
 CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
 
 
@@ -123,7 +124,7 @@ def _verdict_json(result: RunResult) -> dict[str, Any]:
     verdict = result.verdict
     facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, METRIC)}
     facts["in_obstacles"] = [_values(one, IN_OBSTACLE) for one in verdict.in_obstacles]
-    facts["troubles"] = [_values(one, TROUBLE) for one in verdict.troubles]
+    facts["episodes"] = [asdict(one) | {"text": one.account} for one in verdict.episodes]
     facts["failures"] = [failure_json(one, METRIC) for one in verdict.failures]
     return facts | {"causes": [_values(one, CAUSE) for one in verdict.causes]}
 
@@ -172,7 +173,7 @@ def say_difference(difference: ErrorDifference, unit: float, digits: int) -> str
 
 
 def _closer(difference: ErrorDifference | None) -> str:
-    return "-" if difference is None else f"at {difference.better} of {difference.updates}"
+    return "-" if difference is None else f"at {difference.better} of {difference.updates} steps"
 
 
 def _parts(paired: ComparisonResult) -> str:
@@ -184,7 +185,7 @@ def _parts(paired: ComparisonResult) -> str:
 def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
     unit = units.name
     return [
-        ("updates", lambda r: str(r.score.updates)),
+        ("steps", lambda r: str(r.score.updates)),
         (f"distance ({unit})", lambda r: _length(r.score.distance_m, units)),
         (f"position error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
         (f"position error, median ({unit})", lambda r: _length(r.score.position_error_median_m, units)),
@@ -196,8 +197,9 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
             lambda r: _relative(r.score.relative, units),
         ),
         ("localized share", lambda r: _written(r.score.localized_share, ".0%")),
-        ("localized at update", lambda r: _or_never(r.score.localized_at_update, r.score.lost)),
-        ("lost", _lost),
+        ("localized", _localized),
+        ("lost or carried, wrong from", _wrong),
+        ("declared lost", _lost),
         ("wrong and confident", lambda r: _written(r.score.wrong_confident_share, ".0%")),
         ("knows where it is, without truth", _known),
         ("probably lost, without truth", _probably_lost),
@@ -226,8 +228,8 @@ def _known(result: RunResult) -> str:
 def _probably_lost(result: RunResult) -> str:
     if result.signal is None:
         return "-"
-    lost = result.signal.probably_lost
-    steps = [f"step {first} to {last}" if last > first else f"step {first}" for first, last in lost]
+    lost = result.verdict.doubts
+    steps = [f"steps {first} to {last}" if last > first else f"step {first}" for first, last in lost]
     more = f", {len(steps) - 1} more" if len(steps) > 1 else ""
     return f"{steps[0]}{more}" if steps else "no"
 
@@ -262,21 +264,32 @@ def _radii(radii: Radii, units: Units) -> str:
     return ", ".join(_length(one, units) for one in (radii.right_m, radii.cluster_m, radii.lost_m))
 
 
-def _or_never(update: int | None, lost: bool | None) -> str:
-    if lost is None:  # the truth is not known
+def _localized(result: RunResult) -> str:
+    if not result.verdict.has_truth:
         return "-"
-    return "never" if update is None else str(update)
+    return "never" if result.verdict.found is None else f"from step {result.verdict.found}"
+
+
+def _wrong(result: RunResult) -> str:
+    """Return from which step on a run that had been right was wrong."""
+    wrong = [one.wrong for one in result.verdict.episodes if one.wrong is not None]
+    more = f", {len(wrong) - 1} more" if len(wrong) > 1 else ""
+    return f"step {wrong[0]}{more}" if wrong else "-" if result.score.lost is None else "never"
+
+
+def _lost_at(verdict: RunVerdict) -> int | None:
+    """Return the first step at which a run was declared lost, also while it had not been localized yet."""
+    return next((one.lost for one in verdict.episodes if one.lost is not None), None)
 
 
 def _lost(result: RunResult) -> str:
-    score = result.score
-    if score.lost is None:
+    if result.score.lost is None:
         return "-"
-    if score.lost:
-        found, lost_at = score.localized_at_update, score.lost_at_update or 0
-        searching = found is None or found > lost_at
-        return f"at update {lost_at}" + (", searching" if searching else "")
-    return "no, goal reached" if score.reached else "no"
+    lost = [one for one in result.verdict.episodes if one.lost is not None]
+    if not lost:
+        return "no, goal reached" if result.score.reached else "no"
+    more = f", {len(lost) - 1} more" if len(lost) > 1 else ""
+    return f"at step {lost[0].lost}{more}{', searching' if lost[0].kind == SEARCHING else ''}"
 
 
 def _success(result: RunResult, preset: str, units: Units) -> str:
@@ -284,9 +297,9 @@ def _success(result: RunResult, preset: str, units: Units) -> str:
     for one in result.score.success:
         if one.preset == preset:
             if one.failed == LEFT:
-                return f"left the truth at {one.failed_at_update}"
-            if one.at_update is not None and one.at_m is not None and one.at_s is not None:
-                return f"update {one.at_update}, {_length(one.at_m, units)} {units.name}, {one.at_s:.0f} s"
+                return f"left the truth at step {one.failed_at_step}"
+            if one.at_step is not None and one.at_m is not None and one.at_s is not None:
+                return f"step {one.at_step}, {_length(one.at_m, units)} {units.name}, {one.at_s:.0f} s"
             return "no, 5 min over" if one.failed else "no"
     return "-"
 
@@ -367,7 +380,7 @@ def _paragraph(result: RunResult, first: str, units: Units) -> str:
         parts.append(
             f"position error {say_difference(paired.position, 1 / units.per_m, units.digits)} {units.name},"
         )
-        parts.append(f"closer at {paired.position.better} of {paired.position.updates} updates;")
+        parts.append(f"closer at {paired.position.better} of {paired.position.updates} steps;")
     if paired.heading is not None:
         parts.append(f"heading error {say_difference(paired.heading, float(np.deg2rad(1)), 1)} deg;")
     if paired.apart_mean_m is None:

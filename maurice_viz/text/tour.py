@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from maurice_mcl.analysis.episodes import Episode
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause
 from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
+from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong
 from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
 
 from ..scene import EVENLY, LIKELY, NEVER, RunView
@@ -21,7 +22,7 @@ NAMES = {
     DIVIDED: "two places look alike",
     LOST: "it goes wrong",
     SURE: "sure and wrong",
-    BACK: "found again",
+    BACK: "localized again",
     ENDS: "the end",
 }
 BEFALLS = {
@@ -110,8 +111,8 @@ def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
         none = "; no dot is near it" if fact.bereft else ""
         where = f"{away} from the white disk (the truth){none}"
         return f"Map: {fact.share:.0%} of the weight is in one place, {where}."
-    if isinstance(fact, Trouble):
-        return _troubled(moment, fact)
+    if isinstance(fact, Episode):
+        return _episode(moment, fact)
     if moment.kind == BEGINS:
         truth = " White: the truth, where the robot is." if has_truth else ""
         return f"Map: each dot is a particle, a guess of the pose.{truth} Move the time cursor at the bottom."
@@ -129,10 +130,9 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
     return f"Map: most dots are in two places, {apart} apart. The estimate is at the heavier one{white}."
 
 
-def _troubled(moment: TourMoment, trouble: Trouble) -> str:
+def _episode(moment: TourMoment, episode: Episode) -> str:
     if moment.kind == LOST:
-        return "Errors, at the bottom: above the red line (lost). The lane turns red after four such updates."
-    if trouble.fresh:
-        fresh = f"{trouble.fresh} were drawn anew where the picture fits"
-        return f"Map: the dots are at the white disk (the truth) again: {fresh}."
-    return "Map: the dots are at the white disk (the truth) again. The lane turns green."
+        account = f"{episode.account[:1].upper()}{episode.account[1:]}"
+        return f"{account}. Errors, at the bottom: above the red line is too far off."
+    after = f", after {episode.fresh} were drawn anew" if episode.fresh else ""
+    return f"Map: the dots are at the white disk (the truth) again{after}. The lane turns green."

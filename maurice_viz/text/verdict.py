@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.analysis.events import KIDNAPPED, SEARCHING
+from maurice_mcl.analysis.episodes import KIDNAPPED, SEARCHING, Episode
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, TURNED, Cause
 from maurice_mcl.analysis.failures.kinds import KIDNAPPED as WAS_KIDNAPPED
 from maurice_mcl.analysis.failures.kinds import LIGHTING, MOTION
-from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble
+from maurice_mcl.analysis.failures.verdict import RunVerdict
+from maurice_mcl.analysis.metrics import RIGHT_RAD, StepScore
 
 from ..style import Scale
 from .failure import say_cause
@@ -23,7 +25,7 @@ ALIKE_Q = 0.1  # qualities that differ by less are about equal
 
 
 def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
-    """Return one line about all runs, what they share first: "The wheels slipped at 34. `a` ..."."""
+    """Return one line about all runs, what they share first: "The wheels slipped at step 34. `a` ..."."""
     if len(verdicts) == 1:
         return said(next(iter(verdicts.values())), scale)
     runs = list(verdicts.values())
@@ -33,7 +35,7 @@ def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
 
 
 def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
-    """Return what one of several runs did, as a clause: "`robust` found itself at 63"."""
+    """Return what one of several runs did, as a clause: "`robust` was localized from step 63 on"."""
     if not verdict.has_truth:
         return f"{name}: {_without_truth(verdict, scale)}"
     did = _predicate(verdict, scale, kidnapping_said)
@@ -44,8 +46,8 @@ def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: b
 
 
 def _why(verdict: RunVerdict, scale: Scale) -> str:
-    """Return why a run did not find itself (again), of the first failure that nothing told explains."""
-    told = [one.step for one in verdict.troubles if one.has_loud_cause]
+    """Return why a run was not localized (again), of the first failure that nothing told explains."""
+    told = any(map(verdict.has_loud_cause, verdict.episodes))
     quiet = [one for one in verdict.failures if not (one.kind in TOLD and told)]
     return say_cause(quiet[0], scale) if quiet else ""
 
@@ -60,11 +62,10 @@ def said(verdict: RunVerdict, scale: Scale) -> str:
         return f"{shared}{_sentence(_without_truth(verdict, scale))}{left}"
     before = _before(verdict, scale)
     sentences = f"{shared}{_sentence(before)} " if before else shared
-    who = "It" if sentences.startswith(KIDNAPPED_ROBOT) else "The robot"
     because = f" Why: {why}." if (why := _why(verdict, scale)) else ""
     did = _predicate(verdict, scale, bool(_kidnappings([verdict])))
     worse = f"{_sentence(made_worse)} " if (made_worse := _made_worse(verdict, scale)) else ""
-    return f"{worse}{sentences}{who} {did}.{because}{left}"
+    return f"{worse}{sentences}The filter {did}.{because}{left}"
 
 
 def _made_worse(verdict: RunVerdict, scale: Scale) -> str:
@@ -83,15 +84,16 @@ def _off_map(verdict: RunVerdict) -> str:
         return f" {ruled[:1].upper()}{ruled[1:]}: --set map.obstacles=movable allows it."
     if not verdict.left_map:
         return ""
-    return f" No particle was left on the map at {_listed(verdict.left_map)}, so the cloud was kept in place."
+    at = _listed(verdict.left_map)
+    return f" No particle was left on the map at {at}, so the cloud was kept in place."
 
 
 def ruled_out(verdict: RunVerdict) -> str:
     """Return where the map ruled the truth out, as a clause: "the map has the sofa where the robot was"."""
     first, more = verdict.in_obstacles[0], len(verdict.in_obstacles) - 1
-    at = f"at {first.first}" if first.first == first.last else f"from {first.first} to {first.last}"
+    at = steps_said(first.first, first.last)
     times = f" and {more} more time{'s' * (more > 1)}" if more else ""
-    there = f"the map has the {first.obstacle} where the robot was {at}{times}"
+    there = f"the map has the {first.obstacle} where the robot was at {at}{times}"
     return f"{there}, so no particle could be there"
 
 
@@ -100,7 +102,7 @@ def _sentence(clause: str) -> str:
 
 
 def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
-    """Return what befell all runs of a drive, as sentences: "The wheels slipped at 34. "."""
+    """Return what befell all runs of a drive, as sentences: "The wheels slipped at step 34. "."""
     told = dict.fromkeys(
         (one.kind, one.step) for run in runs for one in run.telling_causes if one.kind != CARRIED
     )
@@ -114,11 +116,11 @@ def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
 
 
 def befell(cause: Cause, scale: Scale) -> str:
-    """Return what befell the robot or its camera: "The wheels slipped at 34: they counted 12.0 in, ..."."""
-    at = f"{cause.step}" if cause.last == cause.step else f"{cause.step} to {cause.last}"
+    """Return what befell the robot or its camera: "The wheels slipped at step 34: odometry says ..."."""
+    at = steps_said(cause.step, cause.last)
     if cause.kind == DARK:
         gray = f"mean gray level {cause.expected or 0:.0f} before, {cause.actual or 0:.0f} since"
-        return f"The picture went dark at {cause.step} ({gray})"
+        return f"The picture went dark at step {cause.step} ({gray})"
     expected, actual = scale.say(cause.expected or 0.0), scale.say(cause.actual or 0.0)
     if cause.kind == SLIPPED:
         return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
@@ -135,27 +137,28 @@ def befell(cause: Cause, scale: Scale) -> str:
 
 
 def _kidnappings(runs: Sequence[RunVerdict]) -> list[int]:
-    """Return the steps of the kidnappings, if all runs share them."""
-    at = [[t.step for t in one.troubles if t.kind == KIDNAPPED] for one in runs]
+    """Return the steps of the kidnappings in the log, if all runs share them."""
+    at = [[cause.step for cause in one.causes if cause.kind == CARRIED] for one in runs]
     return at[0] if all(other == at[0] for other in at) else []
 
 
 def _kidnapped_at(runs: Sequence[RunVerdict], scale: Scale) -> str:
-    """Return the kidnappings in the log that all runs share: "The robot was kidnapped at 61. "."""
+    """Return the kidnappings in the log that all runs share: "The robot was kidnapped at step 61. "."""
     at = _kidnappings(runs)
     if len(at) != 1:
         return f"{KIDNAPPED_ROBOT} at {_listed(at)}. " if at else ""
     known = [one for one in runs[0].causes if one.kind == CARRIED and one.actual is not None]
-    return f"{befell(known[0], scale)}. " if known else f"{KIDNAPPED_ROBOT} at {at[0]}. "
+    return f"{befell(known[0], scale)}. " if known else f"{KIDNAPPED_ROBOT} at step {at[0]}. "
 
 
 def divided(one: Ambiguity, scale: Scale) -> str:
-    """Return how two places shared the weight: "two places looked alike at 3: 47% of the weight ..."."""
+    """Return how two places shared the weight: "two places looked alike at step 3: 47% of the weight ..."."""
     where = {None: "", 0: "; the truth is in neither", 1: "; the truth is in the first"}
     truth = where.get(one.truth_in, "; the truth is in the second")
     first, second = (f"{share:.0%}" for share in one.shares)
     there = f"{second} at the other, {scale.say(one.apart_m)} away"
-    return f"two places looked alike at {one.step}: {first} of the weight at one, {there}{truth}{_fits(one)}"
+    at = f"two places looked alike at step {one.step}"
+    return f"{at}: {first} of the weight at one, {there}{truth}{_fits(one)}"
 
 
 def _fits(one: Ambiguity) -> str:
@@ -168,42 +171,62 @@ def _fits(one: Ambiguity) -> str:
 
 
 def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
-    """Return what one run did, as a predicate: "found itself at 63 by 100 fresh particles"."""
-    if not verdict.troubles:
-        return _untroubled(verdict, scale)
-    parts = [_trouble(one, verdict, scale, kidnapping_said) for one in verdict.troubles[:2]]
-    text, more = ", then ".join(parts), len(verdict.troubles) - len(parts)
-    return f"{text}, and went wrong {more} more time{'s' * (more > 1)}" if more else text
+    """Return what one run did: "was wrong from step 61, localized again from step 63 on"."""
+    told = [one for one in verdict.episodes if one.kind != SEARCHING or one.is_failure]
+    if not told:
+        return _never_wrong(verdict, scale)
+    parts = [_said_of(one, verdict, scale, kidnapping_said) for one in told[:2]]
+    text, more = "; then it ".join(parts), len(told) - len(parts)
+    return f"{text}; and it was wrong {more} more time{'s' * (more > 1)}" if more else text
 
 
-def _trouble(trouble: Trouble, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
-    began = _began(trouble, kidnapping_said)
-    if trouble.recovered is not None:
-        by = f" by {trouble.fresh} fresh particles" if trouble.fresh and trouble.kind != SEARCHING else ""
-        found = f"found itself at {trouble.recovered}{by}"
-        return f"{began} and {found}" if began else found
-    end = f"{scale.say(verdict.error_end_m or 0.0)} off at the end"
-    stayed = "stayed lost" if trouble.lost and verdict.is_off_at_end else "did not find itself again"
-    if trouble.kind == SEARCHING:
-        stayed = "never found itself"
-    stayed = f"{stayed}{_how_sure(trouble, verdict, scale)} ({end})"
-    return f"{began} and {stayed}" if began else stayed
+def _said_of(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
+    """Return one episode as a predicate, with how it ended."""
+    sure = _how_sure(episode, verdict, scale)
+    is_last = episode == verdict.episodes[-1]
+    if episode.kind == SEARCHING and episode.localized is None:
+        return f"was never localized{sure} ({off_at(verdict.end, scale)} at the end)"
+    if episode.kind == SEARCHING:
+        from_step = f"localized from step {episode.localized} on"
+        return f"was confident of a wrong place at {episode.sure} steps before it was {from_step}"
+    carried = episode.kind == KIDNAPPED and not (kidnapping_said and episode.wrong)
+    parts = [f"kidnapped at step {episode.first}"] if carried and not kidnapping_said else []
+    parts += [episode.account] if episode.wrong is not None else []
+    alike = (cause := verdict.cause_of(episode)) is not None and cause.alike
+    parts += ["with all reference pictures scoring alike"] if alike else []
+    if episode.localized is not None:
+        drawn = f"{episode.fresh} fresh particles up to step {episode.last}"
+        fresh = f", after {drawn}" if episode.fresh else ""
+        parts.append(f"localized again from step {episode.localized} on{fresh}")
+    elif is_last and verdict.end is not None:
+        parts.append(f"{at_the_end(verdict.end)} ({off_at(verdict.end, scale)}){sure}")
+    else:
+        parts.append("not localized again")
+    return f"was {', '.join(parts)}"
 
 
-def _began(trouble: Trouble, kidnapping_said: bool) -> str:
-    if trouble.kind == SEARCHING or (trouble.kind == KIDNAPPED and kidnapping_said):
-        return ""
-    what = "was kidnapped" if trouble.kind == KIDNAPPED else "went wrong"  # its lane says lost later
-    alike = trouble.cause is not None and trouble.cause.alike
-    return f"{what} at {trouble.step}{', with all reference pictures scoring alike,' if alike else ''}"
+def at_the_end(end: StepScore) -> str:
+    """Return how a run that was not localized again ended, by the radii (docs/evaluation.md)."""
+    if end.lost:
+        return "still lost at the end"
+    return "right at the end, but not localized again" if end.correct else "neither right nor lost at the end"
 
 
-def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
-    """Return how sure a lost run was, and why it could not find itself."""
-    worst, text, is_bereft = verdict.sure_and_wrong, "", trouble.is_bereft
-    if trouble.is_sure:
+def off_at(end: StepScore | None, scale: Scale) -> str:
+    """Return an error: "63.5 in off"; with the heading where that is not right."""
+    if end is None or end.position_error_m is None:
+        return "truth not known"
+    turned = end.heading_error_rad or 0.0
+    heading = f" and {math.degrees(turned):.0f} deg" if turned > RIGHT_RAD else ""
+    return f"{scale.say(end.position_error_m)}{heading} off"
+
+
+def _how_sure(episode: Episode, verdict: RunVerdict, scale: Scale) -> str:
+    """Return how sure a lost run was, and whether a particle was near the truth."""
+    worst, text, is_bereft = verdict.sure_and_wrong, "", episode.is_bereft
+    if episode.is_sure:
         text = SURE
-        if worst is not None and worst.step >= trouble.step:
+        if worst is not None and episode.first <= worst.step <= episode.last:
             away = scale.say(worst.error_m)
             text += f": at step {worst.step}, {worst.share:.0%} of the weight lay {away} from the truth"
             is_bereft = worst.bereft
@@ -211,31 +234,30 @@ def _how_sure(trouble: Trouble, verdict: RunVerdict, scale: Scale) -> str:
     return f"{text}, with no particle near" if is_bereft else text
 
 
-def _untroubled(verdict: RunVerdict, scale: Scale) -> str:
-    end, mean = verdict.error_end_m or 0.0, verdict.error_mean_m or 0.0
-    if verdict.found is None:
-        sure = f", wrong and confident in {verdict.sure_share:.0%} of the updates"
-        return f"was never localized ({scale.say(end)} off at the end{sure})"
+def _never_wrong(verdict: RunVerdict, scale: Scale) -> str:
+    """Return what is to be said of a run without an episode, or whose search ended well."""
+    end = verdict.end
+    if verdict.found is None or end is None:
+        return f"was not localized in {verdict.updates} steps ({off_at(end, scale)} at the end)"
+    if verdict.found > verdict.first:
+        right = "right" if end.correct else "too far off" if end.lost else "neither right nor lost"
+        return f"was localized from step {verdict.found} on, and {right} at the end ({off_at(end, scale)})"
+    how = "right at every step" if not verdict.off else "never lost"
+    if verdict.beyond:
+        steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"
+        how = f"beyond the lost radius at {steps}, but never lost: that takes four in a row"
     most = f"{scale.say(verdict.error_most_m or 0.0)} at most (step {verdict.most_at})"
-    off = f"{scale.say(mean)} off on average, {most}"
-    if verdict.found <= verdict.first + 1:
-        stayed = (
-            "stayed localized"
-            if (verdict.error_most_m or 0.0) <= verdict.lost_m
-            else "was never lost for long"
-        )
-        return f"{stayed}: {off}"
-    return f"found itself at {verdict.found} and stayed localized ({scale.say(end)} off at the end)"
+    return f"was {how}: {scale.say(verdict.error_mean_m or 0.0)} off on average, {most}"
 
 
 def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
     """Return what can be said of a run that no truth judges, as a clause."""
     share = f"{verdict.converged_share:.0%}"
-    text = f"the cloud was converged in {share} of the updates, and there is no truth to judge it by"
+    text = f"the cloud was converged at {share} of the steps, and there is no truth to judge it by"
     if verdict.failures:
         first, more = verdict.failures[0], len(verdict.failures) - 1
         times = f", and {more} more time{'s' * (more > 1)}" if more else ""
-        text += f"; it was probably lost from {first.lost} to {first.last}{times}: {say_cause(first, scale)}"
+        text += f"; it was {first.episode.account}{times}: {say_cause(first, scale)}"
     if any(one.alike for one in verdict.causes):
         text = f"{text}; in the dark all reference pictures score alike"
     before = _before(verdict, scale)
@@ -247,10 +269,15 @@ def _before(verdict: RunVerdict, scale: Scale) -> str:
     return "" if verdict.telling is None else divided(verdict.telling, scale)
 
 
+def steps_said(first: int, last: int) -> str:
+    """Return "step 34" or "steps 34 to 37"."""
+    return f"step {first}" if first == last else f"steps {first} to {last}"
+
+
 def _listed(steps: Sequence[int]) -> str:
-    """Return the first few of some steps."""
-    more = f" and {len(steps) - 3} more times" if len(steps) > 3 else ""
+    """Return the first few of some steps: "steps 3, 7 and 9"."""
+    if len(steps) == 1:
+        return f"step {steps[0]}"
+    more = f" and {len(steps) - 3} more" if len(steps) > 3 else ""
     first = [str(step) for step in steps[:3]]
-    if len(first) < 2 or more:
-        return ", ".join(first) + more
-    return f"{', '.join(first[:-1])} and {first[-1]}"
+    return f"steps {', '.join(first) if more else ', '.join(first[:-1]) + ' and ' + first[-1]}{more}"

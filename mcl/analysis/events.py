@@ -6,9 +6,8 @@ Each kind has one precise definition (docs/events.md); what only later updates s
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,8 +16,12 @@ from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLE
 from ..records import AVERAGES, RecoveryTest, StepRecord
 from ..session import KIDNAPPED as KIDNAPPED
 from ..session import Moment, first_word
+from .episodes import LOST as LOST
+from .episodes import PROBABLY_LOST as PROBABLY_LOST
+from .episodes import SEARCHING as SEARCHING
+from .episodes import Episode, EpisodeFinder
 from .lost_signal import LostSignal
-from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
+from .metrics import StepScore
 from .modes import ModeTracker, TrackedMode
 
 Say = Callable[[float], str]  # writes a length in meters, with its unit
@@ -29,71 +32,17 @@ def in_meters(length_m: float) -> str:
     return f"{length_m:.2f} m"
 
 
-LOCALIZED, SEARCHING, WRONG, LOST = "localized", "searching", "wrong and confident", "lost"
-CONVERGED, SPREAD, PROBABLY_LOST = "converged", "spread", "probably-lost"
+LOCALIZED, WRONG, CONVERGED, SPREAD = "localized", "wrong and confident", "converged", "spread"
 
 STATES: Mapping[str, str] = {
     LOCALIZED: "converged and correct",
     SEARCHING: "not converged, or not correct and not converged",
     WRONG: "converged and not correct: nothing in the cloud warns of it",
-    LOST: "too far off for four updates in a row, and still so",
+    LOST: "too far off at four steps in a row, and still so",
     CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
     SPREAD: "truth not known: less than that",
     PROBABLY_LOST: "truth not known: pictures fit elsewhere, whatever the cloud says",
 }
-
-
-@dataclass(slots=True)
-class LocalizationStatus:
-    """Follows one run; keeps five updates."""
-
-    state: str = ""  # at the last update seen: a key of STATES
-    _recent: tuple[bool, ...] = ()  # localized or not, of at most the last five updates
-    _off: int = 0  # updates in a row that were too far off
-    _since: int = 0  # step of the loss or kidnapping that the run has to recover from; 0: none
-    _was: str = ""  # "lost" or "kidnapped", of that step
-    _found: bool = False  # whether the run has been localized since the last loss
-    _ever: bool = False  # whether it has been localized at all
-
-    def see(self, step: int, score: StepScore, kidnapped: bool, say: Say) -> Iterator[tuple[str, str]]:
-        """Process the next update; yield kind and text of each change."""
-        if kidnapped:
-            self._recent, self._since, self._was, self._found = (), step, "carried away", False
-        self._recent = (*self._recent, score.localized is True)[-LOCALIZED_OF[1] :]
-        self._off = self._off + 1 if score.lost else 0
-        self.state = self._state(score)
-        if self._off == LOST_FOR:
-            yield "lost", _lost(score, step - LOST_FOR + 1, self._ever, say)
-            self._found = False
-            if not self._since:
-                self._since, self._was = step - LOST_FOR + 1, "lost"
-        elif not self._found and first_mostly(np.array(self._recent)) == 1:
-            yield self._localized(step - LOCALIZED_OF[1] + 1)
-            self._found = self._ever = True
-
-    def _localized(self, first: int) -> tuple[str, str]:
-        since, self._since = self._since, 0
-        if not (since and self._ever):
-            return "localized", f"since step {first}"
-        took = first - since
-        return "recovered", f"since step {first}, {took} step{'s' * (took != 1)} after it was {self._was}"
-
-    def _state(self, score: StepScore) -> str:
-        if score.correct is None:
-            return CONVERGED if score.converged else SPREAD
-        if score.localized:
-            return LOCALIZED
-        if self._off >= LOST_FOR and (self._ever or score.converged):
-            return LOST  # a cloud that never converged is still searching
-        return WRONG if score.wrong_and_confident else SEARCHING
-
-
-def _lost(score: StepScore, first: int, ever: bool, say: Say) -> str:
-    if not (ever or score.converged):
-        return f"since step {first}: it has not been localized yet"
-    off_m, off_rad = score.position_error_m or 0.0, score.heading_error_rad or 0.0
-    sure = ", and sure of it" if score.converged else ""
-    return f"since step {first}; {say(off_m)}, {np.degrees(off_rad):.0f} deg off{sure}"
 
 
 # Detectors, one per idea: each turns a value at every update into an occasional event.
@@ -115,7 +64,6 @@ class EventThresholds:
     leads_with: float = 0.3  # share of the weight that a mode needs to take over
     leads_by: float = 0.1  # lead over the last leader, or two equals would alternate
     jump_m: float | None = None  # None: a mode's radius; nearer ones are the same place to a person
-    quiet_for: int = 5  # updates without, after which fresh particles begin a new burst
 
 
 @dataclass(slots=True)
@@ -129,21 +77,6 @@ class Dip:
         begins = not self._down and share < limits.dip_under
         self._down = share < (limits.dip_over if self._down else limits.dip_under)
         return share if begins else None
-
-
-@dataclass(slots=True)
-class Burst:
-    """Detects when something happens for the first time in a while."""
-
-    _last: int | None = None
-
-    def begins(self, step: int, happens: bool, limits: EventThresholds) -> bool:
-        """Return whether it happens now and did not in the updates just before."""
-        if not happens:
-            return False
-        begins = self._last is None or step - self._last > limits.quiet_for
-        self._last = step
-        return begins
 
 
 @dataclass(slots=True)
@@ -236,7 +169,7 @@ class EventKind:
 
 
 _FAILED = "why the run was lost, at the step at which the cause shows first (docs/diagnose.md)"
-_DOUBTED = "truth not known: it knew where it was, and a second opinion contradicts it now"
+_DOUBTED = "without truth: it knew where it was, and a second opinion contradicts it now"
 _LEFT = "every particle drove out of free space: the cloud stays where it was"
 _ZERO = "no particle is in free space, or none has a likelihood: weights cannot be updated"
 _LOGGED = "anything else that the log says: a bump, a slip, another floor"
@@ -245,19 +178,19 @@ KINDS: Mapping[str, EventKind] = {
     KIDNAPPED: EventKind("the log says that the robot was carried away", GRAVE, (OF_LOG,), in_plots=True),
     LIGHTS_CHANGED: EventKind("the log says that the light changed", NEUTRAL, (OF_LOG,), "lights", True),
     SESSION: EventKind(_LOGGED, NEUTRAL, (OF_LOG,), "log"),
-    LOST: EventKind("for four updates in a row beyond the lost radius, or more than 45 degrees off", GRAVE),
+    LOST: EventKind("at four steps in a row beyond the lost radius, or more than 45 degrees off", GRAVE),
     PROBABLY_LOST: EventKind(_DOUBTED, GRAVE),
     LEFT_THE_MAP: EventKind(_LEFT, GRAVE, word="left map", in_plots=True),
     ALL_WEIGHTS_ZERO: EventKind(_ZERO, GRAVE, word="all zero", in_plots=True),
     RECOVERED: EventKind("localized again after it was lost or kidnapped", GOOD),
-    LOCALIZED: EventKind("converged and correct in 4 of 5 updates, for the first time", GOOD),
+    LOCALIZED: EventKind("converged and correct at 4 of 5 steps, for the first time", GOOD),
     MODE_SWITCH: EventKind("another mode has become the heaviest: the estimate jumps", DOUBTFUL),
     BEYOND_THREE_SIGMA: EventKind(
         "the truth lies more than three standard deviations from the estimate", DOUBTFUL, word="3 sigma"
     ),
     ESS_DIP: EventKind("very few particles hold nearly all weight", DOUBTFUL, word="ESS dip"),
     PARTED: EventKind("two runs of a comparison diverge from here", DOUBTFUL, (OF_LOG, OF_RUN)),
-    RESEEDED: EventKind("a burst of reseeding begins: fresh particles are drawn", ACTS, in_plots=True),
+    RESEEDED: EventKind("fresh particles are drawn; steps in a row are one line", ACTS, in_plots=True),
     EXPANDED: EventKind("the whole cloud was spread", ACTS, in_plots=True),
     RESAMPLED: EventKind("the cloud was resampled", ACTS, (), is_routine=True),
 }  # the gravest first: the order of the events of one step, of marks, and of pictures
@@ -265,17 +198,40 @@ KINDS: Mapping[str, EventKind] = {
 
 @dataclass(frozen=True, slots=True)
 class RunEvent:
-    """Something that happened at one update, in a line."""
+    """Something that happened at one step, or at several in a row, in a line."""
 
-    step: int  # at which it is known
+    step: int  # at which it is known, or begins
     time_s: float  # of that step, since the session's first record
     kind: str  # a key of KINDS
     text: str  # one line for people
+    last: int | None = None  # the last of several steps in a row; None: a single one
+    continues: bool = False  # whether the step before had the same
+    fresh: int = 0  # particles drawn
 
     @property
     def is_routine(self) -> bool:
         """Return whether it is so frequent that a list of important events leaves it out."""
         return KINDS[self.kind].is_routine or (self.kind == SESSION and first_word(self.text) == "floor")
+
+
+def joined(events: Sequence[RunEvent]) -> list[RunEvent]:
+    """Return events in order, with those that continue an earlier one joined to it."""
+    found = list[RunEvent]()
+    begun: dict[str, int] = {}
+    for event in events:
+        if not event.continues or event.kind not in begun:
+            begun[event.kind] = len(found)
+            found.append(event)
+            continue
+        first = found[begun[event.kind]]
+        fresh = first.fresh + event.fresh
+        drawn = f"{fresh} fresh in all" if fresh else "so"
+        text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}: {drawn}"
+        found[begun[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
+    return found
+
+
+UNTIL = "; until step "
 
 
 @dataclass(slots=True)
@@ -286,44 +242,55 @@ class EventDetector:
     thresholds: EventThresholds = field(default_factory=EventThresholds)
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of STATES
-    knows: float | None = None  # probability that the last update's estimate is right, without truth
-    _signal: LostSignal = field(default_factory=LostSignal)
+    _episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
     _tracker: ModeTracker = field(default_factory=ModeTracker)
-    _status: LocalizationStatus = field(default_factory=LocalizationStatus)
     _dip: Dip = field(default_factory=Dip)
     _beyond: BeyondSigma = field(default_factory=BeyondSigma)
     _leader: Leader = field(default_factory=Leader)
-    _bursts: defaultdict[str, Burst] = field(default_factory=lambda: defaultdict(Burst))
+    _before: frozenset[str] = frozenset()  # events of the filter at the update before
+
+    @property
+    def knows(self) -> float | None:
+        """The probability that the last update's estimate is right, without truth."""
+        return self._episodes.signal.knows
 
     def see(self, moment: Moment, record: StepRecord) -> tuple[RunEvent, ...]:
         """Process the next update; return its events in the order of KINDS."""
         step, time_s = moment.frame.step, moment.frame.time_s
         self.modes = self._tracker.see(record)
-        was_lost, self.knows = self._signal.probably_lost, self._signal.add(record)
         happened = [
             *logged(moment.events),
-            *self._of_filter(step, record),
+            *self._of_filter(record),
             *self._judged(moment, record),
         ]
-        if moment.truth is None and self._signal.probably_lost:
-            self.state = PROBABLY_LOST
-            happened += [] if was_lost else [(PROBABLY_LOST, _doubts(self._signal))]
-        order = list(KINDS)
+        fresh = 0 if record.injected is None else int(record.injected.sum())
+        order, before = list(KINDS), self._before
+        self._before = frozenset(record.events)
         happened.sort(key=lambda one: order.index(one[0]))
-        return tuple(RunEvent(step, time_s, kind, text) for kind, text in happened)
+        return tuple(
+            RunEvent(
+                step,
+                time_s,
+                kind,
+                text,
+                continues=FILTER_NAMES.get(kind) in before,
+                fresh=fresh if kind == RESEEDED else 0,
+            )
+            for kind, text in happened
+        )
 
-    def _of_filter(self, step: int, record: StepRecord) -> Iterator[tuple[str, str]]:
+    def _of_filter(self, record: StepRecord) -> Iterator[tuple[str, str]]:
         limits, size = self.thresholds, record.weighted.size
-        if self._begins(ALL_ZERO, step, record):
+        if ALL_ZERO in record.events:
             why = "no particle is in free space"
             if NO_NUMBER in record.events:
                 why = "likelihoods are no numbers, since a channel or the library holds NaN"
             yield ALL_WEIGHTS_ZERO, f"{why}: the weights cannot be updated"
-        if self._begins(LEFT_MAP, step, record):
+        if LEFT_MAP in record.events:
             yield LEFT_THE_MAP, "every particle drove out of free space: the cloud stays where it was"
         if (share := self._dip.see(record.effective_sample_size / size, limits)) is not None:
             yield ESS_DIP, f"effective sample size {record.effective_sample_size:.0f} of {size} ({share:.1%})"
-        if self._begins(RESEEDED, step, record):
+        if RESEEDED in record.events:
             yield RESEEDED, _reseeded(record)
         if EXPANDED in record.events:
             yield EXPANDED, _expanded(record)
@@ -333,16 +300,45 @@ class EventDetector:
             yield MODE_SWITCH, text
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
-        score = score_step(record.estimate, moment.truth)
-        yield from self._status.see(moment.frame.step, score, moment.kidnapped, self.say)
-        self.state = self._status.state
-        if moment.truth is not None:
-            text = self._beyond.see(record, moment.truth, self.thresholds, self.say)
-            if text is not None:
-                yield BEYOND_THREE_SIGMA, text
+        changes = self._episodes.add(moment, record)
+        signal, score = self._episodes.signal, self._episodes.score
+        if self._episodes.doubt_begins:
+            yield PROBABLY_LOST, _doubts(signal)
+        for episode in changes:
+            yield _say_change(episode, score, self.say)
+        self.state = _state(self._episodes, score)
+        if moment.truth is None:
+            self.state = PROBABLY_LOST if signal.probably_lost else self.state
+            return
+        text = self._beyond.see(record, moment.truth, self.thresholds, self.say)
+        if text is not None:
+            yield BEYOND_THREE_SIGMA, text
 
-    def _begins(self, name: str, step: int, record: StepRecord) -> bool:
-        return self._bursts[name].begins(step, name in record.events, self.thresholds)
+
+# events that can last several steps, and what a record calls them
+FILTER_NAMES = {ALL_WEIGHTS_ZERO: ALL_ZERO, LEFT_THE_MAP: LEFT_MAP, RESEEDED: RESEEDED, EXPANDED: EXPANDED}
+
+
+def _state(finder: EpisodeFinder, score: StepScore) -> str:
+    if score.correct is None:
+        return CONVERGED if score.converged else SPREAD
+    if score.localized:
+        return LOCALIZED
+    if finder.is_lost:
+        return LOST
+    return WRONG if score.wrong_and_confident else SEARCHING
+
+
+def _say_change(episode: Episode, score: StepScore, say: Say) -> tuple[str, str]:
+    """Return kind and text of an episode in which a run is now known to be lost, or localized (again)."""
+    if episode.localized is not None:
+        kind = LOCALIZED if episode.kind == SEARCHING else RECOVERED
+        again = "localized" if kind == LOCALIZED else f"{episode.account}; localized again"
+        return kind, f"{again} from step {episode.localized} on"
+    off_m, off_rad = score.position_error_m or 0.0, score.heading_error_rad or 0.0
+    sure = ", sure of it" if score.converged else ""
+    off = f"now {say(off_m)} and {np.degrees(off_rad):.0f} deg off{sure}"
+    return LOST, f"{episode.account}; {off}" if episode.kind != SEARCHING else f"not localized yet; {off}"
 
 
 def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
@@ -354,7 +350,12 @@ def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
 
 
 def _doubts(signal: LostSignal) -> str:
-    return f"knows where it is with a probability of {signal.knows or 0:.0%}: pictures fit elsewhere"
+    knows = signal.knows or 0.0
+    chance = f"{knows:.0%}" if knows >= LEAST_CHANCE else f"under {LEAST_CHANCE:.0%}"
+    return f"without truth: right with a probability of {chance}, pictures fit elsewhere"
+
+
+LEAST_CHANCE = 0.01  # a smaller probability is written as below it
 
 
 def _reseeded(record: StepRecord) -> str:

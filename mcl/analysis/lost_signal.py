@@ -151,7 +151,6 @@ class SignalSummary:
 
     share: float  # of the updates at which it knew where it is: a probability of at least one half
     at_end: float  # the probability at the last update
-    probably_lost: tuple[tuple[int, int], ...]  # first and last step of each time that it was probably lost
 
 
 @dataclass(slots=True)
@@ -161,25 +160,18 @@ class SignalCollector:
     _signal: LostSignal = field(default_factory=LostSignal)
     _known: int = 0
     _knew: int = 0
-    _spans: list[tuple[int, int]] = field(default_factory=list)
-    _was: bool = False
 
     def add(self, record: StepRecord) -> None:
         """Process the next update."""
-        knows, step = self._signal.add(record), record.frame.step
-        if knows is None:
-            return
-        self._known, self._knew = self._known + 1, self._knew + (knows >= KNOWS_ABOVE)
-        if self._signal.probably_lost:
-            begun = self._spans.pop()[0] if self._was else step
-            self._spans.append((begun, step))
-        self._was = self._signal.probably_lost
+        knows = self._signal.add(record)
+        if knows is not None:
+            self._known, self._knew = self._known + 1, self._knew + (knows >= KNOWS_ABOVE)
 
     def result(self) -> SignalSummary | None:
         """Return the summary up to now; None where nothing is known of how well pictures fit elsewhere."""
         if self._signal.knows is None:
             return None
-        return SignalSummary(self._knew / self._known, self._signal.knows, tuple(self._spans))
+        return SignalSummary(self._knew / self._known, self._signal.knows)
 
 
 def _clipped(nats: float) -> float:

@@ -286,11 +286,11 @@ class Success:
     """One run by one reading; a run that ended before five minutes may be neither localized nor failed."""
 
     preset: str  # "tenth" or "circle"
-    at_update: int | None = None  # of the first success, counted from 1
+    at_step: int | None = None  # of the first success
     at_m: float | None = None  # driven by then: by the truth where it is known, else by odometry
     at_s: float | None = None  # robot time by then, since the session's first record
     failed: str | None = None  # "time": not in five minutes; "left": was off by the lost radius (assumed)
-    failed_at_update: int | None = None  # also after it was localized
+    failed_at_step: int | None = None  # also after it was localized
 
 
 def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
@@ -315,7 +315,6 @@ class SuccessJudge:
 
     arena_m: tuple[float, float]  # width and depth
     _found: tuple[Success, Success] = (Success("tenth"), Success("circle"))
-    _updates: int = 0
     _driven_m: F64 = field(default_factory=lambda: np.zeros(2))  # by the truth, by odometry
     _truth: F64 | None = None  # the last one known
 
@@ -326,7 +325,6 @@ class SuccessJudge:
 
     def see(self, frame: Frame, estimate: Estimate, met: tuple[bool, bool], truth: F64 | None) -> None:
         """Process the next update from its scored estimate and whether it meets either reading."""
-        self._updates += 1
         true_m, motions = 0.0, frame.motions
         if truth is not None and self._truth is not None:
             true_m = float(np.hypot(*(truth[:2] - self._truth[:2])))
@@ -334,7 +332,7 @@ class SuccessJudge:
         self._driven_m = self._driven_m + np.array([true_m, moved_m])
         self._truth = self._truth if truth is None else truth
         first, second = (
-            self._judged(found, now, frame.time_s, estimate, truth)
+            self._judged(found, now, frame, estimate, truth)
             for found, now in zip(self._found, met, strict=True)
         )
         self._found = (first, second)
@@ -344,17 +342,18 @@ class SuccessJudge:
         return self._found
 
     def _judged(
-        self, so_far: Success, met: bool, time_s: float, estimate: Estimate, truth: F64 | None
+        self, so_far: Success, met: bool, frame: Frame, estimate: Estimate, truth: F64 | None
     ) -> Success:
+        step, time_s = frame.step, frame.time_s
         if so_far.failed is not None:
             return so_far
-        if so_far.at_update is None:
+        if so_far.at_step is None:
             if time_s > IN_TIME_S:
-                return replace(so_far, failed=TOO_LATE, failed_at_update=self._updates)
+                return replace(so_far, failed=TOO_LATE, failed_at_step=step)
             if not met:
                 return so_far
             driven_m = float(self._driven_m[0 if self._truth is not None else 1])
-            so_far = replace(so_far, at_update=self._updates, at_m=driven_m, at_s=time_s)
+            so_far = replace(so_far, at_step=step, at_m=driven_m, at_s=time_s)
         if truth is not None and np.hypot(*(estimate.pose[:2] - truth[:2])) > estimate.radii.lost_m:
-            return replace(so_far, failed=LEFT, failed_at_update=self._updates)
+            return replace(so_far, failed=LEFT, failed_at_step=step)
         return so_far

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from .events import KIDNAPPED, SEARCHING
+from .episodes import SEARCHING, Episode
 from .failures.ambiguity import Ambiguity
 from .failures.causes import Cause
 from .failures.kinds import Failure
-from .failures.verdict import RunVerdict, SureAndWrong, Trouble
+from .failures.verdict import RunVerdict, SureAndWrong
 
 BEGINS, FOUND, DIVIDED, BEFELL, CAUSED, LOST, SURE, BACK, WORST, ENDS = (
     "begins",
@@ -34,7 +34,7 @@ class TourMoment:
     step: int
     kind: str
     label: str = ""  # of the run; empty: of all
-    fact: Cause | Failure | Trouble | Ambiguity | SureAndWrong | None = None
+    fact: Cause | Failure | Episode | Ambiguity | SureAndWrong | None = None
 
 
 def tour_of(verdicts: Mapping[str, RunVerdict]) -> tuple[TourMoment, ...]:
@@ -74,13 +74,13 @@ def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
     for failure in verdict.failures:
         if failure.first > verdict.first:
             yield TourMoment(failure.first, CAUSED, label, failure)
-    for trouble in verdict.troubles:
-        if trouble.kind not in (KIDNAPPED, SEARCHING):
-            yield TourMoment(trouble.step, LOST, label, trouble)
-        if trouble.recovered is not None and trouble.kind != SEARCHING:
-            yield TourMoment(trouble.recovered, BACK, label, trouble)
+    for episode in verdict.episodes:
+        if episode.wrong is not None:
+            yield TourMoment(episode.wrong, LOST, label, episode)
+        if episode.localized is not None and episode.kind != SEARCHING:
+            yield TourMoment(episode.localized, BACK, label, episode)
     sure = verdict.sure_and_wrong
-    if sure is not None and any(one.is_sure and one.step <= sure.step for one in verdict.troubles):
+    if sure is not None and any(one.is_sure and one.first <= sure.step for one in verdict.episodes):
         yield TourMoment(sure.step, SURE, label, sure)
-    if not verdict.troubles and verdict.has_truth:
+    if not verdict.episodes and verdict.has_truth:
         yield TourMoment(verdict.most_at, WORST, label)

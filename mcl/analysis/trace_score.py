@@ -112,13 +112,13 @@ def _successes(trace: RunTrace, path: DrivenPath, off_m: F64, arena: Arena) -> t
 def _success(preset: str, met: Bool, path: DrivenPath, too_far: Bool) -> Success:
     late, at = _first(path.times_s > IN_TIME_S), _first(met)
     if late is not None and (at is None or late <= at):
-        return Success(preset, failed=TOO_LATE, failed_at_update=late + 1)
+        return Success(preset, failed=TOO_LATE, failed_at_step=late + 1)
     if at is None:
         return Success(preset)
     driven_m, at_s = float(path.driven_m[at]), float(path.times_s[at])
-    found = Success(preset, at_update=at + 1, at_m=driven_m, at_s=at_s)
+    found = Success(preset, at_step=at + 1, at_m=driven_m, at_s=at_s)
     left = _first(too_far[at:])
-    return found if left is None else replace(found, failed=LEFT, failed_at_update=at + left + 1)
+    return found if left is None else replace(found, failed=LEFT, failed_at_step=at + left + 1)
 
 
 def _first(flags: Bool) -> int | None:

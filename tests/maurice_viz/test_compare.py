@@ -22,7 +22,7 @@ from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
 
 FEW = ("--particles", "150", "--no-recording", "--json")
-AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_update"}
+AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_step"}
 DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_updates", "updates", "better", "worse"}
 
 
@@ -110,7 +110,7 @@ def test_json_says_how_runs_compare(small_session):
     against = other["against_first"]
     assert against["position_error"]["difference_mean_m"] == 0
     assert (against["position_error"]["better"], against["position_error"]["worse"]) == (0, 0)
-    assert (against["apart_most_m"], against["parted_at_update"]) == (0, None)
+    assert (against["apart_most_m"], against["parted_at_step"]) == (0, None)
 
 
 def test_every_value_reaches_its_run_and_the_table(small_session):
@@ -205,7 +205,7 @@ def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session, tmp_p
     assert session["updates"] == shorter["updates"] == 10
     against = shorter.pop("against_first")
     assert against["position_error"]["difference_mean_m"] == 0  # the same pictures and the same noise
-    assert (against["apart_mean_m"], against["parted_at_update"]) == (None, None)
+    assert (against["apart_mean_m"], against["parted_at_step"]) == (None, None)
     alone = runs_of(maurice(other, *FEW)[0])[0]
     assert {**alone, "label": "other"} == shorter
 
@@ -260,7 +260,7 @@ def test_a_session_of_one_picture_is_compared(small_session):
     out, _ = maurice("compare", small_session, "--particles", "40", "--save", "one.rrd", "--json")
     against = runs_of(out)[1]["against_first"]
     assert against["position_error"] is None  # the first three updates are never scored
-    assert against["parted_at_update"] is None
+    assert against["parted_at_step"] is None
 
 
 def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):

@@ -65,7 +65,7 @@ def test_results_are_those_of_the_command(small_session):
         flat = {key: value for key, value in run.items() if key in row}
         assert len(flat) > 12
         assert {key: row[key] for key in flat} == flat
-        assert row["thesis_success_tenth_at_update"] == run["thesis_success"]["tenth"]["at_update"]
+        assert row["thesis_success_tenth_at_step"] == run["thesis_success"]["tenth"]["at_step"]
 
 
 def test_traces_are_those_of_the_run(small_session):

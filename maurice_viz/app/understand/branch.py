@@ -223,12 +223,12 @@ def step_before_loss(verdict: RunVerdict) -> int | None:
     """Return the step to branch from: before the first failure that did not end, or the first; None: none.
 
     It is before the step at which the failure's cause shows first, so that a remedy has something to work
-    with; 0 for a run that never found itself.
+    with; 0 for a run that was never localized.
     """
     if not verdict.failures:
         return None
-    ending = [one for one in verdict.failures if one.last == verdict.last] or list(verdict.failures)
-    return 0 if verdict.found is None else max(min(ending[0].first, ending[0].lost) - 1, 0)
+    ending = [one for one in verdict.failures if one.episode.last == verdict.last] or list(verdict.failures)
+    return 0 if verdict.found is None else max(min(ending[0].first, ending[0].episode.onset) - 1, 0)
 
 
 def verdict_of(point: BranchPoint) -> RunVerdict:

@@ -25,7 +25,7 @@ from ..open import RunSpec
 from ..output import OutputOptions
 from ..replay import replay_any
 
-NONE = "No failure: it was never lost, or found itself in time."
+NONE = "No failure: it was never lost, or was localized again in time."
 NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
 NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
@@ -46,7 +46,7 @@ class RunDiagnosis:
 
     @property
     def failures(self) -> tuple[Failure, ...]:
-        """Each time it was lost or did not find itself, in order."""
+        """Each time it was lost or not localized, in order."""
         return self.verdict.failures
 
     @property

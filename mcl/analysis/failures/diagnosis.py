@@ -9,7 +9,8 @@ from ...arrays import F64, U8
 from ...filter.localizer import Localizer
 from ...records import StepRecord
 from ...session import Moment
-from ..metrics import LOCALIZED_OF, LOST_FOR
+from ..episodes import Episode, EpisodeFinder
+from ..metrics import LOST_FOR
 from .around import Surroundings
 from .deciding import decide
 from .evidence import EvidenceFinder, UpdateEvidence
@@ -20,7 +21,6 @@ from .surprise import surprise
 from .suspicion import suspected
 
 MOST_PICTURES = 64  # that are kept; of older ones the light is found at once
-WRONG_FOR = 10  # updates wrong and confident, from which on also a run that finds itself later was lost
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,6 +131,7 @@ class DiagnosisBuilder:
     """
 
     localizer: Localizer | None = None
+    episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
     _finder: EvidenceFinder | None = None
     _later: LaterEvidence = field(default_factory=lambda: LaterEvidence([]))
     _known: tuple[int, tuple[Failure, ...]] = (0, ())  # result for so many updates
@@ -139,70 +140,44 @@ class DiagnosisBuilder:
         """Process the next update."""
         if self._finder is None:
             self._finder = EvidenceFinder(self.localizer)
-        self._updates.append(self._finder.see(moment, record))
+        self.episodes.add(moment, record)
+        self._updates.append(self._finder.see(moment, record, self.episodes))
         self._later.add(moment, record, self._finder.around)
 
     def result(self) -> tuple[Failure, ...]:
         """Return the failures up to now, in the order of steps; none for a healthy run."""
-        count, found = self._known
+        count, failures = self._known
         if count != len(self._updates):
             judged = any(one.score.correct is not None for one in self._updates)
-            found = tuple(decide(one) for one in self.stories()) if judged else suspected(self._updates)
-            self._known = len(self._updates), found
-        return found
+            doubts = self.episodes.doubts
+            failures = tuple(map(decide, self.stories())) if judged else suspected(self._updates, doubts)
+            self._known = len(self._updates), failures
+        return failures
 
     @property
     def _updates(self) -> list[UpdateEvidence]:
         return self._later.updates
 
     def stories(self) -> list[Story]:
-        """Return each time that the run was lost or had not found itself, with its evidence."""
+        """Return each episode in which the filter failed, with its evidence."""
         around = None if self._finder is None else self._finder.around
-        times = troubled(self._updates)
-        if not times or around is None or self.localizer is None:
-            return [Story(self._updates, *one) for one in times]
-        found = [Story(self._updates, *one, around.spacing_m, around.usual) for one in times]
-        for story in found:
+        stories = stories_of(self._updates, self.episodes.episodes)
+        if not stories or around is None or self.localizer is None:
+            return stories
+        stories = [replace(one, spacing_m=around.spacing_m, usual=around.usual) for one in stories]
+        for story in stories:
             self._later.complete(story, self.localizer, around)
-        return found
+        return stories
 
 
-def troubled(updates: Sequence[UpdateEvidence]) -> list[tuple[int, int, int]]:
-    """Return each time a run was lost: first update that was off, last one, first after the time before.
-
-    A run that had not been localized yet was lost if it never was, or was sure of a wrong place for long.
-    """
-    found, since, first = list[tuple[int, int, int]](), 0, None
-    ever, off = False, 0
-    recent: list[bool] = []
-    for k, one in enumerate(updates):
-        if one.score.correct is None:
-            continue
-        off = off + 1 if one.score.lost else 0
-        recent = [*recent, one.score.localized is True][-LOCALIZED_OF[1] :]
-        if first is None and off == LOST_FOR and (ever or updates[0].score.correct):
-            first, recent = k - LOST_FOR + 1, []
-        settled = len(recent) == LOCALIZED_OF[1] and sum(recent) >= LOCALIZED_OF[0] and recent[0]
-        if not settled:
-            continue
-        begin = k - LOCALIZED_OF[1] + 1
-        if first is not None:
-            found.append((first, max(begin - 1, first), since))
-            since, first = begin, None
-        elif not ever and _was_sure(updates[:begin]):
-            found.append((0, begin - 1, 0))
-            since = begin
-        ever = True
-    last = len(updates) - 1
-    if first is not None:
-        found.append((first, last, since))
-    elif not ever and any(one.score.correct is not None for one in updates) and last + 1 >= LOST_FOR:
-        found.append((0, last, 0))
-    return found
-
-
-def _was_sure(updates: Sequence[UpdateEvidence]) -> bool:
-    return sum(one.score.wrong_and_confident is True for one in updates) >= WRONG_FOR
+def stories_of(updates: Sequence[UpdateEvidence], episodes: Sequence[Episode]) -> list[Story]:
+    """Return the failures among some episodes, each with where the one before it ended."""
+    stories, since = list[Story](), 0
+    for episode in episodes:
+        if episode.is_failure:
+            stories.append(Story(updates, episode, since))
+            since = stories[-1].end + 1
+    return stories
 
 
 def diagnose_run(

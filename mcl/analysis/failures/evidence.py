@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -12,8 +12,9 @@ from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
 from ...geometry import compose_motions
 from ...records import StepRecord
 from ...session import Frame, Moment, first_word, is_kidnapping
-from ..lost_signal import LostSignal, evidence_by_channels
-from ..metrics import StepScore, score_step
+from ..episodes import EpisodeFinder
+from ..lost_signal import evidence_by_channels
+from ..metrics import StepScore
 from .around import PlaceFit, Surroundings
 from .light import LightFit, layout_fit, mean_level
 from .near_truth import NearTruth, near_truth
@@ -49,7 +50,6 @@ class UpdateEvidence:
     cloud: float  # nats: how well the cloud as a whole does, by channels
     gray: float  # mean level of the picture
     knows: float | None = None  # probability that the estimate is right, without truth
-    probably_lost: bool = False  # whether the lost signal says so
     outside: bool | None = None  # whether the truth lies off the map
     moved_m: float | None = None  # the truth since the picture before
     driven_m: float = 0.0  # odometry says
@@ -80,10 +80,9 @@ class EvidenceFinder:
     around: Surroundings | None = None
     _before: Moment | None = None
     _floor: str = ""  # that the log told last
-    _signal: LostSignal = field(default_factory=LostSignal)
 
-    def see(self, moment: Moment, record: StepRecord) -> UpdateEvidence:
-        """Return the evidence of the next update."""
+    def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
+        """Return the evidence of the next update, which `episodes` have seen."""
         before, self._before = self._before, moment
         if self.localizer is not None and self.around is None:
             self.around = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
@@ -93,7 +92,6 @@ class EvidenceFinder:
         cost, likely = comparison.by_channels.cost, comparison.log_likelihood
         compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
         motions = frame.motions
-        knows = self._signal.add(record)
         found = UpdateEvidence(
             step=frame.step,
             time_s=frame.time_s,
@@ -105,7 +103,7 @@ class EvidenceFinder:
             broken=bool(np.isnan(likely).any()),
             zero=ALL_ZERO in record.events,
             left=LEFT_MAP in record.events,
-            score=score_step(record.estimate, truth),
+            score=episodes.score,
             lost_m=record.estimate.radii.lost_m,
             size=record.weighted.size,
             inside=int((record.sighting.entries >= 0).sum()),
@@ -114,8 +112,7 @@ class EvidenceFinder:
             best=-float(cost.min()) if len(cost) else float("nan"),
             cloud=evidence_by_channels(record),
             gray=mean_level(frame.image),
-            knows=knows,
-            probably_lost=self._signal.probably_lost,
+            knows=episodes.signal.knows,
             driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
         )
         return found if truth is None else self._with_truth(found, before, truth, moment, record)

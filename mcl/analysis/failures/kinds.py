@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ..episodes import Episode
+
 SENSOR, AMBIGUITY = "sensor", "ambiguity"
 PROPOSAL, RESAMPLING = "impoverished", "resampling"
 MOTION, KIDNAPPED, LEFT_MAP = "motion", "kidnapped", "left_map"
@@ -35,12 +37,11 @@ Value = float | str
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """One time that a run was lost or had not found itself, with the one cause that explains it."""
+    """One time that a run was lost or not localized, with the one cause that explains it."""
 
     kind: str  # a key of CAUSES
     first: int  # step at which the cause shows first
-    last: int  # step until which it was lost: the one before it was localized again, or the last one
-    lost: int  # first step at which the run was off; at `first` or later, except for a run never localized
+    episode: Episode  # when it was wrong
     evidence: Mapping[str, Value] = field(default_factory=dict)  # named numbers and words that decide
     truth_known: bool = True  # False: said without ground truth, from the evidence alone
     also: tuple[str, ...] = ()  # further kinds that had a part in it, the likelier first

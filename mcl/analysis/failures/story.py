@@ -1,20 +1,22 @@
-"""One trouble with the evidence before and during it: what the rules of a diagnosis look at."""
+"""One episode with the evidence before and during it: what the rules of a diagnosis look at."""
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ..episodes import Episode
 from .around import UsualFit
 from .evidence import UpdateEvidence
 from .kinds import Failure, Value
 
 HELD = 0.5  # share of the weight near the truth that counts as having it
 BEFORE, AFTER = 3, 1  # updates before the last one that held the truth, and after the first lost one
-FIRST = 10  # updates of a trouble whose pictures are looked at
+FIRST = 10  # updates of an episode whose pictures are looked at
 LEAST_AWAY, NEARLY_ALL = 4, 0.75  # updates at another place, and share of them
 CLEARLY = 0.15  # of the spread of log-likelihoods over the library
 LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was never held
@@ -22,14 +24,26 @@ LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was nev
 
 @dataclass(frozen=True, eq=False)
 class Story:
-    """Updates of one run up to the end of one trouble, by index."""
+    """The updates of one run and one of its episodes; the other numbers are indexes of updates."""
 
     updates: Sequence[UpdateEvidence]  # from the run's first
-    lost: int  # index of the first update that was off
-    end: int  # of the last one of the trouble
-    since: int = 0  # of the first update after the trouble before
+    episode: Episode
+    since: int = 0  # of the first update after the failure before
     spacing_m: float = float("nan")  # of the library's places
     usual: UsualFit | None = None  # of the library's own pictures; None: not known
+
+    @cached_property
+    def lost(self) -> int:
+        """The first update that was off."""
+        return self._index(self.episode.onset)
+
+    @cached_property
+    def end(self) -> int:
+        """The last update of the episode."""
+        return self._index(self.episode.last)
+
+    def _index(self, step: int) -> int:
+        return min(bisect_left(self.updates, step, key=lambda one: one.step), len(self.updates) - 1)
 
     @cached_property
     def held(self) -> int | None:
@@ -48,7 +62,7 @@ class Story:
 
     @cached_property
     def around(self) -> range:
-        """The updates whose pictures are judged: the window, and the first of the trouble."""
+        """The updates whose pictures are judged: the window, and the first of the episode."""
         return range(self.window.start, min(self.lost + LOOKS_BACK, self.end) + 1)
 
     @cached_property
@@ -65,7 +79,7 @@ class Story:
 
     @cached_property
     def fits_truth(self) -> bool:
-        """Whether the pictures of the trouble fit the true place clearly better than that of the estimate."""
+        """Whether the pictures of the episode fit the true place clearly better than that of the estimate."""
         away = [
             one
             for one in self.updates[self.lost : self.end + 1]
@@ -104,8 +118,7 @@ class Story:
 
     def failure(self, kind: str, first: int, **evidence: Value) -> Failure:
         """Return the failure of a kind, whose cause shows first at a step."""
-        step = self.updates[self.lost].step
-        return Failure(kind, first, self.updates[self.end].step, step, evidence)
+        return Failure(kind, first, self.episode, evidence)
 
 
 def _median(values: Sequence[float | None]) -> float:

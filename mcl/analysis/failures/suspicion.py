@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..episodes import PROBABLY_LOST, Episode
 from ..lost_signal import KNOWS_ABOVE
 from .drive_rules import STUCK_FOR, VERY_LONG_GAP, stuck_pictures
 from .evidence import UpdateEvidence
@@ -25,31 +26,21 @@ BEGAN_WITHIN = 10  # updates before it is probably lost, in which that began
 DARKER = 1.5  # times as bright or as dark as usual
 
 
-def suspected(updates: Sequence[UpdateEvidence]) -> tuple[Failure, ...]:
-    """Return each time a run without truth was probably lost, with what is suspected, in order."""
-    found = [_cause(updates, *one) for one in doubted(updates)]
+def suspected(updates: Sequence[UpdateEvidence], doubts: Sequence[tuple[int, int]]) -> tuple[Failure, ...]:
+    """Return each doubt of a run without truth, from step to step, with what is suspected, in order."""
+    found = [_cause(updates, Episode(PROBABLY_LOST, first, last, noticed=first)) for first, last in doubts]
     if not found and len(updates) > STUCK_FOR:
-        story = Story(updates, 0, len(updates) - 1)
+        story = Story(updates, Episode(PROBABLY_LOST, updates[0].step, updates[-1].step))
         found += [one for rule in (stuck_pictures, weights_vanish, _left) if (one := rule(story))]
     return tuple(replace(one, truth_known=False) for one in sorted(found, key=lambda one: one.first))
 
 
-def doubted(updates: Sequence[UpdateEvidence]) -> list[tuple[int, int, int]]:
-    """Return each time it was probably lost: where that began, its first update, its last one, by index."""
-    found, k = list[tuple[int, int, int]](), 0
-    while k < len(updates):
-        if not updates[k].probably_lost:
-            k += 1
-            continue
-        end = k
-        while end + 1 < len(updates) and not _knows(updates[end + 1]):
-            end += 1
-        begin = k
-        while begin > max(k - BEGAN_WITHIN, 1) and not _knows(updates[begin - 1]):
-            begin -= 1
-        found.append((begin, k, end))
-        k = end + 1
-    return found
+def _began(updates: Sequence[UpdateEvidence], lost: int) -> int:
+    """Return where a doubt at an update began: after it last knew where it was, by index."""
+    begin = lost
+    while begin > max(lost - BEGAN_WITHIN, 1) and not _knows(updates[begin - 1]):
+        begin -= 1
+    return begin
 
 
 def _knows(one: UpdateEvidence) -> bool:
@@ -65,9 +56,10 @@ def _left(story: Story) -> Failure | None:
     )
 
 
-def _cause(updates: Sequence[UpdateEvidence], begin: int, lost: int, end: int) -> Failure:
+def _cause(updates: Sequence[UpdateEvidence], episode: Episode) -> Failure:
     """Return what is suspected to have made a run lost, of what can be seen without truth."""
-    story = Story(updates, lost, end)
+    story = Story(updates, episode)
+    lost, begin = story.lost, _began(updates, story.lost)
     before, since = updates[max(0, begin - LOOKS_AT) : begin], updates[begin : lost + 1]
     first = updates[begin]
     cloud, best, gray = (_medians(before, since, name) for name in ("cloud", "best", "gray"))

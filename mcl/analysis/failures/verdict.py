@@ -1,22 +1,21 @@
 """The verdict: what happened to one run, as facts. `maurice_viz.text.verdict` turns it into a sentence.
 
-A trouble is a loss (the definition of `metrics`), a kidnapping that the log tells of, or a cloud that would
-have left the map. It ends when the run is localized again; what happens in between belongs to it.
+Its `episodes` are when it was wrong, its `causes` what befell the robot, its `failures` why it was lost.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import InitVar, dataclass, field, replace
 
 from ...filter.localizer import LEFT_MAP, Localizer
 from ...filter.motion import PictureMotion
-from ...radii import USUAL
+from ...radii import USUAL, Radii
 from ...records import StepRecord
 from ...session import Moment
 from ..dead_reckoning import OdometryAlone
-from ..events import KIDNAPPED, LOST, SEARCHING, LocalizationStatus, in_meters
-from ..metrics import LOCALIZED_OF, LOST_FOR, StepScore, score_step
+from ..episodes import KIDNAPPED, SEARCHING, Episode
+from ..metrics import FIRST_SCORED, StepScore
 from .ambiguity import Ambiguity, AmbiguityFinder
 from .causes import (
     CARRIED,
@@ -31,58 +30,8 @@ from .causes import (
 )
 from .diagnosis import DiagnosisBuilder
 from .kinds import Failure
-from .near_truth import has_near
 
-EXPLAINS_FOR = 10  # updates after a cause in which a loss is due to it
-MOSTLY = 0.5  # share of the updates of a trouble from which on it counts as "sure"
-
-
-@dataclass(frozen=True, slots=True)
-class _Update:
-    step: int
-    fresh: int  # particles that recovery injected
-    sure: bool  # whether it was wrong and confident
-    bereft: bool  # whether no particle was near the truth
-
-
-@dataclass(frozen=True, slots=True)
-class Trouble:
-    """One time that a run was lost, kidnapped or off the map."""
-
-    kind: str  # "kidnapped", "lost", or "searching": it had not been localized before
-    step: int  # at which it began
-    recovered: int | None = None  # first step at which the run was localized again; None: never
-    lost: bool = False  # whether it was lost by the definition: too far off for four updates in a row
-    fresh: int = 0  # particles that recovery injected until then
-    updates: int = 0  # until then
-    sure: int = 0  # of them wrong and confident
-    bereft: int = 0  # of them without a particle near the truth
-    cause: Cause | None = None  # what befell the robot shortly before; None: nothing that is known
-
-    def with_updates(self, updates: Sequence[_Update], sign: int) -> Trouble:
-        """Return a copy with some updates added (`sign` 1) or removed (-1)."""
-        return replace(
-            self,
-            fresh=self.fresh + sign * sum(update.fresh for update in updates),
-            updates=self.updates + sign * len(updates),
-            sure=self.sure + sign * sum(update.sure for update in updates),
-            bereft=self.bereft + sign * sum(update.bereft for update in updates),
-        )
-
-    @property
-    def is_sure(self) -> bool:
-        """Whether the filter was confident in most of these updates, at the wrong place."""
-        return self.sure > MOSTLY * self.updates
-
-    @property
-    def has_loud_cause(self) -> bool:
-        """Whether something befell the robot right before, which is told by itself."""
-        return self.kind == KIDNAPPED or (self.cause is not None and self.cause.kind in LOUD)
-
-    @property
-    def is_bereft(self) -> bool:
-        """Whether in most of these updates no particle was near the truth: weighting alone cannot find it."""
-        return self.bereft > MOSTLY * self.updates
+EXPLAINS_FOR = 10  # steps after a cause in which a loss is due to it
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,44 +53,64 @@ class RunVerdict:
     found: int | None = None  # first step at which the run was localized; None: never, or truth not known
     first: int = 0  # step of the first update
     last: int = 0  # and of the last one
-    troubles: tuple[Trouble, ...] = ()
-    error_mean_m: float | None = None
-    error_end_m: float | None = None
-    error_most_m: float | None = None
-    lost_m: float = USUAL.lost_m  # an error above it is lost
+    episodes: tuple[Episode, ...] = ()  # each time that it was wrong; none without truth
+    doubts: tuple[tuple[int, int], ...] = ()  # first and last step of each time that it was probably lost
+    error_mean_m: float | None = None  # over the scored updates, as in the table of scores
+    error_most_m: float | None = None  # of these
     most_at: int = 0  # step of the largest error
+    off: int = 0  # updates that were not correct
+    beyond: int = 0  # of these, those that were too far off: beyond the radius *lost*, or 45 degrees
+    end: StepScore | None = None  # of the last update with truth
+    radii: Radii = USUAL  # by which it was judged
     sure_share: float = 0.0  # of the updates: wrong and confident
     converged_share: float = 0.0  # of the updates
     left_map: tuple[int, ...] = ()  # steps at which the whole cloud would have left the map
     in_obstacles: tuple[InObstacle, ...] = ()  # when the truth was where the map has something solid
     causes: tuple[Cause, ...] = ()  # what befell the robot and its camera
-    failures: tuple[Failure, ...] = ()  # each time it was lost or never found itself, with its one cause
+    failures: tuple[Failure, ...] = ()  # each time it was lost or never localized, with its one cause
     ambiguity: Ambiguity | None = None  # two places that shared the weight
     sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
     odometry_alone: OdometryAlone | None = None  # without its sensors; None: no known start, or no truth
 
     @property
-    def is_off_at_end(self) -> bool:
-        """Whether the error of the last estimate is above `lost_m`."""
-        return self.error_end_m is not None and self.error_end_m > self.lost_m
+    def error_end_m(self) -> float | None:
+        """The error of the last estimate with truth."""
+        return None if self.end is None else self.end.position_error_m
+
+    def cause_of(self, episode: Episode) -> Cause | None:
+        """Return the latest cause that an episode can be due to: at first the loud ones."""
+        if episode.kind == KIDNAPPED:
+            near = [one for one in self.causes if one.step == episode.first]
+        else:
+            since = episode.onset - EXPLAINS_FOR
+            near = [one for one in self.causes if one.step <= episode.onset and one.last >= since]
+        loud = [one for one in near if one.kind in LOUD]
+        chosen = loud or near
+        return chosen[-1] if chosen else None
+
+    def has_loud_cause(self, episode: Episode) -> bool:
+        """Return whether something befell the robot right before an episode, which is told by itself."""
+        cause = self.cause_of(episode)
+        return episode.kind == KIDNAPPED or (cause is not None and cause.kind in LOUD)
 
     @property
     def telling(self) -> Ambiguity | None:
         """The two places that shared the weight, where this tells something: before it was localized."""
         found, one = self.found, self.ambiguity
         is_early = one is not None and (found is None or one.step < found)
-        return None if any(t.kind == KIDNAPPED or t.is_sure for t in self.troubles) or not is_early else one
+        told = any(episode.kind == KIDNAPPED or episode.is_sure for episode in self.episodes)
+        return None if told or not is_early else one
 
     @property
     def telling_causes(self) -> tuple[Cause, ...]:
-        """What befell the robot, without what is small and explains no trouble."""
-        explaining = [trouble.cause for trouble in self.troubles]
+        """What befell the robot, without what is small and explains no episode."""
+        explaining = [self.cause_of(one) for one in self.episodes if one.kind != SEARCHING or one.is_failure]
         return tuple(one for one in self.causes if one.kind in LOUD or one in explaining)
 
     @property
     def decisive(self) -> int:
         """The step to look at first: that of a loss, else of a cause, else of the worst error."""
-        losses = [trouble for trouble in self.troubles if trouble.kind != SEARCHING or trouble.is_sure]
+        losses = [one for one in self.episodes if one.kind != SEARCHING or one.is_sure]
         if losses:
             return self._shown(losses[0])
         if self.telling is not None:
@@ -158,12 +127,12 @@ class RunVerdict:
             return self.failures[0].first
         return self.left_map[0] if self.left_map else self.first
 
-    def _shown(self, trouble: Trouble) -> int:
-        """Return the step at which a trouble is seen best."""
-        sure = self.sure_and_wrong
-        if not trouble.has_loud_cause and trouble.is_sure and sure is not None and sure.step >= trouble.step:
+    def _shown(self, episode: Episode) -> int:
+        """Return the step at which an episode is seen best."""
+        sure, told = self.sure_and_wrong, self.has_loud_cause(episode)
+        if not told and episode.is_sure and sure is not None and sure.step >= episode.first:
             return sure.step
-        return trouble.step
+        return episode.first
 
 
 LOUD = (CARRIED, JUMPED, SLIPPED, DARK)  # causes that are told even where they did no harm
@@ -183,17 +152,14 @@ class VerdictBuilder:
 
     localizer: InitVar[Localizer | None] = None
     _verdict: RunVerdict = field(default_factory=RunVerdict)
-    _status: LocalizationStatus = field(default_factory=LocalizationStatus)
     _causes: CauseFinder = field(default_factory=CauseFinder)
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
     _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
     _sum_m: float = 0.0
-    _known: int = 0  # updates with truth
+    _scored: int = 0  # updates
     _sure: int = 0
     _converged: int = 0
-    _was_right: bool = False  # whether an update was localized so far
-    _recent: list[_Update] = field(default_factory=list)  # the last five updates
 
     def __post_init__(self, localizer: Localizer | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer)
@@ -204,45 +170,34 @@ class VerdictBuilder:
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
         step, verdict = moment.frame.step, self._verdict
-        score = score_step(record.estimate, moment.truth)
-        fresh = 0 if record.injected is None else int(record.injected.sum())
-        sure = score.wrong_and_confident is True
-        truth, reach_m = moment.truth, record.estimate.radii.cluster_m
-        bereft = not score.localized and truth is not None and not has_near(record.weighted, truth, reach_m)
-        self._recent = [*self._recent, _Update(step, fresh, sure, bereft)][-LOCALIZED_OF[1] :]
         self._causes.see(moment, record)
         self._ambiguity.see(step, record, moment.truth)
         self._obstacles.see(step, moment.truth)
         self._diagnosis.add(moment, record)
-        if verdict.updates == 0:
-            verdict = replace(verdict, first=step)
-        kidnapped = moment.kidnapped
-        changes = dict(self._status.see(step, score, kidnapped, in_meters))
-        left = LEFT_MAP in record.events
+        episodes = self._diagnosis.episodes
+        score, left = episodes.score, LEFT_MAP in record.events
+        self._sure += score.wrong_and_confident is True
+        self._converged += int(score.converged)
         self._verdict = replace(
             self._with_error(verdict, step, score),
             updates=verdict.updates + 1,
+            first=verdict.first if verdict.updates else step,
             last=step,
-            lost_m=record.estimate.radii.lost_m,
+            found=episodes.localized,
+            radii=record.estimate.radii,
             left_map=(*verdict.left_map, step) if left else verdict.left_map,
-            troubles=self._troubles(step, changes, kidnapped),
-            sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record, bereft)
-            if sure
-            else verdict.sure_and_wrong,
+            episodes=episodes.episodes,
+            doubts=episodes.doubts,
+            sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record, episodes.is_bereft),
         )
-        if self._verdict.found is None and {"localized", "recovered"} & set(changes):
-            self._verdict = replace(self._verdict, found=step - LOCALIZED_OF[1] + 1)
-        self._was_right |= score.localized is True
-        self._sure += sure
-        self._converged += int(score.converged)
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""
-        count, known = max(self._verdict.updates, 1), self._known
+        count = max(self._verdict.updates, 1)
         return replace(
             self._verdict,
-            has_truth=known > 0,
-            error_mean_m=self._sum_m / known if known else None,
+            has_truth=self._verdict.end is not None,
+            error_mean_m=self._sum_m / self._scored if self._scored else None,
             sure_share=self._sure / count,
             converged_share=self._converged / count,
             in_obstacles=self._obstacles.found,
@@ -255,40 +210,13 @@ class VerdictBuilder:
         error_m = score.position_error_m
         if error_m is None:
             return verdict
-        self._known, self._sum_m = self._known + 1, self._sum_m + error_m
-        verdict = replace(verdict, error_end_m=error_m)
-        if verdict.error_most_m is None or error_m > verdict.error_most_m:
-            verdict = replace(verdict, error_most_m=error_m, most_at=step)
-        return verdict
-
-    def _troubles(self, step: int, changes: Mapping[str, str], kidnapped: bool) -> tuple[Trouble, ...]:
-        """Return the troubles after this update, which is the last of `_recent`."""
-        troubles = self._verdict.troubles
-        is_open = bool(troubles) and troubles[-1].recovered is None
-        if kidnapped:
-            troubles, is_open = (*troubles, Trouble(KIDNAPPED, step, cause=self._cause_of(step, step))), True
-        if LOST in changes and not is_open:
-            first = step - LOST_FOR + 1
-            kind = LOST if self._was_right or self._converged > 0 else SEARCHING
-            began = Trouble(kind, first, cause=self._cause_of(first - EXPLAINS_FOR, first))
-            began = began.with_updates(self._recent[-LOST_FOR:-1], 1)
-            troubles, is_open = (*troubles, began), True
-        if not is_open:
-            return troubles
-        last = troubles[-1].with_updates(self._recent[-1:], 1)
-        last = replace(last, lost=last.lost or LOST in changes)
-        if {"recovered", "localized"} & set(changes):  # known only now, some updates later
-            found = step - LOCALIZED_OF[1] + 1
-            since = [update for update in self._recent if update.step >= max(found, last.step)]
-            last = replace(last.with_updates(since, -1), recovered=found)
-        return (*troubles[:-1], last)
-
-    def _cause_of(self, first: int, last: int) -> Cause | None:
-        """Return the latest cause that a trouble in between can be due to: at first the loud ones."""
-        near = [one for one in self._causes.found if one.step <= last and one.last >= first]
-        loud = [one for one in near if one.kind in LOUD]
-        chosen = loud or near
-        return chosen[-1] if chosen else None
+        off, beyond = verdict.off + (score.correct is False), verdict.beyond + (score.lost is True)
+        verdict = replace(verdict, end=score, off=off, beyond=beyond)
+        if verdict.updates + 1 < FIRST_SCORED:
+            return verdict
+        self._scored, self._sum_m = self._scored + 1, self._sum_m + error_m
+        is_most = verdict.error_most_m is None or error_m > verdict.error_most_m
+        return replace(verdict, error_most_m=error_m, most_at=step) if is_most else verdict
 
 
 def _worse(

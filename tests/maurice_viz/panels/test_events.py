@@ -9,12 +9,13 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
+from maurice_mcl.analysis.episodes import Episode
 from maurice_mcl.analysis.events import FAILURE, KINDS, PARTED, STATES, RunEvent
 from maurice_mcl.analysis.failures.kinds import CAUSES, LIGHTING, Failure
 from maurice_mcl.filter.localizer import RESAMPLED
-from maurice_viz.entities import RunPaths
+from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels import events as draw_events
-from maurice_viz.panels.events import BRIEF
+from maurice_viz.panels.events import BRIEF, WORD
 from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.viewer import sinks
 
@@ -80,19 +81,40 @@ def test_a_state_too_short_for_its_word_loses_it_in_the_end(tmp_path):
     assert looks["lost"][1] == looks[f"lost{BRIEF}"][1]
 
 
-def test_a_mark_goes_on_for_some_steps_or_until_the_next(tmp_path):
-    steps: list[Step] = [("localized", []) for _ in range(12)]
+def test_a_mark_lasts_as_long_as_its_event_and_its_word_follows(tmp_path):
+    steps: list[Step] = [("localized", []) for _ in range(14)]
     steps[1] = ("localized", [("ess-dip", "a")])
-    steps[6] = ("localized", [("reseeded", "a")])
-    steps[7] = ("localized", [("recovered", "a")])
-    path = drawn(tmp_path / "a.rrd", steps)
+    for k in (6, 7, 8):
+        steps[k] = ("localized", [("reseeded", "a")])
+    path = drawn(tmp_path / "a.rrd", steps, hold=4)
     assert lane_of(path, draw_events.noticed_path(PATHS)) == [
         (2, "ess-dip"),
-        (5, None),
+        (3, f"ess-dip{WORD}"),
+        (6, None),
         (7, "reseeded"),
-        (8, "recovered"),
+        (10, f"reseeded{WORD}"),
         (11, None),
     ]
+
+
+def test_the_word_of_a_grave_mark_outlives_a_lesser_one(tmp_path):
+    steps: list[Step] = [("localized", []) for _ in range(9)]
+    steps[1], steps[3] = ("lost", [("lost", "a")]), ("lost", [("ess-dip", "a")])
+    path = drawn(tmp_path / "a.rrd", steps, hold=5)
+    assert lane_of(path, draw_events.noticed_path(PATHS)) == [
+        (2, "lost"),
+        (3, f"lost{WORD}"),
+        (4, "ess-dip"),
+        (5, f"lost{WORD}"),
+        (7, None),
+    ]
+
+
+def test_on_the_timeline_of_phases_marks_and_states_begin_with_their_step(tmp_path):
+    steps: list[Step] = [("localized", []), ("lost", [("kidnapped", "a"), ("lost", "a")])]
+    path = drawn(tmp_path / "a.rrd", steps)
+    for lane in (draw_events.status_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):
+        assert recordings.rows(path, lane)[-1].phase == phase_number(2, Phase.PREDICT)
 
 
 def test_of_several_marks_the_gravest_is_shown(tmp_path):
@@ -107,27 +129,14 @@ def test_of_several_marks_the_gravest_is_shown(tmp_path):
 def test_causes_of_failures_are_marked_at_their_first_step_and_where_it_was_lost(tmp_path):
     steps: list[Step] = [("localized", []), ("localized", [("ess-dip", "a")]), ("searching", [])]
     steps += [("lost", [])] * 3 + [("localized", [("recovered", "a")])]
-    failures = [Failure(LIGHTING, 2, 6, 3)]
+    failures = [Failure(LIGHTING, 2, Episode("lost", 3, 6, 3, lost=4))]
     path = drawn(tmp_path / "a.rrd", steps, hold=2, failures=failures)
     belief = dict(
         lane_of(path, draw_events.status_path(PATHS))
     )  # of two rows at one step the later one counts
     assert belief == {1: "localized", 3: "searching", 4: "cause: lighting", 7: "localized"}
     noticed = dict(lane_of(path, draw_events.noticed_path(PATHS)))
-    assert noticed == {2: "cause: lighting", 4: None, 7: "recovered"}
-    quiet = drawn(tmp_path / "b.rrd", [("localized", [])] * 7, failures=[Failure(LIGHTING, 2, 6, 3)])
-    assert dict(lane_of(quiet, draw_events.noticed_path(PATHS))) == {2: "cause: lighting", 5: None}
-
-
-def test_a_cause_has_room_for_its_word_where_other_marks_follow_at_once(tmp_path):
-    found = {2: "mode-switch", 3: "lost", 4: "ess-dip", 9: "recovered"}
-    steps: list[Step] = [("lost", [(found[k], "a")] if k in found else []) for k in range(1, 13)]
-    path = drawn(tmp_path / "a.rrd", steps, hold=8, failures=[Failure(LIGHTING, 2, 8, 3)])
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == [
-        (2, "cause: lighting"),
-        (6, "ess-dip"),
-        (9, "recovered"),
-    ]
+    assert noticed == {2: "cause: lighting", 3: f"cause: lighting{WORD}", 4: None, 7: "recovered"}
 
 
 def test_a_live_run_shows_its_marks_at_once(tmp_path):
@@ -144,7 +153,11 @@ def test_the_log_has_a_lane_that_one_run_draws(tmp_path):
         ("localized", [("session", "floor wood")]),
     ]
     path = drawn(tmp_path / "a.rrd", steps)
-    assert lane_of(path, draw_events.LOG_LANE) == [(1, "kidnapped"), (2, "session")]
+    assert lane_of(path, draw_events.LOG_LANE) == [
+        (1, "kidnapped"),
+        (2, "session"),
+        (3, f"kidnapped{WORD}"),
+    ]
     other = drawn(tmp_path / "b.rrd", steps, scene=False)
     assert draw_events.LOG_LANE not in recordings.entities_of(other)
 

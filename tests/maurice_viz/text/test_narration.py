@@ -31,13 +31,13 @@ def estimate(x_in: float, y_in: float, heading_deg: float) -> Estimate:
 @pytest.mark.parametrize(
     ("motions", "said"),
     [
-        (np.zeros((0, 3)), "stood still"),
-        ([[18 * INCH, 0, 0]], "drove 18.0 in forward"),
-        ([[-18 * INCH, 0, 0]], "drove 18.0 in backward"),
-        ([[0, 0, np.pi / 4]], "turned 45 deg left"),
-        ([[0, 0, -np.pi / 4], [INCH, 0, 0]], "drove 1.0 in forward and turned 45 deg right (2 movements)"),
-        ([[0, -INCH, 0]], "slid 1.0 in to the right"),
-        ([[INCH, 0.04 * INCH, np.radians(0.4)]], "drove 1.0 in forward"),  # what would be written as 0
+        (np.zeros((0, 3)), "no movement"),
+        ([[18 * INCH, 0, 0]], "18.0 in forward"),
+        ([[-18 * INCH, 0, 0]], "18.0 in backward"),
+        ([[0, 0, np.pi / 4]], "a turn of 45 deg left"),
+        ([[0, 0, -np.pi / 4], [INCH, 0, 0]], "1.0 in forward and a turn of 45 deg right (2 movements)"),
+        ([[0, -INCH, 0]], "1.0 in to the right"),
+        ([[INCH, 0.04 * INCH, np.radians(0.4)]], "1.0 in forward"),  # what would be written as 0
     ],
 )
 def test_motion(motions, said):
@@ -146,9 +146,9 @@ def test_four_runs_stay_readable_in_80_columns():
 
 
 SHOWN = {
-    "update 24, 100.0 in, 215 s": Success("circle", 24, 2.54, 215.2),
-    "left the truth at 30": Success("circle", 24, 2.54, 215.2, "left", 30),
-    "no, 5 min over": Success("circle", failed="time", failed_at_update=40),
+    "step 24, 100.0 in, 215 s": Success("circle", 24, 2.54, 215.2),
+    "left the truth at step 30": Success("circle", 24, 2.54, 215.2, "left", 30),
+    "no, 5 min over": Success("circle", failed="time", failed_at_step=40),
     "no": Success("circle"),
 }
 
@@ -161,9 +161,10 @@ def test_the_row_says_when_or_how_it_failed(shown):
 def test_json_has_all_of_it():
     assert _cells(_result()) == ["-", "-"]
     assert to_json([_result()])["runs"][0]["thesis_success"] == {}
-    found = to_json([_result(Success("tenth"), SHOWN["left the truth at 30"])])["runs"][0]["thesis_success"]
-    nothing = dict.fromkeys(("at_update", "at_m", "at_s", "failed", "failed_at_update"))
-    expected = {"at_update": 24, "at_m": 2.54, "at_s": 215.2, "failed": "left", "failed_at_update": 30}
+    left = _result(Success("tenth"), SHOWN["left the truth at step 30"])
+    found = to_json([left])["runs"][0]["thesis_success"]
+    nothing = dict.fromkeys(("at_step", "at_m", "at_s", "failed", "failed_at_step"))
+    expected = {"at_step": 24, "at_m": 2.54, "at_s": 215.2, "failed": "left", "failed_at_step": 30}
     assert found == {"tenth": nothing, "circle": expected}
 
 

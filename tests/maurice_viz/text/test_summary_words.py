@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 import maurice_mcl as mcl
+from maurice_mcl.analysis.episodes import Episode
+from maurice_mcl.analysis.failures.verdict import RunVerdict
 from maurice_viz.text import summary
 
 
@@ -17,9 +18,17 @@ def score():
 
 
 @pytest.mark.parametrize(
-    ("localized_at", "says"),
-    [(2, "at update 5"), (None, "at update 5, searching"), (9, "at update 5, searching")],
+    ("episodes", "says"),
+    [
+        ([Episode("lost", 2, 9, 2, lost=5)], "at step 5"),
+        ([Episode("searching", 1, 9, lost=5)], "at step 5, searching"),
+        (
+            [Episode("searching", 1, 9, lost=5), Episode("lost", 20, 30, lost=23)],
+            "at step 5, 1 more, searching",
+        ),
+        ([], "no"),
+    ],
 )
-def test_a_run_that_was_lost_before_it_was_ever_localized_was_searching(score, localized_at, says):
-    lost = replace(score, lost=True, lost_at_update=5, localized_at_update=localized_at)
-    assert summary._lost(SimpleNamespace(score=lost)) == says
+def test_a_run_that_was_lost_before_it_was_ever_localized_was_searching(score, episodes, says):
+    verdict = RunVerdict(episodes=tuple(episodes))
+    assert summary._lost(SimpleNamespace(score=score, verdict=verdict)) == says

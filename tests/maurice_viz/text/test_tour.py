@@ -2,8 +2,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from maurice_mcl.analysis.episodes import Episode
 from maurice_mcl.analysis.failures.causes import CARRIED, Cause
-from maurice_mcl.analysis.failures.verdict import RunVerdict, Trouble
+from maurice_mcl.analysis.failures.verdict import RunVerdict
 from maurice_mcl.analysis.tour import tour_of
 from maurice_viz.scene import LIKELY, NEVER, RunView
 from maurice_viz.style import UNITS, Scale
@@ -11,19 +12,19 @@ from maurice_viz.text.tour import tour_pages, words
 
 INCHES = Scale(UNITS["in"])
 CARRY = Cause(CARRIED, 51, 51, None, 1.7)
-TROUBLE = Trouble("kidnapped", 51, 54, False, 200, 3, 1, 1, CARRY)
+EPISODE = Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200)
 
 
 def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     run = RunVerdict(
-        updates=100, has_truth=True, found=1, first=1, last=100, causes=(CARRY,), troubles=(TROUBLE,)
+        updates=100, has_truth=True, found=1, first=1, last=100, causes=(CARRY,), episodes=(EPISODE,)
     )
     verdicts = {"robust": run}
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
     assert [step for step, _ in pages] == [1, 51, 54, 100]
     _, page = pages[1]
     assert page.startswith("**2 of 4 · step 51: kidnapped.** Map: the white disk (the truth) jumps.")
-    assert page.endswith("Next: **step 54**, found again.")
+    assert page.endswith("Next: **step 54**, localized again.")
     assert "200 were drawn anew" in pages[2][1]
     assert "Next" not in pages[-1][1]
 

@@ -17,12 +17,12 @@ from maurice_mcl.analysis.events import (
     KINDS,
     STATES,
     BeyondSigma,
-    Burst,
     Dip,
     EventDetector,
     EventThresholds,
     RunEvent,
     deviations,
+    joined,
     say_recovery_test,
 )
 from maurice_mcl.analysis.metrics import Scorer
@@ -54,9 +54,9 @@ def watch(
 def test_localized_is_said_when_four_of_five_are_known():
     assert kinds(watch([HERE] * 4)) == []
     assert kinds(watch([HERE] * 9)) == [(5, "localized")]
-    assert "since step 1" in watch([HERE] * 9)[0].text
+    assert watch([HERE] * 9)[0].text == "localized from step 1 on"
     assert kinds(watch([FAR, HERE, FAR, HERE, HERE, HERE, HERE])) == [(6, "localized")]
-    assert "since step 2" in watch([FAR, HERE, FAR, HERE, HERE, HERE])[-1].text
+    assert "from step 2" in watch([FAR, HERE, FAR, HERE, HERE, HERE])[-1].text
     assert kinds(watch([HERE, FAR, HERE, FAR, HERE])) == [], "three of five are too few"
 
 
@@ -64,7 +64,8 @@ def test_lost_is_four_running_and_said_once():
     assert (8, "lost") not in kinds(watch([HERE] * 5 + [FAR] * 3))
     found = watch([HERE] * 5 + [FAR] * 10)
     assert [one for one in kinds(found) if one[1] == "lost"] == [(9, "lost")]
-    assert found[-1].text == "since step 6; 3.00 m, 0 deg off, and sure of it"
+    off = "now 3.00 m and 0 deg off, sure of it"
+    assert found[-1].text == f"wrong from step 6, declared lost at step 9; {off}"
     turned = [made(HERE, step=step, heading=1.0) for step in range(1, 6)]
     detector = EventDetector()
     found = [event for one in turned for event in detector.see(moment(one, TRUTH), one)]
@@ -80,17 +81,18 @@ def test_recovery_comes_after_loss_or_kidnapping():
         "recovered",
     ]
     last = found[-1]
-    assert (last.step, last.text) == (16, "since step 12, 6 steps after it was lost")
+    said = "wrong from step 6, declared lost at step 9; localized again from step 12 on"
+    assert (last.step, last.text) == (16, said)
     found = watch(([HERE] * 5 + [FAR] * 5) * 3 + [HERE] * 5)
     said = [kind for _, kind in kinds(found) if kind != "beyond-three-sigma"]
     assert said == ["localized"] + ["lost", "recovered"] * 3
     found = watch([HERE] * 6 + [FAR] * 2 + [HERE] * 7, told={7: "kidnapped"})
     said = [one for one in kinds(found) if one[1] in ("kidnapped", "lost", "localized", "recovered")]
     assert said == [(5, "localized"), (7, "kidnapped"), (13, "recovered")]
-    assert found[-1].text == "since step 9, 2 steps after it was carried away"
+    assert found[-1].text == "wrong from step 7; localized again from step 9 on"
     found = watch([SPREAD] * 6 + [HERE] * 5, (0, 5, 0))
     assert kinds(found)[0] == (4, "lost")
-    assert "not been localized yet" in found[0].text
+    assert "not localized yet" in found[0].text
     searching = watch([SPREAD] * 2 + [FAR] * 4 + [HERE] * 5)
     assert [kind for _, kind in kinds(searching)][-1] == "localized"
 
@@ -115,7 +117,7 @@ def test_events_agree_with_the_table_of_figures(letters):
         assert (localized is None) == (score.localized_at_update is None)
     if localized is not None and score.localized_at_update is not None:
         assert localized.step == score.localized_at_update + 4
-        assert localized.text == f"since step {score.localized_at_update}"
+        assert localized.text == f"localized from step {score.localized_at_update} on"
 
 
 def test_without_truth_what_needs_it_never_happens():
@@ -192,7 +194,7 @@ def test_deviations_are_mahalanobis_distances_of_the_cluster():
     assert deviations(made([(1, 1, 1)]), np.array([1.0508, 1, 0]), 0.0254) == pytest.approx(2, rel=1e-3)
 
 
-def test_dips_and_bursts_are_one_event():
+def test_a_dip_is_one_event():
     watcher, limits = Dip(), EventThresholds()
     shares = [0.5, 0.09, 0.05, 0.2, 0.09, 0.31, 0.099, 0.1]
     assert [watcher.see(share, limits) for share in shares] == [
@@ -202,9 +204,23 @@ def test_dips_and_bursts_are_one_event():
     (found,) = watch([heavy, heavy], None)
     assert (found.step, found.kind) == (1, "ess-dip")
     assert found.text == "effective sample size 1 of 40 (2.6%)"
-    watcher, limits = Burst(), EventThresholds()
-    steps = [1, 2, 4, 9, 15, 16]
-    assert [step for step in range(1, 20) if watcher.begins(step, step in steps, limits)] == [1, 15]
+
+
+def test_reseeding_at_steps_in_a_row_is_one_line_with_all_its_particles():
+    detector, found = EventDetector(), list[RunEvent]()
+    for step in range(1, 9):
+        fresh = [step in (2, 5, 6, 7)] * 2 + [False] * 2
+        record = made(HERE, step=step, injected=fresh, events=("reseeded",) if fresh[0] else ())
+        found += detector.see(moment(record), record)
+    assert [(one.step, one.continues, one.fresh) for one in found] == [
+        (2, False, 2),
+        (5, False, 2),
+        (6, True, 2),
+        (7, True, 2),
+    ]
+    first, second = joined(found)
+    assert (first.step, first.last, second.step, second.last, second.fresh) == (2, None, 5, 7, 6)
+    assert second.text == "2 of 4 fresh (evidence -5.0 nats); until step 7: 6 fresh in all"
 
 
 @pytest.mark.parametrize(

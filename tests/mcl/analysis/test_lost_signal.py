@@ -9,6 +9,7 @@ import pytest
 
 import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
+from maurice_mcl.analysis.episodes import EpisodeFinder
 from maurice_mcl.analysis.events import PROBABLY_LOST, EventDetector
 from maurice_mcl.analysis.lost_signal import WEIGHTS, BeliefNumbers, LostSignal, SignalCollector
 from maurice_mcl.records import LibraryEvidence, StepRecord
@@ -65,25 +66,27 @@ def test_numbers_of_a_record_and_of_one_without_library():
     assert LostSignal().add(made(at(1.0, 1.0, 1.0))) is None
 
 
-def test_without_truth_the_events_say_that_it_is_probably_lost_and_with_truth_they_do_not():
-    for truth, expected in ((None, 1), ((1.0, 1.0, 0.0), 0)):
+def test_events_say_when_it_is_probably_lost_and_the_state_does_so_without_truth():
+    for truth in (None, (1.0, 1.0, 0.0)):
         detector, kinds = EventDetector(), []
         for step in range(1, 25):
             one = record(step, -2.0 if step < 13 else -11.0)
             kinds += [event.kind for event in detector.see(moment(one, truth), one)]
             assert detector.knows is not None
-        assert kinds.count(PROBABLY_LOST) == expected
-        assert (detector.state == PROBABLY_LOST) == bool(expected)
+        assert kinds.count(PROBABLY_LOST) == 1
+        assert (detector.state == PROBABLY_LOST) == (truth is None)
 
 
 def test_the_summary_of_a_run():
-    collector = SignalCollector()
+    collector, finder = SignalCollector(), EpisodeFinder()
     assert collector.result() is None
     for step in range(1, 31):
-        collector.add(record(step, -11.0 if 13 <= step < 20 else -2.0))
+        one = record(step, -11.0 if 13 <= step < 20 else -2.0)
+        collector.add(one)
+        finder.add(moment(one), one)
     found = collector.result()
     assert found is not None
-    [(first, last)] = found.probably_lost
+    [(first, last)] = finder.doubts
     assert 13 <= first <= 17
     assert 19 <= last <= 22
     assert 0.5 < found.share < 1

@@ -267,7 +267,8 @@ def test_the_circle_is_one_foot_and_each_axis_has_its_own_bound():
 
 def _judged(records, truths=None):
     judge = SuccessJudge(ARENA_M)
-    for record, truth in zip(records, truths or [HERE] * len(records), strict=True):
+    for step, (record, truth) in enumerate(zip(records, truths or [HERE] * len(records), strict=True), 1):
+        record.frame.step = step
         judge.add(record, truth)
     return {one.preset: one for one in judge.result()}
 
@@ -276,22 +277,22 @@ def test_time_to_localize_with_and_without_truth():
     truths = [HERE + np.array([0.3 * k, 0, 0]) for k in range(4)]
     records = [_record(SPREAD if k < 2 else [0.0] * 9, 5.0 * k, truths[k]) for k in range(4)]
     for one in _judged(records, truths).values():
-        assert (one.at_update, one.at_s, one.failed) == (3, 10.0, None)
+        assert (one.at_step, one.at_s, one.failed) == (3, 10.0, None)
         assert one.at_m == pytest.approx(0.6)
     found = _judged([_record(SPREAD), _record([0.0]), _record([0.0], at=HERE + 5)], [None] * 3)
     for one in found.values():
-        assert (one.at_update, one.failed) == (2, None)
+        assert (one.at_step, one.failed) == (2, None)
         assert one.at_m == pytest.approx(0.4)
     for one in _judged([_record(SPREAD, 20.0)]).values():
-        assert (one.at_update, one.failed) == (None, None)
+        assert (one.at_step, one.failed) == (None, None)
 
 
 def test_later_than_five_minutes_is_a_failure():
     in_time = _judged([_record([0.0], 300.0)])
     late = _judged([_record(SPREAD, 299.0), _record([0.0], 300.1), _record([0.0], 310.0)])
     for preset in ("tenth", "circle"):
-        assert in_time[preset].at_update == 1
-        assert (late[preset].at_update, late[preset].failed, late[preset].failed_at_update) == (
+        assert in_time[preset].at_step == 1
+        assert (late[preset].at_step, late[preset].failed, late[preset].failed_at_step) == (
             None,
             TOO_LATE,
             2,
@@ -304,6 +305,6 @@ def test_leaving_the_truth_is_a_failure_once_localized():
 
     found = _judged([_record(SPREAD), *(_record([0.0], at=off(k)) for k in (0, 35.9, 36.1, 0))])
     for one in found.values():
-        assert (one.at_update, one.failed, one.failed_at_update) == (2, LEFT, 4)
+        assert (one.at_step, one.failed, one.failed_at_step) == (2, LEFT, 4)
     for one in _judged([_record([0.0], at=HERE + 2)]).values():
-        assert (one.at_update, one.failed, one.failed_at_update) == (1, LEFT, 1)
+        assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT, 1)

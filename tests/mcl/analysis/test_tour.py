@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+from maurice_mcl.analysis.episodes import Episode
 from maurice_mcl.analysis.failures.ambiguity import Ambiguity
 from maurice_mcl.analysis.failures.causes import CARRIED, Cause
 from maurice_mcl.analysis.failures.kinds import PROPOSAL, Failure
-from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong, Trouble
+from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong
 from maurice_mcl.analysis.tour import tour_of
 
 CARRY = Cause(CARRIED, 51, 51, None, 1.7)
@@ -14,7 +15,7 @@ LOST = RunVerdict(
     first=1,
     last=100,
     causes=(CARRY,),
-    troubles=(Trouble("kidnapped", 51, None, True, 0, 50, 40, 50, CARRY),),
+    episodes=(Episode("kidnapped", 51, 100, 51, 53, 54, steps=50, sure=40, bereft=50),),
     sure_and_wrong=SureAndWrong(85, 3.1, 1.0),
 )
 BACK = RunVerdict(
@@ -24,7 +25,7 @@ BACK = RunVerdict(
     first=1,
     last=100,
     causes=(CARRY,),
-    troubles=(Trouble("kidnapped", 51, 54, False, 200, 3, 1, 1, CARRY),),
+    episodes=(Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200),),
 )
 
 
@@ -56,23 +57,24 @@ def test_before_the_first_update_there_is_no_tour():
 
 
 def test_there_are_never_more_than_five_moments():
-    troubles = tuple(Trouble("lost", 10 * k, 10 * k + 5, True) for k in range(1, 9))
-    tour = tour_of(
-        {"a": RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, troubles=troubles)}
+    episodes = tuple(
+        Episode("lost", k, k + 4, k, lost=k + 3, localized=k + 5, steps=5) for k in range(10, 90, 10)
     )
+    run = RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, episodes=episodes)
+    tour = tour_of({"a": run})
     assert len(tour) == 5
     assert [one.step for one in tour] == sorted({one.step for one in tour})
 
 
 def test_a_failure_is_shown_where_its_cause_shows_first():
-    trouble = Trouble("searching", 18, None, True, 0, 20, 20, 20)
+    episode = Episode("searching", 1, 40, lost=4, steps=40, sure=22, bereft=20)
     lost = RunVerdict(
         updates=40,
         has_truth=True,
         first=1,
         last=40,
-        troubles=(trouble,),
-        failures=(Failure(PROPOSAL, 10, 40, 18),),
+        episodes=(episode,),
+        failures=(Failure(PROPOSAL, 10, episode),),
         sure_and_wrong=SureAndWrong(26, 1.2, 1.0),
     )
     assert [(one.step, one.kind) for one in tour_of({"a": lost})] == [

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from maurice_mcl.analysis.episodes import EpisodeFinder
 from maurice_mcl.analysis.failures.around import PlaceFit, UsualFit
 from maurice_mcl.analysis.failures.deciding import decide
-from maurice_mcl.analysis.failures.diagnosis import troubled
+from maurice_mcl.analysis.failures.diagnosis import stories_of
 from maurice_mcl.analysis.failures.evidence import UpdateEvidence
 from maurice_mcl.analysis.failures.light import LightFit
 from maurice_mcl.analysis.failures.near_truth import NearTruth
-from maurice_mcl.analysis.failures.story import Story
 from maurice_mcl.analysis.failures.surprise import Surprise
 from maurice_mcl.analysis.failures.suspicion import suspected
 from maurice_mcl.analysis.metrics import StepScore
@@ -63,11 +63,23 @@ def healthy(step):
     )
 
 
+def stories(updates):
+    """Return the failures among these updates."""
+    finder = EpisodeFinder()
+    for one in updates:
+        finder.see(one.step, one.score, kidnapped=one.kidnapped)
+    return [replace(one, spacing_m=0.45, usual=USUAL) for one in stories_of(updates, finder.episodes)]
+
+
+def indexes(updates):
+    return [(story.lost, story.end, story.since) for story in stories(updates)]
+
+
 def failure_of(changes, steps):
     """Diagnose a run that is lost from 11 on, with something else at some steps."""
     updates = [replace(healthy(step), **(changes if step in steps else {})) for step in range(1, UPDATES)]
-    (times,) = troubled(updates)
-    return decide(Story(updates, *times, 0.45, USUAL))
+    (story,) = stories(updates)
+    return decide(story)
 
 
 SINCE = range(LOST_AT, UPDATES)
@@ -122,7 +134,7 @@ CASES = {
 def test_each_cause_is_told_by_its_own_evidence(name):
     kind, changes, steps = CASES[name]
     found = failure_of(changes, steps)
-    assert (found.kind, found.lost, found.last) == (kind, LOST_AT, UPDATES - 1), found.also
+    assert (found.kind, found.episode.onset, found.episode.last) == (kind, LOST_AT, UPDATES - 1), found.also
     if steps and kind not in ("ambiguity", "sensor", "numeric"):
         assert found.first == steps[0]
 
@@ -133,8 +145,8 @@ def test_a_heading_that_no_reference_has_is_counted_and_is_no_distance(nowhere, 
     for at in range(8, 12):
         away = float("inf") if at - 8 < nowhere else 1.1
         updates[at] = replace(updates[at], reference_m=away, fit=None)
-    (times,) = troubled(updates)
-    found = decide(Story(updates, *times, 0.45, USUAL))
+    (story,) = stories(updates)
+    found = decide(story)
     assert found.kind == "library_gap"
     assert found.evidence == told | {"none_looks_that_way": nowhere, "spacing_m": 0.45, "updates": 4}
 
@@ -147,7 +159,7 @@ def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
 
 def test_what_befalls_a_run_that_is_not_lost_is_no_failure():
     updates = [replace(healthy(step), score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]
-    assert troubled(updates) == []
+    assert indexes(updates) == []
 
 
 def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_is():
@@ -157,16 +169,16 @@ def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_
         scores = [before] * 12 + [RIGHT] * 8
         return [replace(healthy(k), score=score) for k, score in enumerate(scores, 1)]
 
-    assert troubled(run(searching)) == []
-    assert troubled(run(OFF)) == [(0, 11, 0)]
-    assert troubled(run(searching)[:12]) == [(0, 11, 0)]
+    assert indexes(run(searching)) == []
+    assert indexes(run(OFF)) == [(0, 11, 0)]
+    assert indexes(run(searching)[:12]) == [(0, 11, 0)]
 
 
 def searched(near, fit=FITS, score=UNSURE):
     """Diagnose a search that never was sure, with particles at the true place as told by step."""
     updates = [replace(healthy(step), near=near(step), fit=fit, score=score) for step in range(1, UPDATES)]
-    (times,) = troubled(updates)
-    return decide(Story(updates, *times, 0.45, USUAL))
+    (story,) = stories(updates)
+    return decide(story)
 
 
 def test_a_search_that_kept_the_true_place_to_the_end_is_ambiguous_only_where_another_fits_as_well():
@@ -197,8 +209,8 @@ def test_the_elements_that_cost_most_are_named_of_the_pictures_that_blame_their_
 def test_without_truth_it_is_said_so():
     blind = StepScore(None, None, True, None, None)
     updates = [replace(healthy(step), score=blind, near=None, fit=None) for step in range(1, 30)]
-    assert suspected(updates) == ()
-    since = {"knows": 0.01, "probably_lost": True}
+    assert suspected(updates, ()) == ()
+    since = {"knows": 0.01}
     updates = [replace(one, knows=0.9) for one in updates]
     dark = {"cloud": -9.0, "best": -7.0, "gray": 40.0}
     dark, moved = (
@@ -206,7 +218,7 @@ def test_without_truth_it_is_said_so():
         for changes in (dark, {"cloud": -9.0})
     )
     for some, kind in ((dark, "lighting"), (moved, "kidnapped")):
-        (found,) = suspected(some)
+        (found,) = suspected(some, ((16, 29),))
         assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
 
 
@@ -215,13 +227,14 @@ def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_
         blind = StepScore(None, None, True, None, None)
         updates = [replace(healthy(k), score=blind, near=None, fit=None, knows=0.9) for k in range(1, 30)]
         for k in range(15, 25):
-            updates[k] = replace(updates[k], knows=0.3 if k < 18 else 0.01, probably_lost=k >= 18, cloud=-9.0)
+            updates[k] = replace(updates[k], knows=0.3 if k < 18 else 0.01, cloud=-9.0)
         updates[15] = replace(updates[15], **changes)
-        (found,) = suspected(updates)
+        (found,) = suspected(updates, ((19, 25),))
         return found
 
     found = run()
-    assert (found.kind, found.first, found.lost, found.last) == ("kidnapped", 16, 19, 25)
+    assert (found.kind, found.first) == ("kidnapped", 16)
+    assert found.episode.account == "probably lost from step 19 to 25"
     assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("kidnapped", "data")  # carried in less time
     assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
     assert run(left=True).kind == "left_map"

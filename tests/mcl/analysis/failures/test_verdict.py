@@ -29,28 +29,29 @@ def verdict_of(truths, log=None, fresh=None, events=None):
 
 def test_a_run_that_stays_localized_has_no_trouble_and_opens_at_its_worst_error():
     found = verdict_of([NEAR] * 5 + [(1.2, 1.0, 0.0)] + [NEAR] * 4)
-    assert (found.troubles, found.found, found.decisive) == ((), 1, 6)
+    assert (found.episodes, found.found, found.decisive, found.off) == ((), 1, 6, 0)
     assert found.error_most_m == pytest.approx(0.2, abs=1e-6)
-    assert found.error_mean_m == pytest.approx(0.02, abs=1e-6)
+    assert found.error_mean_m == pytest.approx(0.2 / 7, abs=1e-6)  # over steps 4 to 10, as in the table
 
 
 def test_a_loss_counts_from_its_first_update_and_is_sure_where_the_cloud_is_narrow():
-    (trouble,) = verdict_of([NEAR] * 5 + [FAR] * 6).troubles
-    assert (trouble.kind, trouble.step, trouble.recovered, trouble.lost) == ("lost", 6, None, True)
-    assert (trouble.updates, trouble.sure, trouble.is_sure) == (6, 6, True)
+    (episode,) = verdict_of([NEAR] * 5 + [FAR] * 6).episodes
+    assert (episode.kind, episode.first, episode.wrong, episode.lost) == ("lost", 6, 6, 9)
+    assert (episode.last, episode.localized) == (11, None)
+    assert (episode.steps, episode.sure, episode.is_sure) == (6, 6, True)
 
 
 def test_a_kidnapping_owns_the_loss_that_follows_and_the_fresh_particles_of_its_recovery():
     truths = [NEAR] * 5 + [FAR] * 5 + [NEAR] * 6
     found = verdict_of(truths, {6: ("kidnapped",)}, {8: [True, True, False, False], 13: [True] * 4})
-    (trouble,) = found.troubles
-    assert (trouble.kind, trouble.step, trouble.recovered, trouble.lost) == ("kidnapped", 6, 11, True)
-    assert (trouble.fresh, trouble.updates, found.decisive) == (2, 5, 6)
+    (episode,) = found.episodes
+    assert (episode.kind, episode.first, episode.lost, episode.localized) == ("kidnapped", 6, 9, 11)
+    assert (episode.fresh, episode.steps, episode.last, found.decisive) == (2, 5, 10, 6)
 
 
 def test_without_truth_nothing_is_judged():
     found = verdict_of([None] * 6, events={4: (LEFT_MAP,)})
-    assert (found.has_truth, found.error_mean_m, found.troubles) == (False, None, ())
+    assert (found.has_truth, found.error_mean_m, found.episodes) == (False, None, ())
     assert (found.converged_share, found.left_map, found.decisive) == (1.0, (4,), 4)
 
 
@@ -122,9 +123,9 @@ def test_it_is_dark_after_three_pictures_that_are_darker_than_all_before():
 
 def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
     found = drive([(0.0, 0.0)] * 5 + [(0.3, 0.05)] * 2 + [(1.0, 1.0)] * 6)
-    (trouble,) = found.troubles
-    assert (trouble.kind, trouble.cause.kind) == ("lost", SLIPPED)
-    assert trouble.is_bereft
+    (episode,) = found.episodes
+    assert (episode.kind, found.cause_of(episode).kind) == ("lost", SLIPPED)
+    assert episode.is_bereft
 
 
 def test_a_loss_that_nothing_explains_names_the_step_at_which_the_last_particle_near_the_truth_went():
@@ -133,7 +134,8 @@ def test_a_loss_that_nothing_explains_names_the_step_at_which_the_last_particle_
         record = made(at(4, 1, 1.0) if step >= 5 else HERE, step=step, references=3)
         builder.add(moment(record, NEAR), record)
     (failure,) = builder.result().failures
-    assert (failure.kind, failure.first, failure.lost, failure.last) == (PROPOSAL, 5, 5, 24)
+    episode = failure.episode
+    assert (failure.kind, failure.first, episode.wrong, episode.last) == (PROPOSAL, 5, 5, 24)
     assert (failure.evidence["held_until"], failure.evidence["died"]) == (4, 5)
 
 
