@@ -23,8 +23,8 @@ from .app.replay import replay
 from .app.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
 from .app.understand.snapshot import draw_saved
 from .listener import SILENT
-from .style import scale_for
-from .text.summary import to_json
+from .style import Scale, scale_for, units_named
+from .text.score_json import to_json
 
 if TYPE_CHECKING:
     from rerun.notebook import Viewer
@@ -91,7 +91,10 @@ def results(run: Place) -> pl.DataFrame:
         >>> mv.results("my-run").height
         1
     """
-    rows = [to_json(_collected(one).results)["runs"][0] for one in open_runs(Path(run))]
+    rows = [
+        to_json(_collected(one).results, Scale(units_named(one.manifest.display_units)))["runs"][0]
+        for one in open_runs(Path(run))
+    ]
     return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
 
 

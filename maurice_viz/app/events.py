@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from itertools import zip_longest
 from pathlib import Path
 from shlex import quote
@@ -44,8 +44,13 @@ class FoundEvents:
 
     def to_json(self) -> dict[str, object]:
         """Return `{"runs": [{"label": ..., "events": [...]}]}`."""
-        runs = [(run.label, [asdict(one) for one in run.events]) for run in self.runs]
+        runs = [(run.label, [_event_json(one) for one in run.events]) for run in self.runs]
         return {"runs": [{"label": label, "events": found} for label, found in runs]}
+
+
+def _event_json(event: RunEvent) -> dict[str, object]:
+    last = event.step if event.last is None else event.last
+    return {"step": event.step, "last": last, "time_s": event.time_s, "kind": event.kind, "text": event.text}
 
 
 def events(

@@ -22,7 +22,7 @@ from ..errors import SinkError, Terminated
 from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..scene import Detail, RunView
-from ..style import scale_for
+from ..style import Scale, scale_for, units_named
 from ..text.sensors import say_other_shape
 from .open import AnySession, remark_skipped
 from .output import DriveScene, OutputOptions, drawing
@@ -80,9 +80,10 @@ class RunScores:
 
     def to_json(self) -> dict[str, Any]:
         """Return the scores as `--json` prints them."""
-        from ..text.summary import to_json
+        from ..text.score_json import to_json
 
-        return to_json(self.runs) | ({"notes": list(self.notes)} if self.notes else {})
+        notes = {"notes": list(self.notes)} if self.notes else {}
+        return to_json(self.runs, Scale(units_named(self.display_units))) | notes
 
 
 Report = Callable[[RunScores], None]

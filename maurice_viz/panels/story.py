@@ -20,7 +20,7 @@ from ..drawing.canvas import long_side
 from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
 from ..scene import RunView, SceneInfo
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
-from ..text.summary import METRIC, failure_json
+from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET, verdict_line
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
@@ -138,7 +138,7 @@ class VerdictDrawing:
         step = decisive_step(verdicts)
         self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {step}**.")
         failed = {
-            label: [failure_json(one, METRIC) for one in run.failures] for label, run in verdicts.items()
+            label: [failure_json(one, self._scale) for one in run.failures] for label, run in verdicts.items()
         }
         self._rec.log(VERDICT, rr.AnyValues(decisive_step=step, failures=json.dumps(failed)), static=True)
         if not self._live:

@@ -20,8 +20,8 @@ from maurice_viz.cli.app import app
 
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
-    "position_error_final_m", "heading_error_mean_rad", "localized_at_update", "localized_share", "lost",
-    "wrong_confident_share", "relative_error", "steps_per_s",
+    "position_error_final_m", "heading_error_mean_rad", "localized_at_step", "lost_at_step",
+    "localized_share", "lost", "wrong_confident_share", "relative_error", "steps_per_s",
 }  # fmt: skip
 
 

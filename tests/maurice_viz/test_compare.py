@@ -23,7 +23,7 @@ from maurice_viz.playback import run_together
 
 FEW = ("--particles", "150", "--no-recording", "--json")
 AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_step"}
-DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_updates", "updates", "better", "worse"}
+DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_steps", "steps", "better", "worse"}
 
 
 def labels_of(out: str) -> list[str]:
@@ -103,7 +103,7 @@ def test_json_says_how_runs_compare(small_session):
     assert against["position_error"]["difference_mean_m"] == pytest.approx(difference)
     difference = other["heading_error_mean_rad"] - first["heading_error_mean_rad"]
     assert against["heading_error"]["difference_mean_rad"] == pytest.approx(difference)
-    assert against["position_error"]["updates"] == 11
+    assert against["position_error"]["steps"] == 11
     assert against["position_error"]["interval_95_m"] is None  # of eleven updates there is none
     assert "against_first" not in runs_of(maurice(small_session, *FEW)[0])[0]
     _, other = runs_of(maurice("compare", small_session, "--seed=5", "--seed=5", *FEW)[0])

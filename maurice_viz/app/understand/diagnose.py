@@ -19,7 +19,7 @@ from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ...style import Scale, units_named
 from ...text.failure import say_evidence, say_failure, title
-from ...text.summary import failure_json
+from ...text.score_json import failure_json
 from ...text.verdict import said
 from ..open import RunSpec
 from ..output import OutputOptions
@@ -77,14 +77,14 @@ class RunDiagnosis:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON, lengths in meters."""
-        metric = Scale(units_named("m"))
+        """Return everything as JSON: numbers in meters, texts in the units of the session."""
+        scale = Scale(units_named(self.display_units))
         return {
             "label": self.label,
             "truth_known": self.verdict.has_truth,
             "updates": self.verdict.updates,
-            "verdict": said(self.verdict, metric),
-            "failures": [failure_json(one, metric) for one in self.failures],
+            "verdict": said(self.verdict, scale),
+            "failures": [failure_json(one, scale) for one in self.failures],
         }
 
 

@@ -17,7 +17,7 @@ from maurice_viz.playback import RunResult
 from maurice_viz.style import UNITS, Scale, units_named
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
-from maurice_viz.text.summary import to_json
+from maurice_viz.text.score_json import to_json
 
 INCHES = Scale(UNITS["in"])
 INCH = 0.0254
@@ -160,9 +160,9 @@ def test_the_row_says_when_or_how_it_failed(shown):
 
 def test_json_has_all_of_it():
     assert _cells(_result()) == ["-", "-"]
-    assert to_json([_result()])["runs"][0]["thesis_success"] == {}
+    assert to_json([_result()], INCHES)["runs"][0]["thesis_success"] == {}
     left = _result(Success("tenth"), SHOWN["left the truth at step 30"])
-    found = to_json([left])["runs"][0]["thesis_success"]
+    found = to_json([left], INCHES)["runs"][0]["thesis_success"]
     nothing = dict.fromkeys(("at_step", "at_m", "at_s", "failed", "failed_at_step"))
     expected = {"at_step": 24, "at_m": 2.54, "at_s": 215.2, "failed": "left", "failed_at_step": 30}
     assert found == {"tenth": nothing, "circle": expected}
@@ -170,7 +170,7 @@ def test_json_has_all_of_it():
 
 def test_json_tells_what_befell_the_robot():
     slip = Cause("slipped", 34, 37, 1.43, 0.27)
-    (told,) = to_json([replace(_result(), verdict=RunVerdict(causes=(slip,)))])["runs"]
+    (told,) = to_json([replace(_result(), verdict=RunVerdict(causes=(slip,)))], INCHES)["runs"]
     (cause,) = told["verdict"]["causes"]
     assert cause == {"kind": "slipped", "step": 34, "last": 37, "expected": 1.43, "actual": 0.27} | {
         "words": "", "alike": False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.table import load_trials
 from maurice_loaders.runs.store import open_run
+from maurice_mcl.analysis.episodes import Episode
 from maurice_mcl.analysis.failures import diagnosis
 from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
 from maurice_viz.app.saved import open_saved
@@ -57,7 +59,7 @@ def test_a_saved_run_and_its_session_have_the_same_cause(made: Path) -> None:
     assert saved["runs"][0]["failures"] == anew["runs"][0]["failures"]
     (found,) = saved["runs"][0]["failures"]
     assert (found["kind"], found["truth_known"]) == ("kidnapped", True)
-    assert found["text"].startswith(f"Lost from {found['lost']}")
+    assert found["text"].startswith(f"Wrong from step {found['episode']['wrong']}")
     assert found["evidence"]["moved_m"] == pytest.approx(1.2, abs=0.3)
 
 
@@ -109,22 +111,25 @@ def test_a_run_without_failure_has_none_anywhere(small_session: Path, tmp_path: 
     assert mv.diagnose(tmp_path / "kept").runs[0].failures == ()
 
 
+EPISODE = asdict(Episode("lost", 2, 4, 2))
+
+
 @pytest.mark.parametrize(
     ("failures", "said"),
     [
-        ([{"kind": "bad luck"}], "found a failure from"),
-        ([{"kind": "bad luck", "first": 1, "last": 4, "lost": 2}], "found cause 'bad luck', expected one of"),
-        ([{"kind": "data", "first": 99, "last": 4, "lost": 2}], "expected steps from 1 to 14"),
+        ([{"kind": "data", "first": 0, "episode": EPISODE}], "found a failure from step 0 to 4"),
+        ([{"kind": "bad luck", "first": 1, "episode": EPISODE}], "found cause 'bad luck', expected one of"),
+        ([{"kind": "data", "first": 99, "episode": EPISODE}], "expected 1 to 14"),
+        ([{"kind": "data", "first": 1, "episode": {"kind": "bored"}}], "found episode 'bored', expected"),
+        ([{"kind": "data", "first": 1, "episode": EPISODE | {"lost": "x"}}], "found failures.episode.lost"),
         ("none", "found failures 'none', expected a list"),
     ],
 )
 def test_damaged_failures_are_told_in_one_line(made: Path, failures: object, said: str) -> None:
     file = made / "kept" / "manifest.json"
     whole = file.read_text()
-    broken = {"first": 0, "last": 1, "lost": 1} if said.startswith("found a failure from") else {}
-    given = [one | broken for one in failures] if isinstance(failures, list) else failures
     try:
-        file.write_text(json.dumps(json.loads(whole) | {"failures": given}))
+        file.write_text(json.dumps(json.loads(whole) | {"failures": failures}))
         done = run("events", made / "kept", expect=1)
     finally:
         file.write_text(whole)

@@ -63,7 +63,7 @@ def test_events_are_a_table_and_json(runs):
     assert {"step": 5, "kind": "kidnapped", "text": "the robot was carried away"}.items() <= found[
         [one["kind"] for one in found].index("kidnapped")
     ].items()
-    assert [set(one) for one in found] == [{"step", "time_s", "kind", "text"}] * len(found)
+    assert [set(one) for one in found] == [{"step", "last", "time_s", "kind", "text"}] * len(found)
     assert [one["step"] for one in found] == sorted(int(str(one["step"])) for one in found)
     out, err = maurice("events", "kept", "--kind", "expanded")
     assert out == ""
@@ -83,7 +83,7 @@ def test_kinds_choose_in_runs_and_comparisons(runs):
         in maurice("events", "kept", "--kind", "b", expect=2)[1]
     )
     out, _ = maurice("events", "both")
-    (line,) = [line for line in out.splitlines() if "kidnapped" in line]
+    (line,) = [line for line in out.splitlines() if "carried away" in line]
     assert "all" in line, "what happened to both stands once"
     labels = [run["label"] for run in json.loads(maurice("events", "both", "--json")[0])["runs"]]
     assert labels == ["color", "edges"]
