@@ -74,8 +74,8 @@ class Episode:
 
     @property
     def is_sure(self) -> bool:
-        """Whether the filter was confident in most of these steps, at the wrong place."""
-        return self.sure > MOSTLY * self.steps
+        """Whether the filter was confident of a wrong place: in most of these steps, or long in a search."""
+        return self.sure >= SURE_FOR if self.kind == SEARCHING else self.sure > MOSTLY * self.steps
 
     @property
     def is_bereft(self) -> bool:
@@ -87,7 +87,7 @@ class Episode:
         """Whether the filter failed: was lost, was never localized, or was sure of a wrong place for long."""
         if self.kind != SEARCHING:
             return self.lost is not None or self.kind == PROBABLY_LOST
-        return self.sure >= SURE_FOR or (self.localized is None and self.steps >= LOST_FOR)
+        return self.is_sure or (self.localized is None and self.steps >= LOST_FOR)
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,9 @@ def judged(tmp_path_factory):
 
 def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
     line, verdict = judged("kidnapped", 1, 30, "thesis", 400, kidnap_at=12)
-    assert re.match(r"The robot was kidnapped at 13 \(carried [\d.]+ in, unseen by its odometry\)\. ", line)
+    assert re.match(
+        r"The robot was kidnapped at step 13 \(carried [\d.]+ in, unseen by its odometry\)\. ", line
+    )
     assert "with no particle near" in line
     assert verdict.decisive == 13
 
@@ -38,7 +40,7 @@ def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
 def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
     line, verdict = judged("tracking", 3, 24, "thesis", 400, slip_at="12-15")
     assert re.match(
-        r"The wheels slipped at 12 to 15: odometry says [\d.]+ in, the robot moved [\d.]+ in\. ", line
+        r"The wheels slipped at steps 12 to 15: odometry says [\d.]+ in, the robot moved [\d.]+ in\. ", line
     )
     (cause,) = verdict.causes
     assert cause.expected > 4 * cause.actual
@@ -47,24 +49,26 @@ def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
 
 def test_lights_out_says_that_all_references_score_alike(judged):
     line, _ = judged("tracking", 2, 30, "robust", 400, lights="dim:0@10")
-    assert re.match(r"The picture went dark at 10 \(mean gray level \d+ before, \d+ since\)\. ", line)
+    assert re.match(r"The picture went dark at step 10 \(mean gray level \d+ before, \d+ since\)\. ", line)
     assert "with all reference pictures scoring alike" in line
 
 
 def test_two_places_that_look_alike_are_told_with_their_shares(judged):
     line, verdict = judged("global", 6, 14, "robust", 600, feature="edges")
-    assert re.match(r"Two places looked alike at 3: \d+% of the weight at one, \d+% at the other, ", line)
+    assert re.match(
+        r"Two places looked alike at step 3: \d+% of the weight at one, \d+% at the other, ", line
+    )
     assert re.search(r"both fit about as well \(q 0.8\d and 0.8\d; a typical place 0.\d\d\)", line)
     assert "the truth is in the second; " in line
-    assert "The robot found itself at 9" in line
+    assert "The filter was localized from step 9 on" in line
     assert verdict.decisive == 3
 
 
 def test_sure_and_wrong_says_how_far_off_and_what_became_of_the_particles_at_the_truth(judged):
     line, verdict = judged("global", 5, 40, "thesis", 150)
     assert re.match(
-        r"The robot never found itself, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+ in",
+        r"The filter was never localized, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+ in",
         line,
     )
-    assert "Why: the robot moved beyond the motion model at 8 on carpet (3.9 sigma of its turn)." in line
+    assert "Why: the robot moved beyond the motion model at step 8 on carpet (3.9 sigma of its turn)." in line
     assert verdict.decisive == verdict.sure_and_wrong.step
