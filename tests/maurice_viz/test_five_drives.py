@@ -67,7 +67,7 @@ def test_two_places_that_look_alike_are_told_with_their_shares(judged):
 def test_sure_and_wrong_says_how_far_off_and_what_became_of_the_particles_at_the_truth(judged):
     line, verdict = judged("global", 5, 40, "thesis", 150)
     assert re.match(
-        r"The filter was never localized, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+ in",
+        r"The filter was never localized, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+",
         line,
     )
     assert "Why: the robot moved beyond the motion model at step 8 on carpet (3.9 sigma of its turn)." in line
