@@ -7,7 +7,6 @@ arena has four drives of 120 updates: two of position tracking, two in which the
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,7 +81,7 @@ def drive_of(course: Course, folder: Path) -> Drive:
     (for_fitting if course.arena < 1000 else for_testing)(course.seed)
     world = load_world(course.world, course.arena, course.tier)
     survey = cached_survey(world, course.arena, lambda done, total, what: None) / SURVEY.name
-    file = folder / f"{course.name}.drive"
+    file = folder / f"{course.name}.drive.npz"
     if not file.exists():
         cv2.setNumThreads(1)
         plan = simulation_plan(
@@ -94,8 +93,8 @@ def drive_of(course: Course, folder: Path) -> Drive:
             updates=UPDATES,
         )
         made = simulated_session(plan, world)
-        put(file, pickle.dumps(Held(made.info, tuple(made.moments()))))
-    held = pickle.loads(file.read_bytes())
+        put(file, Held(made.info, tuple(made.moments())).to_bytes())
+    held = Held.from_bytes(file.read_bytes())
     return Drive(held, held.info.start, Bench.of(open_library(survey)), course.arena)
 
 

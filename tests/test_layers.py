@@ -219,6 +219,18 @@ def test_only_the_command_line_prints():
         assert not printing or "cli" in file.parts, file
 
 
+def test_nothing_is_unpickled():
+    """A pickle runs what it holds; a file of the cache may come from anybody who can write there."""
+    modules = {"pickle", "marshal", "shelve", "dill", "cloudpickle"}
+    for file in [*(file for _, file in SOURCES), *(ROOT / "benchmarks").rglob("*.py")]:
+        names = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
+        assert not outside(file) & modules, file
+        assert "joblib" not in outside(file) or not names & {"Memory", "dump", "load"}, file
+        for node in ast.walk(tree(file)):
+            if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
+                assert ast.unparse(node.value) == "False", file
+
+
 def test_files_are_chapters_and_folders_have_room():
     for folder, file in SOURCES:
         assert file.read_text(encoding="utf-8").count("\n") <= 400, file

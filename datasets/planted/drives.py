@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -36,14 +35,11 @@ def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) 
     the user's cache: rendering one takes longer than anything else.
     """
     name = repr((VERSION, KEPT, ground.name, ground.arena_seed, seed, task, sorted(changes.items())))
-    file = cache_root() / "planted" / "drives" / hashlib.sha256(name.encode()).hexdigest()[:20]
+    file = cache_root() / "planted" / "drives" / f"{hashlib.sha256(name.encode()).hexdigest()[:20]}.npz"
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, pickle.dumps(_rendered(ground, seed, task, changes)), force=True)
-    held = pickle.loads(file.read_bytes())
-    if not isinstance(held, Held):
-        raise TypeError(f"{file}: found a {type(held).__name__}, expected a drive; delete it")
-    return held
+        write_whole(file, _rendered(ground, seed, task, changes).to_bytes(), force=True)
+    return Held.from_bytes(file.read_bytes())
 
 
 def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) -> Held:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 import socket
 import subprocess
+import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import rerun_cli  # type: ignore[import-untyped]  # has no types, comes with rerun-sdk
@@ -39,19 +40,10 @@ def address(port: int) -> str:
 
 
 def start_viewer(
-    port: int,
-    options: Sequence[str],
-    environment: Mapping[str, str] | None = None,
-    *,
-    ends_with_us: bool = False,
+    port: int, options: Sequence[str], environment: Mapping[str, str] | None = None
 ) -> subprocess.Popen[bytes]:
-    """Start a viewer in a session of its own, so that neither our end nor our Ctrl-C ends it. OSError.
-
-    With `ends_with_us` Linux ends it when this process ends, even when that was killed.
-    """
-    tied = ["setpriv", "--pdeathsig", "TERM"] if ends_with_us and shutil.which("setpriv") else []
-    command = [*tied, str(viewer_binary()), "--hide-welcome-screen"]
-    command += ["--bind", HOST, "--port", str(port), *options]
+    """Start a viewer in a session of its own, so that neither our end nor our Ctrl-C ends it. OSError."""
+    command = [str(viewer_binary()), "--hide-welcome-screen", "--bind", HOST, "--port", str(port), *options]
     quiet = subprocess.DEVNULL
     return subprocess.Popen(
         command,
@@ -61,6 +53,36 @@ def start_viewer(
         env=os.environ | (environment or {}),
         start_new_session=True,
     )
+
+
+ENDS_S = 5.0  # for a viewer to end
+# Ends the process whose number it is given when its input ends, which it does when we end, even when killed.
+WATCH = "import os, sys; sys.stdin.buffer.read(1) or os.kill(int(sys.argv[1]), 15)"
+
+
+class Tied:
+    """A process that ends with this one, however this one ends: another small process watches."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self.process = process
+        self._watcher = subprocess.Popen(
+            [sys.executable, "-I", "-S", "-c", WATCH, str(process.pid)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # so that no Ctrl-C ends it before us
+        )
+
+    def end(self) -> None:
+        """End the process, by force if it does not within some seconds."""
+        self.process.terminate()
+        try:
+            self.process.wait(ENDS_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        with suppress(OSError):  # it was ended by somebody
+            self._watcher.communicate(b"-")
 
 
 def is_listening(port: int) -> bool:

@@ -22,7 +22,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.writing import temporary_folder
 
 from ..entities import PHASE, STEP
-from .open_viewers import address, free_port, start_viewer
+from .open_viewers import Tied, address, free_port, start_viewer
 
 CONTAINER, VIEWPORT = "ContainerBlueprint", "ViewportBlueprint"
 
@@ -193,18 +193,13 @@ def headless_viewer(
     driver = expect_driver(recording)
     with temporary_folder("maurice-viewer") as home:
         port = free_port()
-        process = _start(recording, size, driver, home, port)
+        viewer = Tied(_start(recording, size, driver, home, port))
         try:
-            yield _connect(recording, process, address(port), patience_s)
+            yield _connect(recording, viewer.process, address(port), patience_s)
         except ConnectionError as problem:  # it died, or it does not answer
             raise InputError(recording, f"the viewer failed: {str(problem).splitlines()[0]}") from problem
         finally:
-            process.terminate()
-            try:
-                process.wait(5)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            viewer.end()
 
 
 def _start(
@@ -217,7 +212,7 @@ def _start(
     place = dict.fromkeys(("HOME", "XDG_RUNTIME_DIR", "TMPDIR"), str(home))
     place["XDG_CONFIG_HOME"] = str(home / ".config")
     options = ["--headless", "--window-size", f"{size[0]}x{size[1]}", str(recording)]
-    return start_viewer(port, options, drawn_by | place | {"RUST_LOG": "error"}, ends_with_us=True)
+    return start_viewer(port, options, drawn_by | place | {"RUST_LOG": "error"})
 
 
 def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patience_s: float) -> Viewer:

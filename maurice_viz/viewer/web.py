@@ -6,22 +6,18 @@ It listens on this machine alone; a browser elsewhere comes in through a tunnel 
 from __future__ import annotations
 
 import getpass
-import os
 import platform
-import signal
 import socket
-import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from urllib.parse import quote
 
 from ..errors import SinkError
-from .open_viewers import HOST, address, free_port, viewer_binary, wait_until_listening
+from .open_viewers import HOST, Tied, address, free_port, start_viewer, viewer_binary, wait_until_listening
 
 PAGE_PORT, DATA_PORT = 9090, 9091  # the same every time where they are free, so that a tunnel can stay open
 PATIENCE_S = 20.0  # for the server to come up
-ENDS_S = 5.0  # for the server to end
 MEMORY = "2GB"  # of recording that is held for browsers that come late; a browser shows no more
 
 
@@ -31,12 +27,12 @@ class WebViewer:
 
     page: int = 0  # port of the page; 0 before it is served
     data: int = 0  # port of the recording
-    _process: subprocess.Popen[bytes] | None = None
+    _server: Tied | None = None
 
     @property
     def is_serving(self) -> bool:
         """Whether `serve` was called and `close` was not."""
-        return self._process is not None
+        return self._server is not None
 
     @property
     def url(self) -> str:
@@ -61,18 +57,13 @@ class WebViewer:
         """
         if not self.page:
             self.reserve()
-        ports = ["--port", str(self.data), "--web-viewer-port", str(self.page)]
-        command = [str(viewer_binary()), "--serve-web", "--bind", HOST, *ports]
-        command += ["--server-memory-limit", MEMORY, *sources]
-        quiet = subprocess.DEVNULL
-        alone = None if os.name == "nt" else _ignore_stop
-        try:
-            self._process = subprocess.Popen(
-                command, stdin=quiet, stdout=quiet, stderr=quiet, preexec_fn=alone
-            )
+        options = ["--serve-web", "--web-viewer-port", str(self.page), "--server-memory-limit", MEMORY]
+        try:  # apart from our Ctrl-C: what was filtered so far is still sent to it
+            self._server = Tied(start_viewer(self.data, [*options, *sources]))
         except OSError as error:
             raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
-        if not all(wait_until_listening(self._process, port, PATIENCE_S) for port in (self.page, self.data)):
+        server = self._server.process
+        if not all(wait_until_listening(server, port, PATIENCE_S) for port in (self.page, self.data)):
             self.close()
             raise SinkError(viewer_binary(), f"serves no page on the ports {self.page} and {self.data}")
         remark(f"in a browser: {self.url}")
@@ -80,11 +71,11 @@ class WebViewer:
 
     def wait(self, remark: Callable[[str], None]) -> None:
         """Serve until Ctrl-C, and say so; other requests to stop go on. SinkError when the server ends."""
-        if self._process is None:
+        if self._server is None:
             return
         try:
             remark("serving it until Ctrl-C")
-            self._process.wait()
+            self._server.process.wait()
         except KeyboardInterrupt as stop:
             if type(stop) is not KeyboardInterrupt:
                 raise
@@ -93,20 +84,9 @@ class WebViewer:
 
     def close(self) -> None:
         """End the server, if it runs."""
-        if self._process is None:
-            return
-        self._process.terminate()
-        try:
-            self._process.wait(ENDS_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._process = None
-
-
-def _ignore_stop() -> None:
-    """Leave Ctrl-C to us, in the server's process: what was filtered so far is still sent to it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if self._server is not None:
+            self._server.end()
+        self._server = None
 
 
 def _free(port: int) -> int:

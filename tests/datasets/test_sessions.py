@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,10 +13,12 @@ from maurice_datasets.folders import SimulationPaths
 from maurice_datasets.robot.segments import crossings
 from maurice_datasets.sessions import write_demo
 from maurice_datasets.surveys import Surveyor
+from maurice_datasets.trials.drives import Held
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import INCH_M
+from maurice_mcl.session import Frame, Moment
 
 QUICK = Surveyor(headings=1, covered=2)
 UPDATES = 6
@@ -137,3 +140,22 @@ def test_progress_is_told(tmp_path):
         progress=lambda done, total, what: told.append((done, total, what)),
     )
     assert (told[77], told[-1]) == ((78, 78, "survey"), (2, 2, "session"))
+
+
+def test_a_drive_comes_back_from_its_bytes_to_the_last_bit(demo: SimulationPaths) -> None:
+    log = SessionLog(demo.session)
+    moments = [
+        *log.moments(),
+        Moment(Frame(9, 1e9, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "", {"ir": 0.1}), None, ("é",)),
+    ]
+    moments[-1] = replace(moments[-1], frame=replace(moments[-1].frame, image=moments[0].frame.image))
+    again = Held.from_bytes(Held(log.info, tuple(moments)).to_bytes())
+    for field in ("name", "display_units", "robot", "motion", "cameras", "notes"):
+        assert getattr(again.info, field) == getattr(log.info, field)
+    for one, other in zip(moments, again.moments(), strict=True):
+        assert one.frame.image.tobytes() == other.frame.image.tobytes()
+        assert one.frame.motions.tobytes() == other.frame.motions.tobytes()
+        assert (one.truth is None) == (other.truth is None)
+        assert one.truth is None or np.array_equal(one.truth, other.truth)
+        assert (one.events, one.frame.readings) == (other.events, other.frame.readings)
+        assert (one.frame.step, one.frame.time_s) == (other.frame.step, other.frame.time_s)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,8 +15,10 @@ KILLED = """
 import os, pathlib, sys
 from maurice_viz.viewer import open_viewers
 open_viewers.viewer_binary = lambda: pathlib.Path(sys.argv[1])
-print(open_viewers.start_viewer(1, [], ends_with_us={tied}).pid, flush=True)
-os.kill(os.getpid(), 9)
+viewer = open_viewers.start_viewer(1, [])
+tied = open_viewers.Tied(viewer) if {tied} else None
+print(viewer.pid, flush=True)
+{ending}
 """
 
 
@@ -28,15 +29,24 @@ def is_running(pid: int) -> bool:
         return False
 
 
-@pytest.mark.skipif(shutil.which("setpriv") is None, reason="needs setpriv, of Linux")
+ENDINGS = {
+    "killed": "os.kill(os.getpid(), 9)",
+    "crashed": "os.abort()",
+    "left": "os._exit(3)",
+    "failed": "raise SystemExit(1)",
+    "ended it": "tied.end() if tied else None",
+}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("tied", [True, False])
-def test_a_viewer_that_only_draws_for_us_ends_when_we_are_killed_and_a_window_stays(
-    tied: bool, tmp_path: Path
+def test_a_tied_viewer_ends_with_us_however_we_end_and_a_window_stays(
+    tied: bool, ending: str, tmp_path: Path
 ) -> None:
     fake = tmp_path / "viewer"
     fake.write_text("#!/bin/sh\nexec sleep 60\n")
     fake.chmod(0o755)
-    words = [sys.executable, "-c", KILLED.format(tied=tied), str(fake)]
+    words = [sys.executable, "-c", KILLED.format(tied=tied, ending=ENDINGS[ending]), str(fake)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     viewer, until = int(done.stdout), time.monotonic() + 5
     while is_running(viewer) and time.monotonic() < until and tied:

@@ -18,7 +18,7 @@ import pytest
 
 from helpers.browser import SOFTWARE, browser, needs_browser
 from helpers.commands import COMMAND, maurice, no_display
-from maurice_viz.viewer import web
+from maurice_viz.viewer import open_viewers, web
 
 ANSWERS_S = 240.0
 
@@ -75,6 +75,21 @@ def test_a_replay_is_served_on_this_machine_alone_until_ctrl_c(small_session, tm
             assert probe.connect_ex(("127.0.0.1", port or 0)) != 0
 
 
+def test_the_server_ends_when_the_replay_is_killed(small_session):
+    with serving(small_session, "--particles", "50", "--web") as (going, lines):
+        port = urlsplit(url_of(lines)).port or 0
+        with urlopen(f"http://127.0.0.1:{port}", timeout=30) as page:
+            assert page.status == 200
+        going.kill()
+        until = time.monotonic() + 20
+        while time.monotonic() < until:
+            with socket.socket() as probe:
+                if probe.connect_ex(("127.0.0.1", port)) != 0:
+                    return
+            time.sleep(0.05)
+    raise AssertionError("the server outlives the command")
+
+
 @pytest.mark.slow
 @needs_browser
 def test_a_browser_gets_the_recording(small_session, tmp_path):
@@ -106,12 +121,13 @@ def test_ports_are_the_same_every_time_unless_they_are_taken(monkeypatch):
 
 
 def test_what_cannot_be_served_is_one_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(web, "viewer_binary", lambda: Path(shutil.which("false") or ""))
+    for module in (web, open_viewers):
+        monkeypatch.setattr(module, "viewer_binary", lambda: Path(shutil.which("false") or ""))
     shown = web.WebViewer()
     with pytest.raises(web.SinkError, match=r"^[^\n]*serves no page on the ports[^\n]*$"):
         shown.serve(lambda text: None)
     assert not shown.is_serving
-    monkeypatch.setattr(web, "viewer_binary", lambda: tmp_path / "none")
+    monkeypatch.setattr(open_viewers, "viewer_binary", lambda: tmp_path / "none")
     with pytest.raises(web.SinkError, match=r"does not start"):
         shown.serve(lambda text: None)
     broken = tmp_path / "b.rrd"
