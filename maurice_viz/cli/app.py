@@ -36,6 +36,7 @@ class Listed:
     module: str
     what: str  # one line
     group: str
+    page: str = ""  # of the documentation, about it
 
 
 _REPLAY, _UNDERSTAND, _CONVERT, _LIBRARY, _SIMULATE, _TRIALS, _CONFIGURE = GROUPS
@@ -43,43 +44,69 @@ COMMANDS = {
     one.name: one
     for one in (
         Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
-        Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY),
-        Listed("demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY),
-        Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY),
-        Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND),
-        Listed("what-if", "what_if", "Branch a saved run with a change; rank remedies.", _UNDERSTAND),
-        Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND),
-        Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND),
-        Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND),
-        Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND),
-        Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND),
-        Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND),
-        Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND),
-        Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND),
-        Listed("record", "convert", "Record a live source into a session log.", _CONVERT),
-        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT),
-        Listed("export", "convert", "Write a saved run for other tools.", _CONVERT),
-        Listed("import pictures", "convert", "Make logs of pictures and poses.", _CONVERT),
-        Listed("formats", "convert", "List the formats that can be read.", _CONVERT),
-        Listed("library build", "library", "Build a library of reference pictures.", _LIBRARY),
-        Listed("library show", "library", "Show what a library holds.", _LIBRARY),
-        Listed("library check", "library", "Find gaps, look-alikes, and what to add.", _LIBRARY),
-        Listed("library tune", "library", "Tune channels to a library.", _LIBRARY),
-        Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE),
-        Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE),
-        Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE),
-        Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE),
-        Listed("calibrate belief", "calibrate", "Check how often a cloud holds the truth.", _SIMULATE),
-        Listed("calibrate drive", "calibrate", "Fit the noise of the odometry to drives.", _SIMULATE),
-        Listed("calibrate trials", "calibrate", "Simulate a table of trials.", _SIMULATE),
-        Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS),
-        Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS),
-        Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS),
-        Listed("trials-view", "trials", "Show curves of trials beside one of their runs.", _TRIALS),
-        Listed("atlas", "trials", "Show on the floor plan where runs go wrong.", _TRIALS),
-        Listed("trials-report", "trials", "Write one page about trials.", _TRIALS),
-        Listed("config show", "config", "Show the effective configuration.", _CONFIGURE),
-        Listed("config check", "config", "Check a configuration file.", _CONFIGURE),
+        Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "compare"),
+        Listed(
+            "demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY, "tutorial"
+        ),
+        Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY, "saved-runs"),
+        Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND, "diagnose"),
+        Listed(
+            "what-if", "what_if", "Branch a saved run with a change; rank remedies.", _UNDERSTAND, "what-if"
+        ),
+        Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND, "formats"),
+        Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND, "doctor"),
+        Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND, "check"),
+        Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND, "events"),
+        Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND, "explain"),
+        Listed(
+            "budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND, "budget"
+        ),
+        Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND, "report"),
+        Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND, "pictures-without-the-viewer"),
+        Listed("record", "convert", "Record a live source into a session log.", _CONVERT, "live"),
+        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT, "export"),
+        Listed("export", "convert", "Write a saved run for other tools.", _CONVERT, "export"),
+        Listed("import pictures", "convert", "Make logs of pictures and poses.", _CONVERT, "how-to"),
+        Listed("formats", "convert", "List the formats that can be read.", _CONVERT, "formats"),
+        Listed(
+            "library build",
+            "library",
+            "Build a library of reference pictures.",
+            _LIBRARY,
+            "library-from-a-recording",
+        ),
+        Listed("library show", "library", "Show what a library holds.", _LIBRARY, "library-from-a-recording"),
+        Listed(
+            "library check",
+            "library",
+            "Find gaps, look-alikes, and what to add.",
+            _LIBRARY,
+            "library-from-a-recording",
+        ),
+        Listed("library tune", "library", "Tune channels to a library.", _LIBRARY, "tuning"),
+        Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE, "simulate"),
+        Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "worlds"),
+        Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE, "calibrate"),
+        Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE, "calibrate"),
+        Listed(
+            "calibrate belief",
+            "calibrate",
+            "Check how often a cloud holds the truth.",
+            _SIMULATE,
+            "lost-signal",
+        ),
+        Listed(
+            "calibrate drive", "calibrate", "Fit the noise of the odometry to drives.", _SIMULATE, "calibrate"
+        ),
+        Listed("calibrate trials", "calibrate", "Simulate a table of trials.", _SIMULATE, "calibrate"),
+        Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
+        Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
+        Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS, "thesis"),
+        Listed("trials-view", "trials", "Show curves of trials beside one of their runs.", _TRIALS, "trials"),
+        Listed("atlas", "trials", "Show on the floor plan where runs go wrong.", _TRIALS, "trials"),
+        Listed("trials-report", "trials", "Write one page about trials.", _TRIALS, "trials"),
+        Listed("config show", "config", "Show the effective configuration.", _CONFIGURE, "configuration"),
+        Listed("config check", "config", "Check a configuration file.", _CONFIGURE, "configuration"),
     )
 }
 FAMILIES = {

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
@@ -284,15 +283,3 @@ def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):
         outputs.append((done.exit_code, re.sub(r'"(filter_)?steps_per_s": [\d.]+', "", done.stdout)))
     assert outputs[0] == outputs[1]
     assert outputs[0][0] in (0, 1)
-
-
-def test_every_command_and_option_is_documented():
-    """docs/commands.md names every command and every option that --help shows."""
-    from maurice_viz.cli.app import COMMANDS, load
-
-    text = (Path(__file__).parents[2] / "docs" / "commands.md").read_text(encoding="utf-8")
-    for name, listed in COMMANDS.items():
-        assert f"maurice-replay {name}" in text, name
-        for parameter in load(listed).params:
-            for option in (o for o in parameter.opts if o.startswith("--")):
-                assert option in text, (name, option)

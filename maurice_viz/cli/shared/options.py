@@ -120,8 +120,8 @@ Rrd = Annotated[
     str | None,
     option(
         "--rrd",
-        "Write the Rerun recording to this file and open no viewer; auto: <name>.rrd; none: write no "
-        "recording; web, or --web: serve it to a browser, also over ssh, until Ctrl-C. "
+        "Write the Rerun recording to this file and open no viewer; auto: name it after what it holds; "
+        "none: write no recording; web, or --web: serve it to a browser, also over ssh, until Ctrl-C. "
         "[default: the viewer where there is a display, else auto]",
         OUTPUT,
         metavar="OUT.rrd|auto|none|web",

@@ -1,0 +1,138 @@
+"""Make the sections of commands in docs/commands.md: .venv/bin/python docs/make_commands.py.
+
+Descriptions, options and defaults come from the commands themselves, samples of JSON from running them on a
+small drive: half a minute. What stands before and after the two marks of the page is written by hand.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+import tempfile
+import textwrap
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+from helpers.json_outputs import WORDS, output_of, sample, samples_on, write_material  # noqa: E402
+from maurice_viz.cli.app import COMMANDS, GROUPS, load  # noqa: E402
+
+PAGE = ROOT / "docs" / "commands.md"
+BEGIN, END = "<!-- commands: made by docs/make_commands.py -->", "<!-- end of commands -->"
+WIDTH = 118
+SHARED = 4  # commands that have an option in the same words: it is described once
+COMMON = "Options of several commands"
+TABLE = ("| | meaning | default |", "|---|---|---|")
+DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
+REQUIRED = re.compile(r"\s*\[required\]")
+RANGE = re.compile(r"\s*\[[^\]]*x[<>][^\]]*\]")
+PAGES = re.compile(r"docs/([\w-]+)\.md")
+
+
+def made(page: str, samples: Mapping[str, Any]) -> str:
+    """Return the page with the sections of all commands as they are now."""
+    before, rest = page.split(BEGIN)
+    after = rest.split(END)[1]
+    commands = {name: _rows(name) for group in GROUPS for name, one in COMMANDS.items() if one.group == group}
+    counts = Counter(text for rows in commands.values() for text in rows.values())
+    shared = {
+        name: text for rows in commands.values() for name, text in rows.items() if counts[text] >= SHARED
+    }
+    parts = [section(name, rows, shared, samples.get(name)) for name, rows in commands.items()]
+    parts.append("\n".join([f"## {COMMON}", "", *TABLE, *shared.values(), "", ""]))
+    return f"{before}{BEGIN}\n\n{''.join(parts)}{END}{after}"
+
+
+def section(name: str, rows: Mapping[str, str], shared: Mapping[str, str], shown: Any) -> str:
+    """Return what is to be known of a command: its words, what it does, its options, its JSON."""
+    command, page = load(COMMANDS[name]), COMMANDS[name].page
+    text = "\n\n".join(" ".join(part.split()) for part in (command.help or "").split("\n\n"))
+    see = f" See [{page}]({page}.md)." if page else ""
+    words = " ".join(
+        ("maurice-replay", name, *(_metavar(one) for one in command.params if _is_argument(one)))
+    )
+    own = [row for row in rows.values() if row not in shared.values()]
+    common = [f"`{option}`" for option, row in rows.items() if row in shared.values()]
+    lines = [f"## maurice-replay {name}", "", f"`{words}`", "", f"{_linked(text)}{see}", "", *TABLE, *own]
+    if common:
+        lines.append(f"| {', '.join(common)} | [{COMMON.lower()}](#{COMMON.lower().replace(' ', '-')}) | |")
+    if shown is not None:
+        lines += ["", "```json", *json_lines(shown), "```"]
+    return "\n".join(lines) + "\n\n"
+
+
+def _rows(name: str) -> dict[str, str]:
+    """Return the rows of a command's arguments and options, by their first name."""
+    command = load(COMMANDS[name])
+    context = typer.Context(command, info_name=name)
+    return {max(one.opts, key=len): row(one, context) for one in command.params if one.name != "help"}
+
+
+def _is_argument(parameter: Any) -> bool:
+    return bool(parameter.param_type_name == "argument")
+
+
+def row(parameter: Any, context: typer.Context) -> str:
+    """Return an option or argument as a row of a table."""
+    parameter.hidden, hidden = False, getattr(parameter, "hidden", False)
+    words, text = parameter.get_help_record(context)
+    parameter.hidden = hidden
+    default = DEFAULT.search(text)
+    usual = default[1].split(";")[0].strip("()") if default else "required" if REQUIRED.search(text) else ""
+    if _is_argument(parameter):
+        words = _metavar(parameter)
+    words = re.sub(r" <[^>]*>$", " N" if "int" in words else " X", words)
+    for pattern in (DEFAULT, REQUIRED, RANGE):
+        text = pattern.sub("", text)
+    cells = (f"`{words}`", _linked(" ".join(text.split())), usual)
+    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+
+
+def _metavar(argument: Any) -> str:
+    many = "..." if argument.nargs == -1 else ""
+    return f"{(argument.metavar or argument.name.upper()).removesuffix('...')}{many}"
+
+
+def _linked(text: str) -> str:
+    return PAGES.sub(r"[\1](\1.md)", text)
+
+
+def json_lines(value: Any) -> list[str]:
+    """Write JSON in full lines; a text is never broken."""
+    text = json.dumps(_hidden(value), ensure_ascii=False)
+    lines = textwrap.wrap(text, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return [line.replace("\u00a0", " ") for line in lines]
+
+
+def _hidden(value: Any) -> Any:
+    """Hide the blanks of texts from the breaking of lines."""
+    if isinstance(value, dict):
+        return {key: _hidden(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_hidden(inner) for inner in value]
+    return value.replace(" ", "\u00a0") if isinstance(value, str) else value
+
+
+def main() -> None:
+    """Run what prints JSON, and write the page."""
+    page = PAGE.read_text(encoding="utf-8")
+    samples = samples_on(page)
+    if "--options-only" not in sys.argv:
+        with tempfile.TemporaryDirectory() as name:
+            os.chdir(name)
+            write_material(Path())
+            samples = {command: sample(output_of(command)) for command in WORDS}
+    PAGE.write_text(made(page, samples), encoding="utf-8")
+    print(PAGE)
+
+
+if __name__ == "__main__":
+    main()
