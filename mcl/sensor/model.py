@@ -20,7 +20,7 @@ from ..records import Comparison, Sighting
 from ..session import Frame
 from .descriptors.registry import CHANNELS, SCALES
 from .distances import DISTANCES
-from .references import ReferenceLookup, knowing_nothing
+from .references import ReferenceLookup
 
 # Fusion: several channels to one distance.
 
@@ -238,15 +238,10 @@ class SensorModel:
     def at(self, comparison: Comparison, poses: F32) -> Sighting:
         """Return the entry and the log-likelihood of each of the poses (N, 3) relative to the origin.
 
-        Pose sensors have no map, either, where no reference is near: a pose there is worth what the picture
-        is on average to them, or more.
+        Pose sensors need no reference: what does not agree with them has their floor, wherever it is.
         """
         entries, found, known = self.references.look(comparison.of_references, poses, self.library.origin)
         sensed = self.sense_at(comparison, poses)
-        if sensed is not None and known is not None:
-            nats = np.stack([np.float32(-one.weight) * one.cost for one in comparison.sensed]).sum(axis=0)
-            least = known * sensed + (1 - known) * knowing_nothing(nats)
-            sensed = np.maximum(sensed, least)
         if sensed is not None:
             found = found + np.float32(self.parameters.sharpness) * sensed
         return Sighting(comparison, entries, found, sensed, known)

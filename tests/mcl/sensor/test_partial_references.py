@@ -114,33 +114,3 @@ def test_a_filter_in_headings_without_references_goes_by_odometry_and_is_not_res
         assert np.hypot(*(record.estimate.pose[:2] - start[:2])) < 0.1
     (trace,) = run_batch(localizer, still * 4, [0], start)  # the same by another way
     np.testing.assert_allclose(trace.poses[-1], record.estimate.pose)
-
-
-class _Beacon:
-    """A pose sensor that rules out all but one place."""
-
-    name = "beacon"
-
-    def read(self, frame):
-        return 1.0
-
-    def log_likelihood(self, reading, poses, origin, spread=None):
-        return np.where(np.hypot(*(poses[:, :2] + origin - 0.3).T) < 0.2, 0, -50).astype(np.float32)
-
-    def propose(self, reading):
-        return None
-
-    def shown(self, reading, poses):
-        return mcl.Shown("")
-
-
-def test_a_pose_sensor_rules_nothing_out_where_no_reference_is_near():
-    library = _facing_east(mcl.tiny_library())
-    sensor = mcl.make_localizer(library, sensors=[_Beacon()]).sensor
-    frame = next(mcl.tiny_session().moments()).frame
-    poses = np.array([[0.3, 0.3, -2.2], [1.5, 1.2, -2.2], [1.5, 1.2, 0.5]], np.float32)
-    poses[:, :2] -= library.origin.astype(np.float32)
-    agrees, elsewhere, known = sensor.at(sensor.see(frame), poses).sensed
-    assert agrees == 0
-    assert elsewhere > -10  # the mean over the references, of which some are at the beacon
-    assert known == -50
