@@ -2,8 +2,8 @@
 
 Drives of position tracking of 120 updates in `two-rooms`. TO_FIT are fitting seeds, tiers nominal and hard:
 there the sharpness is chosen (--fit). TO_JUDGE are test seeds, nominal, in six arenas: nothing was tuned on
-them. Intervals draw drives, as updates of one drive are alike. A run that was lost is left out and counted:
-its regions cannot hold the truth.
+them. Intervals are over arenas, as updates of one drive are alike, and drives in one arena. A run that was
+lost is left out and counted: its regions cannot hold the truth.
 
 Run: make belief (drives and runs are kept; it goes on where it stopped; a quarter of an hour the first time).
 """
@@ -22,7 +22,7 @@ from lost_signal import said
 
 from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive
-from maurice_datasets.trials.statistics import mean
+from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_loaders.writing import cache_root
 from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.arrays import F64
@@ -83,12 +83,12 @@ def judged(
                     pictures[shared] = compared_once(sensor, list(drive.session.moments()))
                 put_arrays(files[name, sharp], judged_run(drive, FILTERS[name], pictures[shared], sharp))
             print(f"{course.name} done", flush=True)
-        yield {key: _read(file) for key, file in files.items()}
+        yield {key: _read(file, course.arena) for key, file in files.items()}
 
 
-def _read(file: Path) -> Judged:
+def _read(file: Path, arena: int) -> Judged:
     with np.load(file) as held:
-        return {name: held[name] for name in held}
+        return {name: held[name] for name in held} | {"arena": np.full(len(held["nees"]), float(arena))}
 
 
 def row(name: str, runs: Sequence[Judged]) -> str:
@@ -96,10 +96,15 @@ def row(name: str, runs: Sequence[Judged]) -> str:
     healthy = [run for run in runs if not run["lost"].any()]
     if not healthy:
         return f"| {name} | 0 of {len(runs)} |{' - |' * (len(TITLES) - 1)}"
-    drives = np.concatenate([np.full(len(run["nees"]), k, float) for k, run in enumerate(healthy)])
+    sizes = [len(run["nees"]) for run in healthy]
+    arenas, drives = (
+        np.repeat([run["arena"][0] for run in healthy], sizes),
+        np.repeat(range(len(sizes)), sizes),
+    )
+    clusters = Clusters.of(arenas, drives, drives)
     every = {key: np.concatenate([run[key] for run in healthy]) for key in healthy[0]}
-    cells = [said(mean((every["denser"] <= level).astype(float), drives)) for level in LEVELS]
-    nees, error = mean(every["nees"], drives), mean(100 * every["error_m"], drives)
+    cells = [said(mean((every["denser"] <= level).astype(float), clusters)) for level in LEVELS]
+    nees, error = mean(every["nees"], clusters), mean(100 * every["error_m"], clusters)
     cells += [f"{one.value:.1f} [{one.low:.1f}, {one.high:.1f}]" for one in (nees, error)]
     return f"| {name} | {len(healthy)} of {len(runs)} | {' | '.join(cells)} |"
 
@@ -119,7 +124,7 @@ def cost(
 ) -> str:
     """Return by how much a filter's mean error on a drive exceeds another's: paired, drives drawn."""
     apart = [100 * float(drive[one]["error_m"].mean() - drive[other]["error_m"].mean()) for drive in found]
-    more = mean(np.array(apart), np.arange(len(apart), dtype=float))
+    more = mean(np.array(apart), Clusters.of([drive[one]["arena"][0] for drive in found]))
     change = f"{more.value:+.2f} cm [{more.low:+.2f}, {more.high:+.2f}]"
     return f"`{one[0]}`, {one[1]:g} less {other[1]:g}: mean error {change}"
 

@@ -24,6 +24,7 @@ import maurice_mcl as mcl
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import GENERATOR, TASKS, TIERS, for_fitting
+from maurice_datasets.trials.statistics import mean
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.writing import cache_root
 from maurice_mcl.analysis.metrics import Scorer
@@ -142,11 +143,8 @@ def results(tier: str, drives: int, kept: Path) -> Iterator[Result]:
 
 
 def interval(values: list[float]) -> str:
-    """Return the mean with a bootstrap interval of 95 percent over drives."""
-    rng = np.random.default_rng(0)
-    means = rng.choice(values, (4000, len(values))).mean(axis=1)
-    low, high = np.percentile(means, (2.5, 97.5))
-    return f"{np.mean(values):.1f} [{low:.1f}, {high:.1f}]"
+    """Return the mean with its interval of 95 percent over drives, each in an arena of its own."""
+    return mean(np.array(values)).said()
 
 
 def row(tier: str, found: list[Result]) -> str:

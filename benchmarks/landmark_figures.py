@@ -29,6 +29,7 @@ import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.statistics import Interval, mean
+from maurice_datasets.trials.table import clusters_of
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 
@@ -50,7 +51,7 @@ class Point:
 def errors(rows: pl.DataFrame) -> dict[str, Interval]:
     """Return the mean position error in inches by label, with its 95 percent interval."""
     return {
-        str(label): mean(some["error_m"].to_numpy() / INCH_M, some["arena"].to_numpy())
+        str(label): mean(some["error_m"].to_numpy() / INCH_M, clusters_of(some))
         for (label,), some in rows.group_by("label", maintain_order=True)
     }
 
@@ -177,7 +178,7 @@ def against_spacing(rows: pl.DataFrame) -> Figure:
 
 def _line(errorbar: object, rows: pl.DataFrame, column: str, label: str) -> None:
     found = {
-        float(key[0]): mean(some[column].to_numpy() / INCH_M, some["arena"].to_numpy())
+        float(key[0]): mean(some[column].to_numpy() / INCH_M, clusters_of(some))
         for key, some in rows.sort("spacing").group_by("spacing", maintain_order=True)
     }
     values = np.array([one.value for one in found.values()])

@@ -23,7 +23,7 @@ from maurice_datasets.surveys import Surveyor, added_references
 from maurice_datasets.trials.drives import Bench, Drive, open_drive
 from maurice_datasets.trials.drives import _world as world_of
 from maurice_datasets.trials.plan import SessionSpec
-from maurice_datasets.trials.statistics import Interval, mean
+from maurice_datasets.trials.statistics import Clusters, Interval, mean
 from maurice_mcl.analysis.demands import RunTrack
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.filter.batch import run_batch
@@ -175,7 +175,8 @@ def show(rows: dict[tuple[str, str], dict[tuple[int, int], tuple[Measured, int]]
 
 def column(found: dict[tuple[int, int], tuple[Measured, int]], name: str) -> Interval:
     values = np.array([getattr(one[0], name) for one in found.values()])
-    return mean(values[np.isfinite(values)], np.array([key[0] for key in found])[np.isfinite(values)])
+    known = np.isfinite(values)
+    return mean(values[known], Clusters.of([key[0] for key in found])[known])
 
 
 def difference(before: dict, after: dict, name: str) -> str:  # type: ignore[type-arg]
@@ -185,7 +186,7 @@ def difference(before: dict, after: dict, name: str) -> str:  # type: ignore[typ
     known = np.isfinite(values)
     if not known.any():
         return "-"
-    one = mean(values[known], np.array([key[0] for key in keys])[known])
+    one = mean(values[known], Clusters.of([key[0] for key in keys])[known])
     return f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f}), {one.count} drives"
 
 

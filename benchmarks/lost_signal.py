@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from lost_drives import FILTERS, FITTED, SEEDS, UNSEEN, Course, Numbers, all_numbers
 
-from maurice_datasets.trials.statistics import Interval, mean, rate
+from maurice_datasets.trials.statistics import Clusters, Interval, mean, share
 from maurice_loaders.writing import cache_root
 from maurice_mcl.analysis.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
 from maurice_mcl.analysis.metrics import LOST_FOR
@@ -132,9 +132,9 @@ ALARMS: dict[str, Alarm] = {
 }
 
 
-def threshold(runs: Sequence[JudgedRun], alarm: Alarm, share: float = FALSE_ALARMS) -> float:
+def threshold(runs: Sequence[JudgedRun], alarm: Alarm, allowed: float = FALSE_ALARMS) -> float:
     """Return the least threshold at which at most this share of the runs has a false alarm."""
-    return at_share(highest_false(runs, alarm), share)
+    return at_share(highest_false(runs, alarm), allowed)
 
 
 def highest_false(runs: Sequence[JudgedRun], alarm: Alarm) -> F64:
@@ -147,14 +147,16 @@ def at_share(highest: F64, share: float) -> float:
     return float(np.sort(highest)[::-1][allowed])
 
 
-def noticed_at(runs: Sequence[JudgedRun], alarm: Alarm) -> tuple[F64, F64]:
-    """Return the highest value (K,) in the first five pictures of every real loss, and its arena (K,)."""
-    found = [
-        (float(alarm(run)[onset : onset + WITHIN].max()), run.course.arena)
-        for run in runs
-        for onset in run.onsets
-    ]
-    return np.array([one for one, _ in found]), np.array([arena for _, arena in found], np.float64)
+def noticed_at(runs: Sequence[JudgedRun], alarm: Alarm) -> tuple[F64, Clusters]:
+    """Return the highest value (K,) in the first five pictures of every real loss, and which are alike."""
+    losses = [(run, onset) for run in runs for onset in run.onsets]
+    highest = [float(alarm(run)[onset : onset + WITHIN].max()) for run, onset in losses]
+    return np.array(highest), alike([run for run, _ in losses])
+
+
+def alike(runs: Sequence[JudgedRun]) -> Clusters:
+    """Return which runs are of one drive, and which drives in one arena."""
+    return Clusters.of([run.course.arena for run in runs], [run.course.name for run in runs])
 
 
 # Fitting: logistic regression on all updates of the fitted arenas, every filter with the same total weight.
@@ -199,10 +201,9 @@ def said(found: Interval) -> str:
 def row(name: str, alarm: Alarm, fits: Sequence[JudgedRun], tests: Sequence[JudgedRun]) -> str:
     """Return one line: false alarms, noticed losses, and both at 5 percent false alarms on these runs."""
     limit, highest = threshold(fits, alarm), highest_false(tests, alarm)
-    at_losses, _ = noticed_at(tests, alarm)
-    false = rate(int((highest > limit).sum()), len(highest))
-    noticed = rate(int((at_losses > limit).sum()), len(at_losses))
-    own = rate(int((at_losses > at_share(highest, FALSE_ALARMS)).sum()), len(at_losses))
+    at_losses, losses = noticed_at(tests, alarm)
+    false, noticed = share(highest > limit, alike(tests)), share(at_losses > limit, losses)
+    own = share(at_losses > at_share(highest, FALSE_ALARMS), losses)
     return f"| {name} | {said(false)} | {said(noticed)} | {said(own)} |"
 
 
@@ -232,9 +233,9 @@ def parts(name: str, fits: Sequence[JudgedRun], tests: Sequence[JudgedRun]) -> l
         for part in (run.filter, run.course.tier, run.course.task):
             found.setdefault(part, []).append(run)
     for part, some in found.items():
-        at_losses, _ = noticed_at(some, alarm)
-        false = rate(int((highest_false(some, alarm) > limit).sum()), len(some))
-        noticed = rate(int((at_losses > limit).sum()), len(at_losses))
+        at_losses, losses = noticed_at(some, alarm)
+        false = share(highest_false(some, alarm) > limit, alike(some))
+        noticed = share(at_losses > limit, losses)
         lines.append(f"| {part} | {len(some)} | {len(at_losses)} | {said(false)} | {said(noticed)} |")
     return [*lines, "", f"{name}: alarm above {limit:.3g}"]
 
@@ -244,12 +245,14 @@ def reliability(runs: Sequence[JudgedRun], alarm: Alarm = ours, what: str = "rig
     knows = np.concatenate([1 - alarm(run) for run in runs])
     flags = [run.numbers["correct"] if what == "right" else 1 - run.numbers["lost"] for run in runs]
     right = np.concatenate(flags).astype(float)
-    arenas = np.concatenate([np.full(len(run.numbers["lost"]), run.course.arena, float) for run in runs])
+    sizes = [len(run.numbers["lost"]) for run in runs]
+    of = alike(runs)
+    clusters = Clusters(*(np.repeat(labels, sizes) for labels in (of.places, of.drives, of.runs)))
     lines = [f"| probability, % | updates | {what}, % |", "|---|---|---|"]
     for low, high in ((0, 0.1), (0.1, 0.5), (0.5, 0.9), (0.9, 0.99), (0.99, 1.01)):
         inside = (knows >= low) & (knows < high)
         if inside.any():
-            found = said(mean(right[inside], arenas[inside]))
+            found = said(mean(right[inside], clusters[inside]))
             lines.append(f"| {100 * low:.0f} to {100 * min(high, 1):.0f} | {inside.sum()} | {found} |")
     return lines
 

@@ -2,7 +2,7 @@
 
 The runs are the plan `results` (datasets/trials/plans): arena seeds 1000 to 1009, a drive seed of its own for
 every drive; nothing was fitted on any of them, and one configuration serves all tiers. Errors are inches:
-mean over drives with a 95 percent bootstrap interval, by arena, then drive. Rates have Wilson intervals.
+mean over drives with a 95 percent interval over arenas, Student's; rates have Wilson's (docs/trials.md).
 Beside every error stands its ratio to the nearest-node oracle's on the same drives, which always knows the
 nearest reference.
 
@@ -19,8 +19,8 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.rows import read_rows
-from maurice_datasets.trials.statistics import Interval, mean, rate
-from maurice_datasets.trials.table import curve_of
+from maurice_datasets.trials.statistics import Clusters, Interval, mean, share
+from maurice_datasets.trials.table import clusters_of, curve_of
 from maurice_loaders.errors import InputError
 from maurice_mcl.geometry import INCH_M
 
@@ -71,11 +71,11 @@ def main() -> None:
 
 def row(rows: pl.DataFrame) -> str:
     """Return one line of the table."""
-    one, arenas = rows.row(0, named=True), rows["arena"].to_numpy()
-    error = mean(rows["error_m"].to_numpy() / INCH_M, arenas)
+    one, clusters = rows.row(0, named=True), clusters_of(rows)
+    error = mean(rows["error_m"].to_numpy() / INCH_M, clusters)
     oracle = rows["oracle_m"].to_numpy().mean() / INCH_M
     localized = rows["pictures_to_localize"].is_not_null()
-    found = "-" if one["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized)}"
+    found = "-" if one["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized, clusters)}"
     light = f", lights {one['lights']}" if one["lights"] else ""
     of_oracle = Interval(*(value / oracle for value in (error.value, error.low, error.high)), error.count)
     cells = (
@@ -86,8 +86,8 @@ def row(rows: pl.DataFrame) -> str:
         _said(error, 1),
         _said(of_oracle, 2),
         _heading(rows),
-        _rate(rows["lost"]),
-        _rate(rows["right_at_end"]),
+        _rate(rows["lost"], clusters),
+        _rate(rows["right_at_end"], clusters),
         found,
         f"{100 * rows['wrong_confident'].to_numpy().mean():.1f}",
     )
@@ -101,7 +101,7 @@ def apart(rows: pl.DataFrame, first: str, second: str) -> str:
     if both.is_empty():
         return ""
     values = (both["error_m"] - both["error_m_second"]).to_numpy() / INCH_M
-    return _said(mean(values, both["arena"].to_numpy()), 1, "+")
+    return _said(mean(values, clusters_of(both)), 1, "+")
 
 
 def _heading(rows: pl.DataFrame) -> str:
@@ -116,8 +116,8 @@ def _said(found: Interval, digits: int, sign: str = "") -> str:
     return f"{value} [{low}, {high}]"
 
 
-def _rate(flags: pl.Series) -> str:
-    found = rate(int(flags.sum()), len(flags))
+def _rate(flags: pl.Series, clusters: Clusters) -> str:
+    found = share(flags.fill_null(False).to_numpy(), clusters)
     return f"{100 * found.value:.0f} [{100 * found.low:.0f}, {100 * found.high:.0f}]"
 
 

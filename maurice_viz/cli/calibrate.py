@@ -155,8 +155,7 @@ def _belief_table(one: CalibratedBelief) -> Table:
     ]
     shares.append(("truth in two-sigma ellipse", found.ellipse, "86.5 % (normal)"))
     for what, share, expected in shares:
-        value, low, high = (f"{100 * v:.1f}" for v in (share.value, share.low, share.high))
-        table.add_row(what, f"{value} %", f"{low} to {high} %", expected)
+        table.add_row(what, *_cells(share, 100, 1, " %"), expected)
     within = "{:.2f} to {:.2f}".format(*found.nees_expected)
     table.add_row("NEES, mean", *_cells(found.nees, 1, 2), f"3 ({within})")
     table.add_row(
@@ -226,9 +225,9 @@ def _spread_rows(table: Table, what: str, spread: Spread, factor: float, digits:
     table.add_row("  sd", *_cells(spread.sd, factor, digits), f"{spread.count} values{far}")
 
 
-def _cells(fitted: Fitted, factor: float, digits: int) -> tuple[str, str]:
+def _cells(fitted: Fitted, factor: float, digits: int, unit: str = "") -> tuple[str, str]:
     value, low, high = (f"{v * factor:.{digits}f}" for v in (fitted.value, fitted.low, fitted.high))
-    return value, f"{low} to {high}"
+    return value + unit, "too few drives" if math.isnan(fitted.low) else f"{low} to {high}{unit}"
 
 
 def _judged(spread: Spread) -> str:

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, ndtr, stdtrit
 
 from ..arrays import F64, I32
 from ..filter.estimate import covariance
@@ -37,7 +37,8 @@ ELLIPSE_SIGMAS = 2.0  # of the ellipse on the map
 COVERED = 0.9  # region whose size the coverage exponent sets right
 NARROWING = 0.8  # a cloud's variance goes as the likelihood's power to the minus 0.8 (docs/lost-signal.md)
 MOST_FACTOR = 2.0  # by which a coverage exponent changes the sharpness: beyond, clouds hardly follow it
-OVER_SHARP, OVER_FLAT, FITS = "over-sharp", "over-flat", "fits"
+OVER_SHARP, OVER_FLAT, FITS, NOT_KNOWN = "over-sharp", "over-flat", "fits", "not known"
+FEW = 5  # drives, or blocks of one: of fewer no interval is given
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +159,9 @@ class BeliefCalibration:
 
     @property
     def likelihood(self) -> str:
-        """Whether the likelihood is over-sharp, over-flat, or fits."""
+        """Whether the likelihood is over-sharp, over-flat, or fits; unknown without an interval."""
+        if np.isnan(self.exponent.high):
+            return NOT_KNOWN
         if self.exponent.high < 1:
             return OVER_SHARP
         return OVER_FLAT if self.exponent.low > 1 else FITS
@@ -168,14 +171,17 @@ class BeliefCalibration:
 class BeliefJudge:
     """Judges the belief of some runs, update by update; keeps a few numbers of each and no cloud.
 
-    Intervals are bootstrap's, over blocks of ten updates of a run: neighboring updates are alike.
+    Updates of one drive are alike, whatever the filter's seed, so intervals are over drives. Those of one
+    drive are over blocks of ten updates, the same of all its runs: neighboring updates are alike.
     """
 
     _runs: list[list[JudgedUpdate]] = field(default_factory=list)
+    _drives: list[str] = field(default_factory=list)  # of each run
 
-    def begin(self) -> None:
-        """Begin the next run."""
+    def begin(self, drive: str) -> None:
+        """Begin the next run, over a drive of that name."""
         self._runs.append([])
+        self._drives.append(drive)
 
     def add(self, record: StepRecord, truth: F64 | None) -> None:
         """Process the next update of this run."""
@@ -185,17 +191,21 @@ class BeliefJudge:
     def drop(self) -> None:
         """Leave this run out again."""
         self._runs.pop()
+        self._drives.pop()
 
     def result(self) -> BeliefCalibration:
         """Return what was found. Raises ValueError without any update."""
         every = [one for run in self._runs for one in run]
         if not every:
             raise ValueError("found no update with known truth after the first three, expected some")
-        blocks = [run[at : at + BLOCK] for run in self._runs for at in range(0, len(run), BLOCK)]
+        blocks = self._clusters()
         values = _table(every)
         sums = np.array([_table(block).sum(axis=0) for block in blocks])
         drawn = _drawn(sums, np.array([len(block) for block in blocks]))
-        means = _fitted(values.mean(axis=0), drawn[:, : values.shape[1]])
+        means = [
+            _within(float(value), column, len(blocks))
+            for value, column in zip(values.mean(axis=0), drawn.T, strict=True)
+        ]
         scores = np.array([sum(one.scores for one in block) for block in blocks])
         low, high = (1 - LEVEL) / 2, (1 + LEVEL) / 2
         free = 3 * len(every)
@@ -209,6 +219,15 @@ class BeliefJudge:
             exponent=_exponent(scores),
             coverage_exponent=_coverage_exponent(blocks),
         )
+
+    def _clusters(self) -> list[list[JudgedUpdate]]:
+        """Return the updates that are drawn together: those of a drive, or of a block of the only one."""
+        drives: dict[tuple[str, int], list[JudgedUpdate]] = {}
+        several = len({drive for drive, run in zip(self._drives, self._runs, strict=True) if run}) > 1
+        for drive, run in zip(self._drives, self._runs, strict=True):
+            for number, update in enumerate(run):
+                drives.setdefault((drive, 0 if several else number // BLOCK), []).append(update)
+        return list(drives.values())
 
 
 def _table(updates: list[JudgedUpdate]) -> F64:
@@ -228,31 +247,35 @@ def _choices(count: int) -> I32:
 
 
 def _drawn(sums: F64, sizes: I32) -> F64:
-    """Return means (RESAMPLES, k) over blocks drawn with replacement."""
+    """Return means (RESAMPLES, k) over clusters drawn with replacement."""
     chosen = _choices(len(sums))
     return np.asarray(sums[chosen].sum(axis=1) / sizes[chosen].sum(axis=1)[:, None])
 
 
-def _fitted(values: F64, drawn: F64) -> list[Fitted]:
-    low, high = np.percentile(drawn, [50 * (1 - LEVEL), 50 * (1 + LEVEL)], axis=0)
-    return [Fitted(float(v), float(a), float(b)) for v, a, b in zip(values, low, high, strict=True)]
+def _within(value: float, drawn: F64 | list[float], clusters: int) -> Fitted:
+    """Return a value with the percentiles of what was drawn (RESAMPLES,).
+
+    They are farther out the fewer clusters there are, as Student's are (Hesterberg 2015).
+    """
+    if clusters < FEW:
+        return Fitted(value, float("nan"), float("nan"))
+    reach = stdtrit(clusters - 1, (1 - LEVEL) / 2) * np.sqrt(clusters / (clusters - 1))
+    tail = 100 * float(ndtr(reach))
+    low, high = np.percentile(drawn, [tail, 100 - tail])
+    return Fitted(value, min(float(low), value), max(float(high), value))
 
 
 def _exponent(scores: F64) -> Fitted:
     """Return the exponent with the highest sum of scores (B, E), and its bootstrap interval."""
     best = EXPONENTS[scores[_choices(len(scores))].sum(axis=1).argmax(axis=1)]
-    low, high = np.percentile(best, [50 * (1 - LEVEL), 50 * (1 + LEVEL)])
-    value = float(EXPONENTS[scores.sum(axis=0).argmax()])
-    return Fitted(value, min(float(low), value), max(float(high), value))
+    return _within(float(EXPONENTS[scores.sum(axis=0).argmax()]), best, len(scores))
 
 
 def _coverage_exponent(blocks: Sequence[Sequence[JudgedUpdate]]) -> Fitted:
     """Return the exponent that makes the 90 % regions hold the truth in 90 %, and its bootstrap interval."""
     denser = [np.array([one.denser for one in block]) for block in blocks]
-    found = _power(denser)
     drawn = [_power([denser[number] for number in row]) for row in _choices(len(blocks)).tolist()]
-    low, high = np.percentile(drawn, [50 * (1 - LEVEL), 50 * (1 + LEVEL)])
-    return Fitted(found, min(float(low), found), max(float(high), found))
+    return _within(_power(denser), drawn, len(blocks))
 
 
 def _power(denser: Sequence[F64]) -> float:

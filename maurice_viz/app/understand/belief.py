@@ -33,9 +33,18 @@ class CalibratedBelief:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        facts = asdict(self.found) | {"likelihood": self.found.likelihood}
+        facts: dict[str, Any] = _known(asdict(self.found)) | {"likelihood": self.found.likelihood}
         own = {"label": self.label, "left_out": self.left_out, "sharpness": self.sharpness}
         return own | facts | {"better_sharpness": self.better_sharpness}
+
+
+def _known(value: Any) -> Any:
+    """Return plain values with None for limits that are not known."""
+    if isinstance(value, dict):
+        return {key: _known(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_known(part) for part in value]
+    return None if value != value else value
 
 
 def calibrate_belief(
@@ -64,7 +73,7 @@ def _judged(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Liste
     judge, left_out = BeliefJudge(), 0
     for number, run in enumerate(runs, 1):
         listener.progress(number, len(runs), f"belief of {label}")
-        judge.begin()
+        judge.begin(run.manifest.session.sha256)
         if not _add(judge, run) and not lost:
             judge.drop()
             left_out += 1

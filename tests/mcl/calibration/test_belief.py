@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from helpers.step_records import made
-from maurice_mcl.calibration.belief import FITS, OVER_FLAT, OVER_SHARP, BeliefJudge, share_denser
+from maurice_mcl.calibration.belief import FITS, NOT_KNOWN, OVER_FLAT, OVER_SHARP, BeliefJudge, share_denser
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.records import Belief, StepRecord, normalize
 from maurice_viz.panels.belief import ellipse_of
@@ -37,7 +37,7 @@ def seen(rng: np.random.Generator, step: int, exponent: float) -> tuple[StepReco
 
 def judged(exponent: float, updates: int = 150) -> BeliefJudge:
     judge, rng = BeliefJudge(), np.random.default_rng(4)
-    judge.begin()
+    judge.begin("drive")
     for step in range(4, 4 + updates):
         judge.add(*seen(rng, step, exponent))
     return judge
@@ -85,8 +85,32 @@ def test_the_ellipse_on_the_map_is_the_one_that_is_counted():
 
 def test_the_first_three_updates_and_unknown_truth_do_not_count():
     judge, rng = BeliefJudge(), np.random.default_rng(0)
-    judge.begin()
+    judge.begin("drive")
     judge.add(*seen(rng, 3, 1.0))
     judge.add(seen(rng, 5, 1.0)[0], None)
     with pytest.raises(ValueError, match="found no update with known truth"):
         judge.result()
+
+
+def test_runs_of_one_drive_are_not_more_drives():
+    rng = np.random.default_rng(2)
+    updates = [[seen(rng, step, 1.0) for step in range(4, 64)] for _ in range(6)]
+
+    def result(drives):
+        judge = BeliefJudge()
+        for drive, run in drives:
+            judge.begin(drive)
+            for record, truth in run:
+                judge.add(record, truth)
+        return judge.result()
+
+    def wide(found):
+        return [region.held.high - region.held.low for region in found.regions]
+
+    once, copied = result([("a", updates[0])]), result([("a", updates[0])] * 4)
+    assert wide(once) == wide(copied)
+    several = result([(str(number), run) for number, run in enumerate(updates)])
+    assert wide(several) == wide(result([(str(number), run) for number, run in enumerate(updates)] * 2))
+    few = result([(str(number), run) for number, run in enumerate(updates[:3])])
+    assert np.isnan(few.exponent.low)
+    assert few.likelihood == NOT_KNOWN
