@@ -2,7 +2,7 @@
 
 The runs are the plan `results` (datasets/trials/plans): arena seeds 1000 to 1009, a drive seed of its own for
 every drive; nothing was fitted on any of them, and one configuration serves all tiers. Errors are inches:
-mean over drives with a 95 percent interval over arenas, Student's; rates have Wilson's (docs/trials.md).
+mean over drives, with Student's 95 percent interval; rates have Wilson's (docs/trials.md).
 Beside every error stands its ratio to the nearest-node oracle's on the same drives, which always knows the
 nearest reference.
 

@@ -95,7 +95,7 @@ def budget_of(
     drives: Sequence[BudgetDrive],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> ErrorBudget:
-    """Run every drive with each part made perfect in turn; intervals are over arenas, or drives, or seeds."""
+    """Run every drive with each part made perfect in turn; intervals are over drives, or seeds of one."""
     lines: dict[str, list[BudgetLine]] = {part: [] for part in PARTS}
     total = len(drives) * len(PARTS)
     for number, drive in enumerate(drives):

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
+from scipy.special import fdtrc, stdtrit
 
 from maurice_mcl.arrays import F64, I64, Bool
 
 SEED, LEVEL = 0, 0.95
 Z = float(stdtrit(np.inf, (1 + LEVEL) / 2))  # standard deviations: two-sided 95 percent
 FEW = 5  # drives or places: of fewer, equal values have no interval
+POOLED = 0.25  # p-value of places being alike, from which on their drives count
 EQUAL = 1e-12  # of the largest value: a smaller standard error is a rounding error
 
 
@@ -88,11 +89,27 @@ class Clusters:
         """The number of drives."""
         return len(set(self.drives.tolist()))
 
-    @property
-    def units(self) -> I64:
-        """What counts as independent (N,): places, else drives, else the runs of the only drive."""
-        levels = (self.places, self.drives)
-        return next((labels for labels in levels if len(labels) and np.ptp(labels)), self.runs)
+    def units(self, influences: F64) -> I64:
+        """Return what counts as independent (N,), by what each run adds to a figure's error (N,).
+
+        These are drives, or the runs of the only one. They are places where the drives of each are alike, by
+        an F test with p below 0.25 (Bancroft 1964), or where places are too few for it to tell.
+        """
+        if self.count < 2:
+            return self.runs
+        sizes = np.bincount(self.drives)
+        means = np.bincount(self.drives, influences) / sizes
+        place = np.zeros(len(sizes), np.int64)
+        place[self.drives] = self.places
+        counts = np.bincount(place)
+        middle = np.bincount(place, means) / np.maximum(counts, 1)
+        free, rest = int((counts > 0).sum()) - 1, len(sizes) - int((counts > 0).sum())
+        if not free or not rest or free + 1 < FEW:
+            return self.places if free else self.drives
+        within = float(np.square(means - middle[place]).sum()) / rest
+        among = float((counts * np.square(middle - means.mean())).sum()) / free
+        alike = among > 0 and (within == 0 or float(fdtrc(free, rest, among / within)) < POOLED)
+        return self.places if alike else self.drives
 
 
 def apart(count: int) -> Clusters:
@@ -121,7 +138,7 @@ def _quantile(free: float, level: float) -> float:
 
 def _student(value: float, influences: F64, largest: float, clusters: Clusters, level: float) -> Interval:
     """Return a figure with Student's interval, from what each run adds to its error (N,)."""
-    sums, free = _totals(influences, clusters.units)
+    sums, free = _totals(influences, clusters.units(influences))
     error = float(np.sqrt(np.square(sums).sum()))
     known = len(sums) > 1 and (error > EQUAL * largest or len(sums) >= FEW)
     reach = _quantile(free, level) * error if known else np.nan
@@ -166,17 +183,22 @@ def share(flags: Bool, clusters: Clusters | None = None, level: float = LEVEL) -
     if not len(flags):
         return UNKNOWN
     of = apart(len(flags)) if clusters is None else clusters
-    return _wilson(float(flags.mean()), _worth(flags, of, level), level, len(flags), of.count)
+    return _share(flags, of.units(flags - flags.mean()), of.count, level)
 
 
-def _worth(flags: Bool, clusters: Clusters, level: float) -> float:
-    """Return how many independent runs have the variance of the share of flags (N,) in clusters."""
-    units, count, value = clusters.units, len(flags), float(flags.mean())
-    if len(set(units.tolist())) == count:
+def _share(flags: Bool, units: I64, drives: int, level: float) -> Interval:
+    worth = _worth(flags, units, level)
+    return _wilson(float(flags.mean()), worth, level, len(flags), drives)
+
+
+def _worth(flags: Bool, units: I64, level: float) -> float:
+    """Return how many independent runs have the variance of the share of flags (N,) of some units."""
+    count, clusters, value = len(flags), len(set(units.tolist())), float(flags.mean())
+    if clusters == count:
         return count
     sums, free = _totals((flags - value) / count, units)
     variance, binomial = float(np.square(sums).sum()), value * (1 - value)
-    size = clusters.count if binomial == 0 else count if variance == 0 else binomial / variance
+    size = clusters if binomial == 0 else count if variance == 0 else binomial / variance
     return float(min(size * (_quantile(np.inf, level) / _quantile(free, level)) ** 2, count))
 
 
@@ -204,11 +226,13 @@ def rate_difference(
     (-0.25, -0.47, -0.04)
     """
     before, after = np.asarray(before, bool), np.asarray(after, bool)
-    of = apart(len(before)) if clusters is None else clusters
-    first, second = share(before, of, level), share(after, of, level)
     if not len(before):
-        return first
-    sums, _ = _totals(np.stack([before - first.value, after - second.value], axis=1), of.units)
+        return UNKNOWN
+    of = apart(len(before)) if clusters is None else clusters
+    apart_by = after.astype(np.float64) - before
+    units = of.units(apart_by - apart_by.mean())
+    first, second = (_share(flags, units, of.count, level) for flags in (before, after))
+    sums, _ = _totals(np.stack([before - first.value, after - second.value], axis=1), units)
     scale = float(np.sqrt(np.prod(np.square(sums).sum(axis=0))))
     alike = float(np.prod(sums, axis=1).sum()) / scale if scale > 0 else 0.0
     down, up = second.value - second.low, second.high - second.value
@@ -267,8 +291,9 @@ def survival(times: F64, happened: Bool, clusters: Clusters | None = None, level
         influences = np.cumsum((died - there * hazard) / (risk * (1 - hazard)), axis=1)
         greenwood = np.sqrt(np.cumsum(events / (risk * (risk - events))))
         spread = _quantile(np.inf, level) * greenwood
-        if len(np.unique(of.units)) < len(times):
-            sums, free = _totals(influences, of.units)
+        units = of.units(np.nan_to_num(influences).sum(axis=1))
+        if len(np.unique(units)) < len(times):
+            sums, free = _totals(influences, units)
             spread = np.fmax(spread, _quantile(free, level) * np.sqrt(np.square(sums).sum(axis=0)))
         reach = np.exp(spread / np.abs(np.log(curve)))
         low, high = curve**reach, curve ** (1 / reach)

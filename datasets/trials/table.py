@@ -101,9 +101,8 @@ def _of_one_type(values: list[Any]) -> list[Any]:
 def grouped(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Group]:
     """Return a group for every combination of columns: mean or share with an interval, median, runs.
 
-    Intervals are over arenas, else drives (`clusters_of`): Student's for means, Wilson's for shares. Times
-    to localize are censored at the end of a drive: their median is Kaplan and Meier's. InputError for unknown
-    columns.
+    Intervals are over drives (`clusters_of`), Student's for means, Wilson's for shares. Times to localize are
+    censored at the end of a drive: their median is Kaplan and Meier's. InputError for unknown columns.
 
         >>> import polars as pl
         >>> from maurice_datasets.trials.table import grouped

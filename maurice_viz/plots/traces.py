@@ -38,7 +38,7 @@ BANDS = "bands: means, 95 % intervals"
 def curve(rows: pl.DataFrame, column: str) -> list[Interval]:
     """Return the mean of a column of lists over runs at every update, in its own unit.
 
-    Each with its interval over arenas, or drives. Runs that ended earlier or whose truth is not known at an
+    Each with its interval over drives. Runs that ended earlier or whose truth is not known at an
     update are left out there.
     """
     lists, clusters = rows[column].to_list(), clusters_of(rows)

@@ -122,9 +122,15 @@ def test_copies_of_a_run_tell_nothing_more() -> None:
 
 def test_a_cluster_is_within_the_one_before() -> None:
     clusters = Clusters.of(["a", "a", "b", "b"], [0, 1, 0, 0])
-    assert (clusters.count, clusters.units.tolist()) == (3, [0, 0, 1, 1])
+    zero = np.zeros(4)
+    assert (clusters.count, clusters.units(zero).tolist()) == (3, [0, 0, 1, 1])  # too few places to tell
     only = Clusters.of(["a", "a"], [0, 0])
-    assert (only.count, len(set(only.units.tolist()))) == (1, 2)  # seeds of one drive
+    assert (only.count, len(set(only.units(zero[:2]).tolist()))) == (1, 2)  # seeds of one drive
+    many = Clusters.of(np.repeat(range(6), 2))
+    assert (
+        len(set(many.units(np.arange(12) % 2 - 0.5).tolist())) == 12
+    )  # drives that differ as much as places
+    assert len(set(many.units(np.repeat(range(6), 2) - 2.5).tolist())) == 6
     updates = Clusters.of(["a"] * 3, [0] * 3, [0] * 3)  # updates of one run
     assert np.isnan(share(np.array([True, True, False]), updates).low)
     assert np.isnan(mean(np.array([1.0, 2.0, 3.0]), updates).low)
@@ -153,7 +159,7 @@ def test_a_log_fit_finds_the_slope() -> None:
     x = np.tile([100.0, 1000.0, 10000.0], 30)
     drives = np.repeat(np.arange(30), 3)
     y = 5 - 2 * np.log10(x) + rng.normal(size=30)[drives] + 0.1 * rng.normal(size=90)
-    fit = log_fit(x, y, Clusters.of(drives))
+    fit = log_fit(x, y, Clusters.of(drives, drives))
     assert fit.slope.low < -2 < fit.slope.high
     assert fit.slope.high - fit.slope.low < 0.2
     assert fit.at(np.array([100.0])) == pytest.approx(1, abs=0.8)
