@@ -1,12 +1,15 @@
-"""A folder of pictures and a table of poses as a survey log and a session log."""
+"""A folder of pictures and a table of poses as a survey log and a session log.
+
+The table is read as the format `table` is, and its poses become odometry as by `odometry_from_truth`.
+"""
 
 from __future__ import annotations
 
-import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,45 +18,49 @@ from maurice_mcl.map import open_arena
 from maurice_mcl.radii import fitted_m
 from maurice_mcl.session import Camera, SessionInfo
 
-from .errors import InputError, PictureError
-from .files import number_in, read_csv, show
+from .errors import InputError, PictureError, ReadingNotes
+from .export.session import Converted, write_record
+from .files import PICTURES, show
+from .formats.picture_folder import TableRecording, open_table
 from .maps import check_span, read_map
-from .pictures import decode_picture, picture_file
-from .session_log.header import FORMAT
+from .pictures import encode_picture, picture_in
+from .reading import ReadingOptions
+from .recording import Picture, Record, Recording, TruthPose, checked
+from .session_log.header import FORMAT, SESSION_LOG
 from .session_log.writer import SessionWriter
-from .transforms import OdometryNoise, synthetic_motions
+from .transforms import MadeOdometry, OdometryNoise
 from .writing import FolderKind, new_folder
 
-# A CSV table of pictures and their poses, read strictly: every complaint names the row and the column.
-
-UNITS = ("deg", "rad")
-OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}  # as some programs write what they call CSV
-
-
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """Which columns of the table hold what."""
-
-    image: str = "image"  # a path, relative to the folder of pictures or to the table
-    x: str = "x_m"  # meters
-    y: str = "y_m"  # meters
-    heading: str = "heading_deg"  # counter-clockwise from +x; its unit by the name's ending ...
-    heading_unit: str | None = None  # ... unless given here: "deg" or "rad"
+SURVEY_LOG = "survey.log"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseRow:
-    """One row of the table."""
+    """A picture of the table, with its pose."""
 
-    number: int  # of the row among the data rows, from 0; a picture taken at that second
-    line: int  # in the file, for messages
-    image: str
+    number: int  # among the pictures, from 0
+    picture: Picture  # not opened
     pose: F64  # (3,) x_m, y_m, heading_rad
 
+    @property
+    def key(self) -> tuple[float, str]:
+        """Time and name of the picture."""
+        return self.picture.t_s, self.picture.name
 
-def read_pose_table(file: Path, columns: Columns) -> list[PoseRow]:
-    """Read all rows. Raises InputError naming the columns that were found, or the row and column at fault."""
-    return read_csv(file, "a table of poses", "picture", lambda table: _rows(file, table, columns))
+
+def read_rows(table: TableRecording) -> list[PoseRow]:
+    """Return the pictures that have poses, in order. InputError where none has, and for a bad row."""
+    rows, pose = list[PoseRow](), None
+    for record in checked(table, ReadingNotes(keep_going=False)):
+        if isinstance(record, TruthPose):
+            pose = record
+        elif isinstance(record, Picture) and pose is not None and pose.t_s == record.t_s:
+            rows.append(PoseRow(len(rows), record, pose.pose))
+    if not rows:
+        names = ", ".join(table.head.names)
+        found = f"found columns {show(names)} and no picture with a pose"
+        raise InputError(table.table, f"{found}; say what they are, as in --reading columns=x=NAME")
+    return rows
 
 
 def pose_runs(rows: list[PoseRow]) -> list[list[PoseRow]]:
@@ -65,43 +72,6 @@ def pose_runs(rows: list[PoseRow]) -> list[list[PoseRow]]:
         else:
             runs.append([row])
     return runs
-
-
-def heading_unit(file: Path, columns: Columns) -> str:
-    """Return the heading's unit from the option or the column's name."""
-    unit = columns.heading_unit or columns.heading.rsplit("_", 1)[-1]
-    if unit not in UNITS:
-        advice = "say whether it is in deg or rad"
-        text = f"found heading column {columns.heading!r} without a unit in its name; {advice}"
-        raise InputError(file, text)
-    return unit
-
-
-def _rows(file: Path, table: csv.DictReader[str], columns: Columns) -> Iterator[PoseRow]:
-    found = table.fieldnames or []
-    wanted = (columns.image, columns.x, columns.y, columns.heading)
-    missing = [name for name in wanted if name not in found]
-    if missing:
-        _expect_commas(file, found)
-        names = ", ".join(found) or "none"
-        text = f"found columns {names}, expected also {', '.join(missing)}; choose the columns"
-        raise InputError(file, text, 1)
-    to_rad = math.pi / 180 if heading_unit(file, columns) == "deg" else 1.0
-    for number, row in enumerate(table):
-        line = table.line_num
-        image = row[columns.image]
-        if not image:
-            text = f"found no file name in column {columns.image!r}, expected a picture"
-            raise InputError(file, text, line)
-        x, y, heading = (number_in(file, line, name, row[name]) for name in wanted[1:])
-        yield PoseRow(number, line, image, np.array([x, y, heading * to_rad]))
-
-
-def _expect_commas(file: Path, found: Sequence[str]) -> None:
-    for separator, name in OTHER_SEPARATORS.items():
-        if len(found) == 1 and separator in found[0]:
-            advice = "save the table with commas between columns"
-            raise InputError(file, f"found columns separated by {name}, expected commas; {advice}", 1)
 
 
 # Dividing one pass of labelled pictures honestly into a library and a drive.
@@ -169,7 +139,7 @@ GUARD_M = 0.5  # in rooms: neighbors look alike
 class ImportOptions:
     """What is read, and how it is split into library and session."""
 
-    columns: Columns = field(default_factory=Columns)  # names and units of the table's columns
+    reading: ReadingOptions = field(default_factory=ReadingOptions)  # of the table
     name: str | None = None  # of the place; None: the name of the table's folder
     map_lines: Path | None = None  # wall segments x1 y1 x2 y2, or a ROS map.yaml; None: no map, all is free
     map_unit: str = "mm"  # of segments: "m" or "mm"
@@ -178,7 +148,7 @@ class ImportOptions:
     library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
     camera_fov_rad: float | None = None  # the camera's horizontal field of view; landmarks want it
     guard_m: float | None = None  # no library picture this near to any session pose; None: by the place
-    noise: OdometryNoise = field(default_factory=OdometryNoise)  # of the synthetic odometry
+    noise: OdometryNoise = field(default_factory=OdometryNoise)  # of odometry made from the poses
     seed: int = 0  # of that noise
 
 
@@ -209,14 +179,14 @@ def import_pictures(
 ) -> ImportSummary:
     """Split pictures with poses into a library and a drive; `out` appears completely or not.
 
-    Rows are one pass in order, a second apart; the odometry is made from the poses plus noise. InputError for
-    bad files, poses too far apart, a split that leaves nothing, or an `out` that exists; ValueError for
-    senseless options.
+    Rows are one pass in order, without a column of times a second apart. Where the table has no odometry, it
+    is made from the poses plus noise. InputError for bad files, poses too far apart, a split that leaves
+    nothing, or an `out` that exists; ValueError for senseless options.
     """
     options = options or ImportOptions()
     _check(options)
-    source = _existing(folder)
-    rows = read_pose_table(poses_csv, options.columns)
+    table = open_table(_existing(folder), replace(options.reading, table=poses_csv))
+    rows = read_rows(table)
     check_span(poses_csv, xy_of(rows))
     runs = pose_runs(rows)
     guard_m = fitted_m(GUARD_M, xy_of(rows)) if options.guard_m is None else options.guard_m
@@ -227,17 +197,22 @@ def import_pictures(
     if not split.library:
         advice = "lower the guard, or give fewer runs to the session"
         raise InputError(poses_csv, f"found no picture {guard_m:.3g} m off the session's; {advice}")
-    info = _info(rows, options, poses_csv)
+    info = _info(table, rows, options)
+    drive: Recording = _Drive(table, info, split.session)
+    if not table.has_odometry:
+        drive = MadeOdometry(drive, options.seed, options.noise)
     with new_folder(out, IMPORTED, force=force) as filling:
-        copy = _Copier(source, poses_csv, filling)
-        with SessionWriter(filling / "survey.log", info, "survey") as writer:
+        (filling / "pictures").mkdir()
+        with SessionWriter(filling / SURVEY_LOG, replace(info, notes=drive.info.notes), "survey") as log:
             for row in split.library:
-                writer.image_path(float(row.number), copy(row), pose=row.pose)
-        _write_session(filling / "session.log", info, rows, split, options, copy)
+                log.image_path(row.picture.t_s, _copied(table, row, filling), pose=row.pose)
+        copies = {row.key: _copied(table, row, filling) for row in split.session}
+        header = replace(drive.info, survey=Path(SURVEY_LOG), start=split.session[0].pose)
+        _write_drive(filling / SESSION_LOG, header, drive, copies)
     nearest = split.nearest_reference_m()
     return ImportSummary(
-        session=out / "session.log",
-        survey=out / "survey.log",
+        session=out / SESSION_LOG,
+        survey=out / SURVEY_LOG,
         rows=len(rows),
         runs=len(runs),
         session_runs=split.session_runs,
@@ -246,7 +221,7 @@ def import_pictures(
         guarded_runs=split.guarded_runs,
         nearest_reference_median_m=float(np.median(nearest)),
         nearest_reference_max_m=float(nearest.max()),
-        notes=info.notes,
+        notes=drive.info.notes,
     )
 
 
@@ -268,7 +243,7 @@ def _existing(folder: Path | str) -> Path:
     return Path(folder)
 
 
-def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> SessionInfo:
+def _info(table: TableRecording, rows: Sequence[PoseRow], options: ImportOptions) -> SessionInfo:
     positions, lines = xy_of(rows), options.map_lines
     arena = read_map(lines, options.map_unit, positions) if lines else open_arena(positions)
     split_note = (
@@ -276,61 +251,60 @@ def _info(rows: Sequence[PoseRow], options: ImportOptions, poses_csv: Path) -> S
         f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
         f"other run that is at least {options.guard_m:.3g} m from every session pose"
     )
+    untimed = () if table.has_times else ("times are synthetic: one second a row of the table",)
     view_rad = options.camera_fov_rad
     return SessionInfo(
-        name=options.name or poses_csv.resolve().parent.name or "pictures",
+        name=options.name or table.table.resolve().parent.name or "pictures",
         cameras=() if view_rad is None else (Camera("camera", horizontal_fov_rad=view_rad),),
         arena=arena,
-        notes=(
-            options.noise.describe(options.seed),
-            "times are synthetic: one second a row of the table",
-            split_note,
-        ),
+        notes=(*untimed, split_note),
     )
 
 
-def _write_session(
-    path: Path,
-    info: SessionInfo,
-    rows: Sequence[PoseRow],
-    split: Split,
-    options: ImportOptions,
-    copy: _Copier,
-) -> None:
-    """Write the drive from its first picture to its last; rows of the library still move the robot."""
-    pictures = {row.number for row in split.session}
-    first, last = split.session[0], split.session[-1]
-    info = replace(info, survey=Path("survey.log"), start=first.pose)
-    with SessionWriter(path, info) as writer:
-        before = first
-        for row in rows[first.number : last.number + 1]:
-            t_s = float(row.number)
-            for motion in synthetic_motions(before.pose, row.pose, options.noise, options.seed, row.number):
-                writer.odometry(t_s, motion)
-            if row.number in pictures:
-                writer.truth(t_s, row.pose)
-                writer.image_path(t_s, copy(row))
-            before = row
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drive:
+    """A table from the session's first picture to its last, without the pictures of other runs."""
+
+    table: TableRecording
+    info: SessionInfo
+    rows: Sequence[PoseRow]  # of the session
+
+    @property
+    def path(self) -> Path:
+        """The folder of the pictures."""
+        return self.table.path
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Yield poses and odometry of all rows, and the session's pictures."""
+        pictures = {row.key for row in self.rows}
+        first_s, last_s = self.rows[0].picture.t_s, self.rows[-1].picture.t_s
+        for record in self.table.records(notes):
+            its = not isinstance(record, Picture) or (record.t_s, record.name) in pictures
+            if its and first_s <= record.t_s <= last_s:
+                yield record
 
 
-class _Copier:
-    def __init__(self, folder: Path, poses_csv: Path, out: Path) -> None:
-        self._places = (folder, poses_csv.parent)
-        self._table = poses_csv
-        self._out = out
+def _write_drive(log: Path, info: SessionInfo, drive: Recording, copies: Mapping[Any, str]) -> None:
+    last, done = None, Converted()
+    with SessionWriter(log, info) as writer:
+        for record in checked(drive, ReadingNotes(keep_going=False)):
+            if isinstance(record, Picture):
+                writer.image_path(record.t_s, copies[record.t_s, record.name])
+            else:
+                last = write_record(writer, record, record.t_s, last, done)
 
-    def __call__(self, row: PoseRow) -> str:
-        source = next((p / row.image for p in self._places if (p / row.image).is_file()), None)
-        if source is None:
-            tried = self._places[0] / row.image
-            raise InputError(self._table, f"found no picture {tried}, expected a file", row.line)
-        try:
-            data = picture_file(source)
-            decode_picture(data)
-        except PictureError as problem:
-            raise InputError(self._table, f"{source}: {problem}", row.line) from None
-        relative = f"pictures/{row.number:05d}{source.suffix.lower()}"
-        copied = self._out / relative
-        copied.parent.mkdir(exist_ok=True)
-        copied.write_bytes(data)
-        return relative
+
+def _copied(table: TableRecording, row: PoseRow, folder: Path) -> str:
+    """Copy a picture into a folder, as PNG where it is no file; return its path there. InputError."""
+    name, suffix = row.picture.name, Path(row.picture.name).suffix.lower()
+    try:
+        image = row.picture.read()
+        if suffix in PICTURES:
+            data = picture_in(table.root_of(name), name, outside=table.outside)
+        else:
+            data, suffix = encode_picture(image, "png"), ".png"
+    except PictureError as problem:
+        raise InputError(table.table, f"{name}: {problem}") from None
+    relative = f"pictures/{row.number:05d}{suffix}"
+    (folder / relative).write_bytes(data)
+    return relative

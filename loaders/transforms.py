@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose, compose_motions, motion_between, wrap, wrap_angle
+from maurice_mcl.geometry import compose, compose_motions, motion_between, wrap_angle
 from maurice_mcl.randomness import Domain, stream
 from maurice_mcl.session import SessionInfo, is_kidnapping
 
@@ -261,29 +261,9 @@ class OdometryNoise:
     turn_share: float = 0.05  # sd of a turn, as a share of it
     drift_rad_per_m: float = 0.05  # sd of the heading gained on a straight, radians a meter
 
-    def describe(self, seed: int) -> str:
-        """Return the noise in a sentence, for the header's notes."""
-        made = "odometry is synthetic: made from the steps between labelled poses"
-        return f"{made}, {self} (standard deviations), seed {seed}"
-
     def __str__(self) -> str:
         way, turn = f"{self.way_share:g} of a way", f"{self.turn_share:g} of a turn"
         return f"with noise of {way}, {turn} and {self.drift_rad_per_m:g} rad a metre of way"
-
-
-def synthetic_motions(before: F64, after: F64, noise: OdometryNoise, seed: int, step: int) -> list[F64]:
-    """Return the movements (3,) measured from one pose (3,) to the next: straight, then turn, no zeros."""
-    way_noise, drift_noise, turn_noise = stream(Domain.IMPORT, seed, step).standard_normal(3)
-    dx, dy = after[:2] - before[:2]
-    cos, sin = np.cos(before[2]), np.sin(before[2])
-    way, turn = float(np.hypot(dx, dy)), float(wrap(after[2:] - before[2:])[0])
-    motions = []
-    if way > 0:
-        measured = np.array([dx * cos + dy * sin, dy * cos - dx * sin]) * (1 + noise.way_share * way_noise)
-        motions.append(np.array([*measured, noise.drift_rad_per_m * way * drift_noise]))
-    if turn != 0:
-        motions.append(np.array([0.0, 0.0, turn * (1 + noise.turn_share * turn_noise)]))
-    return motions
 
 
 NAMED = "odometry made from the truth"  # in the session's name: every table and picture says it

@@ -59,7 +59,8 @@ ROOMS = {
         ("config_files",),
         ("libraries", "live"),
         ("runs",),
-        ("export", "importing", "calibration", "doctor"),
+        ("export", "calibration", "doctor"),
+        ("importing",),
     ),
     "maurice_datasets": (
         ("tasks",),

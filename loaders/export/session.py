@@ -133,15 +133,16 @@ def records_to_log(
     with filling(file, force=force, form=FORMAT) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
             for record in checked(recording, notes):
-                last = _write_line(log, record, record.t_s + t_offset_s, last, done)
+                last = write_record(log, record, record.t_s + t_offset_s, last, done)
                 yield done
         if not (done.motions or done.truths or done.events or done.readings):
             raise InputError(recording.path, NOTHING)
 
 
-def _write_line(
+def write_record(
     log: SessionWriter, record: Record, t_s: float, last: F64 | None, done: Converted
 ) -> F64 | None:
+    """Write and count a record that is no picture; return the last odometry pose (3,), if it is one."""
     if isinstance(record, OdometryPose):
         if last is not None:
             log.odometry(t_s, motion_between(last, record.pose))

@@ -63,11 +63,26 @@ class TableRecording:
     @property
     def surveyed(self) -> bool:
         """Whether the rows are pictures with poses and nothing of a drive: no time, and no odometry."""
-        return not any(role in self.roles for role in ("time", *ODOMETRY, *MOTION))
+        return not self.has_times and not self.has_odometry
+
+    @property
+    def has_times(self) -> bool:
+        """Whether a column holds times."""
+        return "time" in self.roles
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether columns hold poses or motions by odometry."""
+        return any(role in self.roles for role in (*ODOMETRY, *MOTION))
+
+    def root_of(self, name: str) -> Path:
+        """Return the folder that a picture's name starts from: that of the pictures, or the table's."""
+        roots = (self.path, self.table.parent)
+        return next((one for one in roots if _is_file(one / name)), self.table.parent)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the table row by row; poses come before the picture of their row."""
-        if "time" not in self.roles:
+        if not self.has_times:
             notes.warning(f"{self.table}: no column holds the time; one row per second is assumed")
         if not any(role in self.roles for role in (*TRUTH, *ODOMETRY, *MOTION)):
             notes.warning(f"{self.table}: no column tells a pose or a motion; see --reading columns=...")
@@ -112,9 +127,7 @@ class TableRecording:
             name = self._word("image", row, words)
             if not name:
                 return None
-            roots = (self.path, self.table.parent)
-            root = next((one for one in roots if _is_file(one / name)), self.table.parent)
-            return Picture(t_s, partial(read_picture, root, name, self.outside), name)
+            return Picture(t_s, partial(read_picture, self.root_of(name), name, self.outside), name)
         if self.frames is None:
             return None
         if "frame" in self.roles:
@@ -166,7 +179,7 @@ class TableRecording:
         return words[at].strip()
 
     def _time(self, number: int, row: Row, words: list[str]) -> float:
-        if "time" not in self.roles:
+        if not self.has_times:
             return number * PERIOD_S
         word = self._number("time", row, words)
         number_of(self.table, row, word, "time", MOST_T_S * PER_SECOND[self._unit])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from maurice_loaders.export.tables import PATHS
-from maurice_loaders.importing import Columns, ImportOptions, ImportSummary, import_pictures
+from maurice_loaders.importing import ImportOptions, ImportSummary, import_pictures
 from maurice_loaders.reading import MAX_DT_S, ReadingOptions
 
 from .shared import options as opt
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from maurice_loaders.live.session import LiveSession
 
 FILES = "Files to write"
-DEFAULTS, COLUMNS = ImportOptions(), Columns()
+DEFAULTS = ImportOptions()
+KNOWN = "[default: known by its name]"
 
 Topic = Annotated[str | None, typer.Option(help="With ws://: the topic to use. [default: detected, printed]")]
 
@@ -212,15 +213,20 @@ def pictures(
     folder: Annotated[str, typer.Argument(help="The folder that the table's picture names are relative to.")],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, option("-o --output", "The folder to write.", metavar="DIR")],
-    image_column: Annotated[str, option("--image-column", "Column of picture names.")] = COLUMNS.image,
-    x_column: Annotated[str, option("--x-column", "Column of x in meters.")] = COLUMNS.x,
-    y_column: Annotated[str, option("--y-column", "Column of y in meters.")] = COLUMNS.y,
-    heading_column: Annotated[
-        str, option("--heading-column", "Column of headings, counter-clockwise from +x.")
-    ] = COLUMNS.heading,
-    heading_unit: Annotated[
-        str | None, option("--heading-unit", "deg or rad. [default: by the suffix of the column's name]")
+    image_column: Annotated[
+        str | None, option("--image-column", f"Column of picture names. {KNOWN}", metavar="NAME")
     ] = None,
+    x_column: Annotated[str | None, option("--x-column", f"Column of x. {KNOWN}", metavar="NAME")] = None,
+    y_column: Annotated[str | None, option("--y-column", f"Column of y. {KNOWN}", metavar="NAME")] = None,
+    heading_column: Annotated[
+        str | None,
+        option("--heading-column", f"Column of headings, counter-clockwise from +x. {KNOWN}", metavar="NAME"),
+    ] = None,
+    heading_unit: Annotated[
+        str | None,
+        option("--heading-unit", "deg or rad. [default: by the suffix of the column's name]", metavar="UNIT"),
+    ] = None,
+    reading: opt.Reading = None,
     map_lines: opt.MapFile = None,
     map_unit: opt.MapUnit = DEFAULTS.map_unit,
     name: Annotated[str | None, option("--name", "Name of the place. [default: the table's folder]")] = None,
@@ -263,8 +269,13 @@ def pictures(
     """
     if heading_unit not in (None, "deg", "rad"):
         raise typer.BadParameter(f"--heading-unit is deg or rad, found {heading_unit!r}")
+    heading = heading_column or ("heading_deg" if heading_unit else None)
+    unit = f":{heading_unit}" if heading_unit else ""
+    columns = {"image": image_column, "x": x_column, "y": y_column, "heading": heading and f"{heading}{unit}"}
+    how = reading_of(reading)
+    named = {role: column for role, column in columns.items() if column}
     options = ImportOptions(
-        columns=Columns(image_column, x_column, y_column, heading_column, heading_unit),
+        reading=replace(how, columns={**how.columns, **named}),
         name=name,
         map_lines=map_lines,
         map_unit=map_unit,

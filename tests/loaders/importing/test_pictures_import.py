@@ -28,8 +28,10 @@ from maurice_loaders.importing import (
 from maurice_loaders.libraries.landmarks import with_landmarks
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.recording import Picture
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.transforms import OdometryNoise
+from maurice_mcl.arrays import U8
 from maurice_mcl.geometry import angle_between, compose
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 
@@ -60,7 +62,7 @@ def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
     assert (len(moments), library.size) == (summary.session_pictures, summary.library_pictures) == (6, 4)
     assert (summary.rows, summary.runs, summary.session_runs, summary.guarded_runs) == (30, 12, 3, 5)
     assert session.info.survey == summary.survey.resolve()
-    assert session.info.name == "Büro"
+    assert session.info.name == "Büro (odometry made from the truth)"
     for log in (summary.session, summary.survey):
         assert inspect_session(log).problem_count == 0
 
@@ -93,14 +95,14 @@ def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
         assert moment.truth is not None
         assert pose[:2] == pytest.approx(moment.truth[:2])
         assert angle_between(pose[2], moment.truth[2]) == pytest.approx(0, abs=1e-9)
-    assert movements == 16  # a straight and a turn for each of the eight steps up to the last picture
+    assert movements == 21  # one a row after the session's first picture, up to its last one
 
 
 def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, seed=9))
     for log in (summary.session, summary.survey):
         notes = " ".join(SessionLog(log).info.notes)
-        assert "odometry is synthetic" in notes
+        assert "ODOMETRY IS NOT MEASURED" in notes
         assert "seed 9" in notes
         assert "times are synthetic" in notes
         assert "at least 0.5 m from every session pose" in notes
@@ -150,9 +152,9 @@ BAD: dict[str, tuple[str, Callable[[Path], None], ImportOptions, str]] = {
         "images/*_0.JPG",
         Path.unlink,
         OPTIONS,
-        r"poses\.csv:2: found no picture .*_0\.JPG, expected a file",
+        r"poses\.csv: .*_0\.JPG: found no such picture, expected a file",
     ),
-    "cut": ("images/*_0.JPG", cut, OPTIONS, r"poses\.csv:2: .*_0\.JPG: found a cut JPEG"),
+    "cut": ("images/*_0.JPG", cut, OPTIONS, r"poses\.csv: .*_0\.JPG: found a cut JPEG"),
     "far": (
         "*.csv",
         add_far,
@@ -224,8 +226,12 @@ def test_a_real_recording(tmp_path: Path) -> None:
     assert "landmarks assume 60 degrees" in told[0]
 
 
+def black() -> U8:
+    return np.zeros((2, 2, 3), np.uint8)
+
+
 def row(number: int, x: float, y: float = 0.0) -> PoseRow:
-    return PoseRow(number, number + 2, f"{number}.jpg", np.array([x, y, 0.0]))
+    return PoseRow(number, Picture(float(number), black, f"{number}.jpg"), np.array([x, y, 0.0]))
 
 
 def line_of(count: int, step_m: float, copies: int = 1) -> list[list[PoseRow]]:
@@ -247,7 +253,7 @@ def test_every_third_run_is_the_session_and_the_guard_takes_what_is_near_seen_or
     assert split.guarded_runs == 4
     back_again = [[row(0, 0)], [row(1, 3)], [row(2, 6)], [row(3, 9)], [row(4, 2.8)]]
     assert numbers(split_runs(back_again, 4, 0.5, 1, 1).library) == [2, 3]
-    turned = PoseRow(1, 3, "b", np.array([0.1, 0.0, np.pi]))
+    turned = PoseRow(1, row(1, 0).picture, np.array([0.1, 0.0, np.pi]))
     assert split_runs([[row(0, 0)], [turned]], 2, 0.5, 1, 1).library == ()
 
 

@@ -13,14 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.importing import (
-    Columns,
-    PoseRow,
-    pose_runs,
-    read_pose_table,
-)
+from maurice_loaders.formats.picture_folder import open_table
+from maurice_loaders.importing import PoseRow, pose_runs, read_rows
 from maurice_loaders.maps import arena_from_lines
+from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recording import Picture
 
+NO_PICTURE = Picture(0.0, lambda: np.zeros((1, 1, 3), np.uint8), "")
 HEAD = "image,x_m,y_m,heading_deg"
 
 
@@ -30,99 +29,105 @@ def table(folder: Path, *lines: str, head: str = HEAD) -> Path:
     return path
 
 
+def read(path: Path, **columns: str) -> list[PoseRow]:
+    return read_rows(open_table(path.parent, ReadingOptions(table=path, columns=columns)))
+
+
 def test_rows_in_order_with_headings_in_radians_and_other_columns(tmp_path: Path) -> None:
-    first, second = read_pose_table(table(tmp_path, "a.jpg,1,2,90", "b.jpg,-1.5,0,-180"), Columns())
-    assert (first.number, first.line, first.image) == (0, 2, "a.jpg")
+    first, second = read(table(tmp_path, "a.jpg,1,2,90", "b.jpg,-1.5,0,-180"))
+    assert (first.number, first.key) == (0, (0.0, "a.jpg"))
     assert first.pose == pytest.approx([1, 2, math.pi / 2])
     assert second.pose == pytest.approx([-1.5, 0, -math.pi])
     path = tmp_path / "p.csv"
     path.write_text('\ufeffΘ,"bild",y,note,x\r\n0.5,"Büro, 1.jpg",2,x,1\r\n', encoding="utf-8")
-    (row,) = read_pose_table(path, Columns("bild", "x", "y", "Θ", "rad"))
-    assert row.image == "Büro, 1.jpg"
+    (row,) = read(path, image="bild", x="x", y="y", heading="Θ:rad")
+    assert row.picture.name == "Büro, 1.jpg"
     assert row.pose.tolist() == [1, 2, 0.5]
 
 
+def test_units_and_times_are_those_of_every_other_table(tmp_path: Path) -> None:
+    head = "t_ms,file,x_mm,y_mm,yaw_deg"
+    first, second = read(table(tmp_path, "500,a.jpg,1000,2500,90", "900,b.jpg,1000,2500,90", head=head))
+    assert first.pose == pytest.approx([1, 2.5, math.pi / 2])
+    assert (first.picture.t_s, second.picture.t_s) == (0.5, 0.9)
+    german = table(tmp_path, "a.jpg;1,5;2;90", head=HEAD.replace(",", ";"))
+    assert read(german)[0].pose == pytest.approx([1.5, 2, math.pi / 2])
+
+
 @pytest.mark.parametrize(
-    ("column", "unit", "expected"),
+    ("column", "heading", "expected"),
     [
         ("heading_rad", None, 90.0),
         ("heading_deg", None, math.pi / 2),
-        ("heading", "rad", 90.0),
-        ("heading", "deg", math.pi / 2),
-        ("heading_deg", "rad", 90.0),
+        ("heading", "heading:rad", 90.0),
+        ("heading", "heading:deg", math.pi / 2),
+        ("heading_deg", "heading_deg:rad", 90.0),
     ],
 )
-def test_the_unit_of_headings(tmp_path: Path, column: str, unit: str | None, expected: float) -> None:
+def test_the_unit_of_headings(tmp_path: Path, column: str, heading: str | None, expected: float) -> None:
     path = table(tmp_path, "a.jpg,0,0,90", head=f"image,x_m,y_m,{column}")
-    (row,) = read_pose_table(path, Columns(heading=column, heading_unit=unit))
+    (row,) = read(path) if heading is None else read(path, heading=heading)
     assert row.pose[2] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("a.jpg,1,two,3", "found 'two' in column 'y_m', expected a finite number"),
-        ("a.jpg,nan,2,3", "found 'nan' in column 'x_m', expected a finite number"),
-        ("a.jpg,1,2,inf", "found 'inf' in column 'heading_deg', expected a finite number"),
-        ("a.jpg,1,,3", "found '' in column 'y_m', expected a finite number"),
-        ("a.jpg,1e300,2,3", "found '1e300' in column 'x_m', expected a number up to 1e9 in size"),
-        ("a.jpg,1,2,-2e9", "found '-2e9' in column 'heading_deg', expected a number up to 1e9 in size"),
-        ("a.jpg,1,2", "found nothing in column 'heading_deg', expected a finite number"),
-        (",1,2,3", "found no file name in column 'image', expected a picture"),
+        ("a.jpg,1,two,3", "found y_m 'two', expected a finite number"),
+        ("a.jpg,nan,2,3", "found x_m 'nan', expected a finite number"),
+        ("a.jpg,1,2,inf", "found heading_deg 'inf', expected a finite number"),
+        ("a.jpg,1,,3", "found y_m '', expected a finite number"),
+        ("a.jpg,1e300,2,3", "found x_m '1e300', expected a number up to 1e9 in size"),
+        ("a.jpg,1,2,-2e9", "found heading_deg '-2e9', expected a number up to 1e9 in size"),
+        ("a.jpg,1,2", "found 3 values, expected at least 4"),
     ],
 )
 def test_a_bad_row_is_named(tmp_path: Path, line: str, message: str) -> None:
     path = table(tmp_path, "ok.jpg,1,2,3", line)
     with pytest.raises(InputError) as caught:
-        read_pose_table(path, Columns())
+        read(path)
     assert str(caught.value) == f"{path}:3: {message}"
+
+
+def test_a_row_without_a_picture_or_a_pose_has_no_place_in_library_or_session(tmp_path: Path) -> None:
+    rows = read(table(tmp_path, "a.jpg,1,2,3", ",2,2,3", "b.jpg,,,", "c.jpg,3,2,3"))
+    assert [(row.picture.name, row.picture.t_s) for row in rows] == [("a.jpg", 0), ("c.jpg", 3)]
 
 
 def test_no_table_at_all(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00")
     for path, told in (
-        (tmp_path / "no.csv", "found no such file"),
+        (tmp_path / "no.csv", "found no table"),
         (table(tmp_path), "found no rows"),
-        (tmp_path / "b.csv", "cannot be read as a CSV table"),
-        (tmp_path, "cannot be read as a CSV table"),
-        (tmp_path / "pipe", "found no regular file, expected a table of poses"),
-        (Path("/dev/zero"), "found no regular file, expected a table of poses"),
+        (tmp_path / "b.csv", "found bytes that are not UTF-8|found binary data"),
+        (tmp_path, "found no table"),
+        (tmp_path / "pipe", "found no table"),
+        (Path("/dev/zero"), "found no table"),
     ):
         with pytest.raises(InputError, match=told):
-            read_pose_table(path, Columns())
-
-
-FOUND = "found columns"
+            read(path)
 
 
 @pytest.mark.parametrize(
-    ("head", "told"),
+    ("head", "columns", "told"),
     [
-        (
-            HEAD.replace(",", ";"),
-            f"{FOUND} separated by semicolons, expected commas; save the table with commas",
-        ),
-        (HEAD.replace(",", "\t"), f"{FOUND} separated by tabs, expected commas"),
-        ('"' + HEAD.replace(",", '";"') + '"', f"{FOUND} separated by semicolons, expected commas"),
-        ('"' + HEAD.replace(",", '"\t"') + '"', f"{FOUND} separated by tabs, expected commas"),
-        ("file;name,x_m,y_m,heading_deg", f"{FOUND} file;name, x_m, .*, expected also image; choose"),
-        (
-            "file,x_m,y_m,theta",
-            f"{FOUND} file, x_m, y_m, theta, expected also image, heading_deg; choose the columns",
-        ),
-        ("image,x_m,y_m,yaw", "found heading column 'yaw' without a unit .* deg or rad"),
+        ("image,x_m,y_m,bearing", {}, "found columns 'image, x_m, y_m, bearing' and no picture with a pose"),
+        ("image,x_m,y_m,yaw", {}, "found column 'yaw' without a unit"),
+        (HEAD, {"image": "file"}, "found columns image, x_m, y_m, heading_deg, expected also 'file'"),
     ],
 )
-def test_columns_that_are_not_there_are_named(tmp_path: Path, head: str, told: str) -> None:
-    path = table(tmp_path, "a.jpg;1,5;2;3", head=head)
+def test_columns_that_are_not_there_are_named(
+    tmp_path: Path, head: str, columns: dict[str, str], told: str
+) -> None:
+    path = table(tmp_path, "a.jpg,1,5,2", head=head)
     with pytest.raises(InputError, match=rf"poses\.csv(:1)?: {told}"):
-        read_pose_table(path, Columns(heading="yaw") if "yaw" in head else Columns())
+        read(path, **columns)
 
 
 @given(st.lists(st.integers(0, 2), min_size=1))
 def test_runs_are_maximal_and_lose_nothing(places: list[int]) -> None:
-    rows = [PoseRow(k, k, "", np.array([p, 0.0, 0.0])) for k, p in enumerate(places)]
+    rows = [PoseRow(k, NO_PICTURE, np.array([p, 0.0, 0.0])) for k, p in enumerate(places)]
     runs = pose_runs(rows)
     assert [row for run in runs for row in run] == rows
     assert all(row.pose[0] == run[0].pose[0] for run in runs for row in run)
