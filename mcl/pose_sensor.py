@@ -65,9 +65,8 @@ class ShownMarks:
 
     name: str  # what they are: "matched landmarks"
     view: str  # the title of a picture of `Shown`, "map", or "space"
-    strips: (
-        F32  # (K, P, 2) pixels (right, down), or meters in the map's frame, (K, P, 3) in space; P = 1: points
-    )
+    # (K, P, 2) pixels (right, down), or meters in the map's frame, (K, P, 3) in space; P = 1: points
+    strips: F32 | F64
     agrees: Bool | None = None  # (K,) which of them agree with the estimate; None: not judged
     of: str | None = None  # whose they are, "truth" or "estimate": drawn in its color
 

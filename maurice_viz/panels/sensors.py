@@ -140,7 +140,8 @@ class SensorsPanel(Panel):
     def _drawn(self, marks: ShownMarks) -> F32:
         if marks.view == ON_MAP:
             return self._on_map(marks.strips)
-        return marks.strips * np.float32(self._scale.length(1.0)) if marks.view == IN_SPACE else marks.strips
+        strips = _spaced(marks.strips, self._scale) if marks.view == IN_SPACE else marks.strips
+        return strips.astype(np.float32)
 
     def _draw_words(self, rec: rr.RecordingStream, name: str, words: str) -> None:
         text = text_of(font_safe(words))
@@ -154,7 +155,7 @@ class SensorsPanel(Panel):
         agrees = None if marks.agrees is None else marks.agrees[kept]
         return replace(marks, strips=marks.strips[kept], agrees=agrees)
 
-    def _on_map(self, strips: F32) -> F32:
+    def _on_map(self, strips: F32 | F64) -> F32:
         flat = self._scale.screen(strips.reshape(-1, 2).astype(np.float64))
         return flat.reshape(strips.shape)
 
@@ -205,6 +206,11 @@ def in_space(sensor: PoseSensor) -> bool:
     return bool(getattr(sensor, "in_space", False))
 
 
+def _spaced(strips: F32 | F64, scale: Scale) -> F64:
+    """Return points (..., 3) in the map's frame as they are drawn in space."""
+    return np.asarray((strips - [*scale.origin_m, 0.0]) * scale.length(1.0), np.float64)
+
+
 def draw_room(rec: rr.RecordingStream, path: str, arena: Arena, scale: Scale) -> None:
     """Log walls and obstacles in space, static, in display units and y pointing away."""
     strips = [np.column_stack([w.reshape(2, 2), [0, 0]]) for w in arena.walls]
@@ -214,7 +220,7 @@ def draw_room(rec: rr.RecordingStream, path: str, arena: Arena, scale: Scale) ->
         strips += [np.column_stack([ring, np.full(len(ring), z)]) for z in (0.0, OBSTACLE_M)]
         colors += [OBSTACLE] * 2
     radii = rr.components.Radius.ui_points(STROKE)
-    drawn = [strip * scale.length(1.0) for strip in strips]
+    drawn = [_spaced(strip, scale) for strip in strips]
     rec.log(f"{path}/room", rr.LineStrips3D(drawn, colors=colors, radii=radii), static=True)
     rec.log(path, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 

@@ -12,14 +12,14 @@ import numpy as np
 
 from ..randomness import Domain, Purpose, stream
 from ..records import NO_HISTORY, Belief, FilterState, RecoveryState, StepRecord, uniform_log_weights
-from .localizer import LEFT_MAP, Localizer
+from .localizer import LEFT_MAP, Localizer, usable_evidence
 from .recovery import RecoveryStrategy
 from .resampling import systematic
 
 
 def recovery_evidence(record: StepRecord) -> float:
-    """Return what the recovery strategy was told of an update: -inf where the cloud had left the map."""
-    return -np.inf if LEFT_MAP in record.events else record.calibrated_evidence
+    """Return what the recovery strategy was told of an update."""
+    return usable_evidence(record.calibrated_evidence, LEFT_MAP in record.events)
 
 
 def recovery_after(strategy: RecoveryStrategy, evidences: Iterable[float]) -> RecoveryState:

@@ -134,7 +134,7 @@ class Localizer:
         with _timed(took, "resample"):
             recovery = Recovery(0.0, state.recovery)
             if left or is_told(proposal, sighting):
-                recovery = self.recovery.strategy(-np.inf if left else evidence, state.recovery)
+                recovery = self.recovery.strategy(usable_evidence(evidence, left), state.recovery)
             resampled = self.resample(weighted, recovery, frame.step)
         with _timed(took, "recover"):
             recovered = self.recover(resampled, recovery, comparison, frame.step)
@@ -284,6 +284,11 @@ def calibrated_evidence(proposal: ProposedParticles, sighting: Sighting) -> tupl
     if sighting.sensed is not None:
         held = entry_weights(np.exp(prior + sighting.sensed), sighting.entries, len(comparison.cost), known)
     return float(log_mean_likelihood(comparison.explained_by_channels, held)[0]), by_channel
+
+
+def usable_evidence(evidence: float, left: bool) -> float:
+    """Return what recovery is told: -inf where the cloud left the map, or the evidence is no number."""
+    return -np.inf if left or np.isnan(evidence) else evidence
 
 
 def _events(

@@ -86,7 +86,10 @@ def regions(nearest: NearestReference, entries: int) -> Regions:
 def shares_of(log_likelihood: F32, where: Regions) -> F64:
     """Return the probability (L,) of each entry to be nearest to a pose drawn from the likelihood."""
     size = where.sizes()
-    weight = np.exp(log_likelihood.astype(np.float64) - float(log_likelihood.max())) * size
+    top = float(log_likelihood[size > 0].max(initial=-np.inf))  # of those that any pose is nearest to
+    if not np.isfinite(top):  # a channel measured no number: any pose is as likely as another
+        return np.asarray(size / size.sum())
+    weight = np.exp(np.minimum(log_likelihood.astype(np.float64) - top, 0.0)) * size
     return np.asarray(weight / weight.sum())
 
 

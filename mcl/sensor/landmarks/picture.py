@@ -58,7 +58,7 @@ class Judged:
             true = there[(away < FARTHEST_PX) & self._inside(there)][:, None, :]
             marks.append(ShownMarks("where the truth has them", PICTURE, true, of="truth"))
         marks.append(ShownMarks("matched keypoints", PICTURE, self.pixels[:, None, :], agrees))
-        places = self.landmarks.points[self.matched][:, None].astype(np.float32)
+        places = self.landmarks.points[self.matched][:, None]
         marks.append(ShownMarks("matched landmarks", "map", places[..., :2], agrees))
         marks += self._in_space(places, agrees, estimate)
         pictures: dict[str, U8 | Beside] = {} if self.image is None else {PICTURE: self.image}
@@ -105,14 +105,14 @@ class Judged:
             ShownMarks("in both", BESIDE, ends, np.repeat(judged, 2)),
         )
 
-    def _in_space(self, places: F32, agrees: Bool, pose: F64) -> list[ShownMarks]:
+    def _in_space(self, places: F64, agrees: Bool, pose: F64) -> list[ShownMarks]:
         """Return landmarks in space, lines of sight to those that agree, and where the camera looks."""
         camera = self.landmarks.fit.camera
-        eye = np.array([pose[0], pose[1], camera.height_m], np.float32)
+        eye = np.array([pose[0], pose[1], camera.height_m])
         heading = pose[2] + camera.yaw_rad
         flat, up = np.cos(camera.tilt_rad), np.sin(camera.tilt_rad)
-        ahead = np.array([flat * np.cos(heading), flat * np.sin(heading), up], np.float32)
-        sight = np.stack([eye, eye + np.float32(SIGHT_M) * ahead])[None]
+        ahead = np.array([flat * np.cos(heading), flat * np.sin(heading), up])
+        sight = np.stack([eye, eye + SIGHT_M * ahead])[None]
         seen = places[agrees, 0]
         lines = np.stack([np.broadcast_to(eye, seen.shape), seen], axis=1)
         return [

@@ -7,7 +7,7 @@ direction in the plane, and its slope. Two matches give a hypothesis; all are sc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,9 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int 
     """Return the poses that matches agree on, best first, at most `most`."""
     if len(matched.pixels) < 3:
         return []
+    # about a local origin: what is solved for two matches has no digits left at UTM coordinates
+    origin = np.append(matched.points[:, :2].mean(axis=0), 0.0)
+    matched = replace(matched, points=matched.points - origin)
     hypotheses = hypotheses_of(camera, matched)
     if not len(hypotheses):
         return []
@@ -63,7 +66,8 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int 
     order = order[score[order] > score.max() - WORSE]
     chosen = hypotheses[order[_apart(hypotheses[order], REFINED)]]
     found = sorted(refined(camera, matched, chosen, area_px), key=lambda mode: -mode.score)
-    return [found[k] for k in _apart(np.stack([mode.pose for mode in found]), most)]
+    kept = _apart(np.stack([mode.pose for mode in found]), most)
+    return [replace(found[k], pose=found[k].pose + origin) for k in kept]
 
 
 def _apart(poses: F64, most: int) -> list[int]:

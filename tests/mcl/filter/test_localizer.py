@@ -210,6 +210,26 @@ def test_a_channel_that_holds_nan_is_told_as_such_and_moves_no_particle(world):
     assert "a channel or the library holds NaN" in event.text
 
 
+@pytest.mark.parametrize("strategy", ["always", "threshold", "sensor", "augmented", "expansion", "mixture"])
+def test_every_recovery_bears_pictures_without_a_number(world, strategy):
+    settings = {"recovery.strategy": strategy}
+    localizer = make_localizer(world.library, feature="color", particles=50, settings=settings)
+    localizer = localizer.of_session(world.drive)
+    state = localizer.initialize(world.start)
+    for moment in world.drive.all_moments[:4]:
+        (compared,) = compare_picture([localizer.sensor], moment.frame)
+        if moment.frame.step > 1:
+            broken = {
+                name: np.full_like(getattr(compared.comparison, name), np.nan)
+                for name in ("distances", "channel_cost", "cost", "log_likelihood", "virtual")
+            }
+            compared = replace(compared, comparison=replace(compared.comparison, **broken))
+        state, record = localizer.step(state, moment.frame, compared)
+        assert np.isfinite(record.belief.poses).all()
+    assert record.injected is None or len(np.unique(record.belief.poses[record.injected], axis=0)) > 3
+    assert not np.isnan([state.recovery.slow, state.recovery.fast, state.recovery.spread]).any()
+
+
 @pytest.mark.parametrize("strategy", ["threshold", "sensor", "augmented", "expansion"])
 def test_leaving_the_map_starts_every_recovery(world, strategy):
     settings = {"recovery.strategy": strategy}

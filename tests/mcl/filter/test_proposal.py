@@ -123,6 +123,16 @@ def test_an_entry_whose_place_is_the_nearest_of_no_cell_has_no_share(where):
     assert (twice.entries(drawn, MIDDLE) < len(_library())).all()
 
 
+def test_the_likeliest_entry_may_be_the_nearest_of_no_pose(where):
+    """However much likelier: what is left keeps its shares."""
+    crowded = np.vstack([_library(), [_library()[4]]])
+    found = regions(nearest_reference(crowded, ARENA), len(crowded))
+    for top in (-60.0, 0.0, 5000.0):
+        shares = shares_of(np.append(_logs(), np.float32(top)), found)
+        assert shares[:-1] == pytest.approx(shares_of(_logs(), where))
+        assert shares[-1] == 0
+
+
 def test_from_likelihood_has_every_entry_in_its_share(nearest, where):
     logs = _logs()
     weight = np.exp(logs.astype(float) + 50) * where.sizes()

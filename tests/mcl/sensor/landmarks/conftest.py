@@ -61,11 +61,13 @@ def references() -> tuple[F64, F64]:
     return stated, stated + rng.standard_normal(stated.shape) * [0.01, 0.01, np.radians(1.5)]
 
 
-def built(room: Room, references: tuple[F64, F64], known: Camera | None) -> LandmarkSet:
-    """Build landmarks from what references see, with half a pixel of noise."""
+def built(
+    room: Room, references: tuple[F64, F64], known: Camera | None, off: F64 | float = 0.0
+) -> LandmarkSet:
+    """Build landmarks from what references see, with half a pixel of noise, in a map that is `off` (3,)."""
     stated, true = references
     keypoints = [room.keypoints(pose, 0.5, number) for number, pose in enumerate(true)]
-    found = landmarks_of(keypoints, (144, 176), stated, known)
+    found = landmarks_of(keypoints, (144, 176), stated + off, known)
     assert not isinstance(found, NoLandmarks), found
     return found
 

@@ -103,6 +103,24 @@ def test_without_anything_elsewhere_no_match_is_sure(landmarks, room):
     assert replace(landmarks, map=one_place).matched(room.keypoints(POSE, 0.5, 99)) is None
 
 
+@pytest.mark.parametrize("off_m", [(500_000.0, 5_400_000.0), (-9.0, 7.0)])
+def test_where_the_map_lies_does_not_matter(landmarks, room, references, off_m):
+    """At UTM coordinates float32 has steps of half a meter."""
+    off, seen = np.array([*off_m, 0.0]), room.keypoints(POSE, 0.5, 99)
+    moved = Landmarks(built(room, references, KNOWN, off))
+    assert moved.map.points - off == pytest.approx(landmarks.map.points, abs=1e-4)
+    here, there = (sensor.propose(sensor.matched(seen)) for sensor in (landmarks, moved))
+    assert there.poses - off == pytest.approx(here.poses, abs=1e-3)
+    assert there.covariances == pytest.approx(here.covariances, rel=0.01)
+    reading = landmarks.matched(seen)
+    here = landmarks.shown(reading, {"estimate": POSE})
+    there = moved.shown(moved.matched(seen), {"estimate": POSE + off})
+    assert there.words == here.words
+    for one, other in zip(here.marks, there.marks, strict=True):
+        if one.view in ("map", "space"):
+            assert other.strips - off[: one.strips.shape[-1]] == pytest.approx(one.strips, abs=1e-3)
+
+
 def test_likelihood_is_zero_at_perfect_agreement_and_bounded(landmarks, room):
     # keypoints exactly where the landmarks fall
     keypoints = room.keypoints(POSE)
