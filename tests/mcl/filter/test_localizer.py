@@ -226,7 +226,6 @@ def test_every_recovery_bears_pictures_without_a_number(world, strategy):
             compared = replace(compared, comparison=replace(compared.comparison, **broken))
         state, record = localizer.step(state, moment.frame, compared)
         assert np.isfinite(record.belief.poses).all()
-    assert record.injected is None or len(np.unique(record.belief.poses[record.injected], axis=0)) > 3
     assert not np.isnan([state.recovery.slow, state.recovery.fast, state.recovery.spread]).any()
 
 

@@ -131,6 +131,9 @@ def test_the_likeliest_entry_may_be_the_nearest_of_no_pose(where):
         shares = shares_of(np.append(_logs(), np.float32(top)), found)
         assert shares[:-1] == pytest.approx(shares_of(_logs(), where))
         assert shares[-1] == 0
+    for unknown in (np.nan, -np.inf):  # no number: anywhere
+        even = where.sizes() / where.sizes().sum()
+        assert shares_of(np.full(len(even), unknown, np.float32), where) == pytest.approx(even)
 
 
 def test_from_likelihood_has_every_entry_in_its_share(nearest, where):
