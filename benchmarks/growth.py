@@ -3,19 +3,22 @@
     python -m benchmarks growth
 
 The demo's first hundred updates are filtered again and again under growing numbers, alone, with a recording
-(`--detail light`), and with random libraries of several sizes, each in a process of its own, so that its
-memory is its own.
+(`--detail light`, then complete), and with random libraries of several sizes, each in a process of its own,
+so that its memory is its own. Python's collector runs as seldom as in a command: values that refer to
+themselves show up.
 """
 
 from __future__ import annotations
 
+import gc
 import os
+import re
 import resource
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from itertools import cycle, islice
 from pathlib import Path
@@ -28,6 +31,7 @@ from maurice_loaders.libraries.files import save_library
 from maurice_loaders.libraries.measured import SWITCH
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.session import Moment
+from maurice_viz.cli.main import COLLECT_AFTER
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.playback import FilterRun, run_together
@@ -39,8 +43,9 @@ from .libraries import SIZES, random_library
 from .measure import Table
 
 ROUND, PARTICLES = 100, 1000
-STEPS, QUICK = (100, 1000, 10_000), (100, 300)
-WAYS = ("filter alone", "with a recording, light")
+STEPS, QUICK = (120, 1200, 10_000), (120, 360)
+ALONE = "filter alone"
+DETAILS = {"with a recording, light": Detail.LIGHT, "with a recording, full": Detail.FULL}
 REFERENCES, LIBRARY_STEPS = "filter alone, {:,} references", 300
 MB = 1e6 if sys.platform == "darwin" else 1e3  # of the unit in which the system tells memory
 
@@ -49,7 +54,7 @@ def growth(quick: bool) -> Table:
     """Measure milliseconds a step and megabytes at the most, by the number of steps."""
     demo_paths()
     rows = []
-    for way in WAYS:
+    for way in (ALONE, *DETAILS):
         rows += [_row(way, steps) for steps in (QUICK if quick else STEPS)]
     with tempfile.TemporaryDirectory() as folder:
         for size in SIZES:
@@ -87,7 +92,7 @@ def one(way: str, steps: int, folder: str | None = None) -> tuple[float, float]:
     localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES).of_session(session)
     run = FilterRun("run", localizer, None if folder else session.info.start)
     with ExitStack() as stack:
-        drawn = _observer(stack, localizer, library) if way == WAYS[1] else None
+        drawn = _observer(stack, localizer, library, DETAILS[way]) if way in DETAILS else None
         if drawn is not None:
             drawn.begin(session.info, library)
         began = perf_counter()
@@ -97,18 +102,31 @@ def one(way: str, steps: int, folder: str | None = None) -> tuple[float, float]:
         took_s = perf_counter() - began
         if drawn is not None:
             drawn.end()
-    return took_s / steps * 1e3, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MB
+    return took_s / steps * 1e3, _peak_mb()
 
 
-def _observer(stack: ExitStack, localizer: Localizer, library: mcl.Library) -> RerunObserver:
+def _peak_mb() -> float:
+    """Return the megabytes of this process at the most.
+
+    Linux counts the process that started this one into `getrusage`, but not into its own list.
+    """
+    with suppress(OSError):
+        peak = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())
+        if peak:
+            return int(peak[1]) / 1e3
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MB
+
+
+def _observer(stack: ExitStack, localizer: Localizer, library: mcl.Library, detail: Detail) -> RerunObserver:
     folder = stack.enter_context(tempfile.TemporaryDirectory())
     distances = localizer.sensor.distances
     scene = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
     layout = runs_blueprint([RunView("run", tuple(distances))], scene)
     rec = stack.enter_context(sinks.to_file(Path(folder) / "long.rrd", "long", layout))
-    return RerunObserver(rec, "run", distances, detail=Detail.LIGHT, sensor=localizer.sensor)
+    return RerunObserver(rec, "run", distances, detail=detail, sensor=localizer.sensor)
 
 
 if __name__ == "__main__":
+    gc.set_threshold(*COLLECT_AFTER)
     os.environ[SWITCH] = "0"  # every picture is measured, as in a live session
     print(*one(sys.argv[1], int(sys.argv[2]), *sys.argv[3:]))

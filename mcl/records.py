@@ -145,9 +145,12 @@ class Comparison:
         """How well each entry explains the picture, of all sensors together, (1, L)."""
         return EntryLikelihood.of(self.cost[None])
 
-    @cached_property
+    @property
     def by_channels(self) -> Comparison:
-        """The same without pose sensors, which know every particle's own pose."""
+        """The same without pose sensors, which know every particle's own pose.
+
+        Not kept: a value that held itself would wait for Python's collector.
+        """
         if not self.sensed or self.of_channels is None:
             return self
         cost = np.maximum(self.cost - sum(one.weight * one.cost for one in self.sensed), np.float32(0))

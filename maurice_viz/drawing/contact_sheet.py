@@ -34,7 +34,8 @@ WIDTH_OF_A_LETTER = 0.78  # in text heights, on average in a caption
 NOT_KEPT = "picture not kept"
 GAP_PX = 6
 TRIED = 16  # pictures that are tried before a usual shape is assumed
-KEPT = 640  # references in memory, at most about 40 MB: matches come back, and reading one costs 0.5 ms
+KEPT = 640  # references in memory as JPEGs, about 4 kB each: matches come back, and reading one costs 0.5 ms
+LATEST = 16  # pictures in memory before they are encoded: several drawings of one update show the same
 QUALITY = 70  # of their pictures
 
 CAPTIONS = IndexedColors()
@@ -103,7 +104,7 @@ def no_caption(height: int) -> bytes:
     return CAPTIONS.png(np.full((height, CELL_PX), INKS[PALE], np.uint8))
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=LATEST)
 def thumbnail_of(path: Path, height: int) -> U8 | None:
     """Return a picture in a cell's size (height, CELL_PX, 3), read-only and cached; None if unreadable."""
     image = read_picture(path)

@@ -19,7 +19,7 @@ from .canvas import put_text, text_size
 
 LEVELS = 8  # colors of a smooth edge, from the ground to the ink
 MOST_COLORS = 256
-KEPT = 2048  # texts in memory, about 1 kB each
+KEPT = 1024  # texts in memory, about 4 kB each
 PAD = 3  # pixels of room around a text
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"

@@ -20,8 +20,9 @@ from ..drawing.arrow import ReadyComponent, Values, joined, ready
 from ..entities import STEP
 
 Timelines = tuple[str, ...]
-UPDATES = 64  # in a block
+UPDATES = 100  # in a block; every block of an entity costs the writer some 8 kB of memory until the end
 MOST_BYTES = 16 << 20  # in a block: pictures may be large
+AT_ONCE = 1 << 19  # bytes given to the writer, which holds them several times, before it is waited for
 FILE_BATCH_S = 1.0  # of what is not in blocks
 GIVEN_UP_S = 1.0  # to wait after a block, once a disk has not taken one
 
@@ -33,6 +34,7 @@ class Rows:
     times: dict[str, list[Any]]
     columns: dict[Any, list[Any]] = field(default_factory=dict)  # by descriptor; None: not in that row
     count: int = 0
+    size: int = 0  # bytes
     seen: set[tuple[str, Any]] = field(default_factory=set)  # timelines and times of all rows
 
     def add(self, times: Mapping[str, Any], components: Mapping[Any, Values]) -> None:
@@ -47,6 +49,7 @@ class Rows:
             if len(column) < self.count:
                 column.extend([None] * (self.count - len(column)))
             column.append(values)
+            self.size += values.size
         self.count += 1
 
     def filled(self) -> Iterator[tuple[Any, list[Any]]]:
@@ -140,22 +143,33 @@ class BlockRecording(rr.RecordingStream):
         """Send all rows that wait, and let the disk catch up."""
         if not self._rows:
             return
+        sent = 0
         for entity in list(self._rows):
-            self._send_entity(entity)
+            sent += self._send_entity(entity)
+            if sent > AT_ONCE:
+                self._wait_for_the_disk()
+                sent = 0
         self._rows.clear()
         self._columns.clear()
         self._updates = self._bytes = 0
+        self._wait_for_the_disk()
+
+    def _wait_for_the_disk(self) -> None:
         try:
             super().flush(timeout_sec=self._patience_s)
         except (RuntimeError, OSError, ValueError):  # reported at the end, with all that could be written
             self._patience_s = min(self._patience_s, GIVEN_UP_S)
 
-    def _send_entity(self, entity: str) -> None:
+    def _send_entity(self, entity: str) -> int:
+        """Send the rows of an entity; return their bytes."""
+        size = 0
         for rows in self._rows[entity].values():
             times = [self._time_column(name, tuple(at)) for name, at in rows.times.items()]
             columns: list[Any] = [ComponentLists(*column) for column in rows.filled()]
             self.send_columns(entity, times, columns)
+            size += rows.size
         self._rows[entity].clear()
+        return size
 
     def _time_column(self, timeline: str, at: tuple[Any, ...]) -> rr.TimeColumn:
         """Return when rows are; most entities of a block have theirs at the same times."""

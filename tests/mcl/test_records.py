@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from maurice_mcl.records import Belief, effective_sample_size, normalize, uniform_log_weights
+import maurice_mcl as mcl
+from maurice_mcl.config.parameters import PRESETS
+from maurice_mcl.records import Belief, Comparison, effective_sample_size, normalize, uniform_log_weights
 
 LOGS = arrays(np.float64, st.integers(1, 50), elements=st.floats(-2000, 500))
 
@@ -50,3 +55,25 @@ def test_world_poses_are_exact_far_from_the_origin():
     assert belief.poses is poses
     assert belief.size == 2
     assert belief.weights == pytest.approx([0.5, 0.5])
+
+
+@pytest.mark.parametrize("preset", sorted(set(PRESETS) - {"precise"}))  # which needs landmarks
+def test_a_record_needs_no_collector_to_be_freed(preset):
+    """Commands let Python's collector wait: whatever refers to itself would pile up, 100 kB a step."""
+    localizer = mcl.make_localizer(mcl.tiny_library(), preset=preset, particles=50)
+    gc.collect()
+    gc.disable()
+    try:
+        for _, record in mcl.run(localizer, mcl.tiny_session()):
+            comparison = record.sighting.comparison
+            for name in dir(Comparison):  # everything that is computed once and kept
+                if not name.startswith("_"):
+                    getattr(comparison, name)
+            comparison.prepare()
+            kept = [weakref.ref(comparison), weakref.ref(record.predicted), weakref.ref(record.belief)]
+            frame = weakref.ref(record.sighting.comparison.quality)
+        del localizer, record, comparison
+        assert [one() for one in (*kept, frame)] == [None] * 4
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
