@@ -108,6 +108,10 @@ class ReadingOptions:
     ] = None
     truth_scale: Annotated[float, Meaning("Factor for lengths of the truth.", "correction")] = 1.0
     truth_turn_scale: Annotated[float, Meaning("Factor for headings of the truth.", "correction")] = 1.0
+    truth_ahead_m: Annotated[
+        float, Meaning("Place on the robot that truth is of: ahead of the wheels' center.", "correction")
+    ] = 0.0
+    truth_left_m: Annotated[float, Meaning("The same, left of the wheels' center.", "correction")] = 0.0
     camera_yaw_rad: Annotated[
         float,
         Meaning("Direction of the camera relative to forward; headings become the camera's.", "correction"),

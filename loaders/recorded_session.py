@@ -71,6 +71,12 @@ class RecordedSession(HasReadingNotes):
         """What is known before the first picture, with the field of view that the options state."""
         return with_stated_view(self.path, self.recording.info, self.options)
 
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What is to be said when it is opened: the header's notes, and what is not read."""
+        not_read = str(getattr(self.recording, "not_read", ""))
+        return (*self.info.notes, *([not_read] if not_read else []))
+
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture at a time."""
         notes = self._notes = ReadingNotes(self.options.keep_going)

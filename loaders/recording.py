@@ -137,6 +137,11 @@ class RecordingWrapper:
         return self.measured.path
 
     @property
+    def not_read(self) -> str:
+        """What the recording holds that is not read, in one line; "" for all that is known."""
+        return str(getattr(self.measured, "not_read", ""))
+
+    @property
     def info(self) -> SessionInfo:
         """What is known before the first record."""
         return self.measured.info

@@ -122,10 +122,8 @@ class Corrected(RecordingWrapper):
         info = replace(
             info, notes=(*info.notes, f"corrected in reading: {' '.join(self.correction.corrections)}")
         )
-        if not yaw_rad:
-            return info
-        cameras = tuple(replace(camera, yaw_rad=0.0) for camera in info.cameras)
-        start = None if info.start is None else info.start + np.array([0.0, 0.0, yaw_rad])
+        start = None if info.start is None else self._at_wheels(info.start) + np.array([0.0, 0.0, yaw_rad])
+        cameras = tuple(replace(camera, yaw_rad=0.0) for camera in info.cameras) if yaw_rad else info.cameras
         return replace(info, cameras=cameras, start=start)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
@@ -160,10 +158,15 @@ class Corrected(RecordingWrapper):
 
     def _truth(self, pose: F64) -> F64:
         c = self.correction
-        right: F64 = pose * [c.truth_scale, c.truth_scale, c.truth_turn_scale]
+        right = self._at_wheels(pose * [c.truth_scale, c.truth_scale, c.truth_turn_scale])
         if c.camera_yaw_rad:
             right[2] = wrap_angle(float(right[2]) + c.camera_yaw_rad)
         return right
+
+    def _at_wheels(self, pose: F64) -> F64:
+        """Return the pose (3,) of the wheels' center from that of the place on the robot that truth is of."""
+        moved = _turned(self.correction.truth_ahead_m, self.correction.truth_left_m, float(pose[2]))
+        return np.asarray(pose - np.array([*moved, 0.0]))
 
 
 def corrected(recording: Recording, correction: ReadingOptions) -> Recording:

@@ -171,7 +171,6 @@ class RecordedLocalizer:
     ) -> None:
         self.path = path
         self._options = options
-        self._drive = BagRecording(path, open_bag, options, may_be_empty=True)
         with open_bag(path) as bag:
             self.pose = _pose_topic(bag.topics)
             self.cloud = _cloud_topic(path, bag.topics, self.pose)  # or that of the poses, without a cloud
@@ -181,6 +180,7 @@ class RecordedLocalizer:
                     self.pose = self.cloud
             self._map = _map_of(bag)
             own = [one.name for one in (self.cloud, self.pose) if one is not None]
+            self._drive = BagRecording(path, open_bag, options, beside=own)
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]
             self._recorded = bool(use_recorded({name: peek(bag, name) for name in names}))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -46,8 +46,18 @@ from .readers import (
     in_order,
     read_bag,
 )
-from .source import BagSource, OpenBag, starts_with
-from .topics import PoseTopic, TopicRequest, choose, is_estimate, nothing_to_read, number_topics, readable
+from .source import BagSource, OpenBag, Topic, starts_with
+from .topics import (
+    PoseTopic,
+    TopicChoice,
+    TopicRequest,
+    choose,
+    is_estimate,
+    not_read,
+    nothing_to_read,
+    number_topics,
+    readable,
+)
 
 PoseKind = type[OdometryPose] | type[TruthPose]
 ROLES = ("image", "odometry", "truth")
@@ -63,7 +73,12 @@ class BagRecording:
     """A bag as a `Recording`, opened again for each reading. InputError if it is damaged."""
 
     def __init__(
-        self, path: Path, open_bag: OpenBag, options: ReadingOptions, *, may_be_empty: bool = False
+        self,
+        path: Path,
+        open_bag: OpenBag,
+        options: ReadingOptions,
+        *,
+        beside: Collection[str] | None = None,  # topics that a caller reads itself, even if these are all
     ) -> None:
         _refuse_tables(path, options)
         self.path = path
@@ -73,7 +88,7 @@ class BagRecording:
             image = options.image_topic or options.camera
             wishes = TopicRequest(image, options.odometry_topic, options.truth_topic)
             self.chosen = choose(path, bag.topics, wishes, _edges(bag))
-            if not self.chosen.topics and not may_be_empty:
+            if not self.chosen.topics and beside is None:
                 raise InputError(path, nothing_to_read(bag.topics))
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
             self.recorded_times = use_recorded(first)  # why recording times are used; "" where they are not
@@ -87,6 +102,8 @@ class BagRecording:
             self._doubt = ""
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
+            own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
+            self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
         self._guessed = "; ".join(text for text in (self.chosen.guess, looking) if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
         name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
@@ -103,7 +120,7 @@ class BagRecording:
             for route in dict.fromkeys((self.chosen.odometry, self.chosen.truth))
             if route is not None
         ]
-        for text in () if self._ours else (self._guessed, self._doubt, clock, *planes):
+        for text in () if self._ours else (self._guessed, self._doubt, self.not_read, clock, *planes):
             if text:
                 notes.warning(text)
         late: dict[str, int] = {}
@@ -170,6 +187,22 @@ def _refuse_tables(path: Path, options: ReadingOptions) -> None:
             raise InputError(path, text)
 
 
+def _supporting(topics: Iterable[Topic], chosen: TopicChoice) -> set[str | None]:
+    """Return the topics that what is chosen is read with: a camera's calibration, and coordinate frames."""
+    folder = _folder(chosen.image) if chosen.image else None
+    framed = any(route is not None and route.frames for route in (chosen.odometry, chosen.truth))
+    calibrations = {
+        t.name for t in topics if known_type(t.type) in CALIBRATIONS and _folder(t.name) == folder
+    }
+    transforms = {t.name for t in topics if known_type(t.type) in TRANSFORMS}
+    static = {name for name in transforms if "static" in name and chosen.image}
+    return {*calibrations, *(transforms if framed else static)}
+
+
+def _folder(topic: str) -> str:
+    return topic.removesuffix("/compressed").rpartition("/")[0]
+
+
 def _events_topic(bag: BagSource) -> str | None:
     found = [t.name for t in readable(bag.topics, {TEXT})]
     return next((name for name in found if name.rpartition("/")[2] == "events"), None)
@@ -224,9 +257,8 @@ def camera_of(bag: BagSource, image: str | None) -> tuple[Camera | None, str]:
 
 
 def _calibrated(bag: BagSource, image: str) -> Camera | None:
-    place = image.removesuffix("/compressed").rpartition("/")[0]
     for topic in bag.topics:
-        if known_type(topic.type) in CALIBRATIONS and topic.name.rpartition("/")[0] == place:
+        if known_type(topic.type) in CALIBRATIONS and _folder(topic.name) == _folder(image):
             for message in _decoded(bag, topic.name, 1):
                 try:
                     return _camera(image, message)

@@ -31,7 +31,8 @@ FIXED = re.compile(r"(^|/)(odom|odom_combined|odometry)$")
 BASE = ("base_footprint", "base_link")
 FIRST = re.compile(r"color|rgb|front|left", re.I)  # of several cameras
 LAST = re.compile(r"depth|infra|(^|[/_])ir([/_]|$)|disparity|mask|debug|thermal|right|rear|back", re.I)
-SHOWN = 12  # topics that an error lists
+HOUSEKEEPING = re.compile(r"^(rcl_interfaces|rosgraph_msgs|diagnostic_msgs|bond|dynamic_reconfigure)/")
+SHOWN = 12  # topics that an error or a remark lists
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,7 @@ class TopicChoice:
     odometry: PoseTopic | None
     truth: PoseTopic | None
     guess: str = ""  # what was guessed, in one line; "" when nothing was
+    others: str = ""  # what else could have been chosen, where something was guessed
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -79,7 +81,7 @@ def choose(
     truth = _route(path, topics, wishes.truth, _guess_truth(topics))
     taken = truth.topic if truth is not None and truth.frames is None else None
     odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
-    return TopicChoice(image, odometry, truth, _guess_in_words(topics, wishes, image, odometry, truth))
+    return TopicChoice(image, odometry, truth, *_guess_in_words(topics, wishes, image, odometry, truth))
 
 
 def is_estimate(topics: Sequence[Topic], truth: PoseTopic) -> bool:
@@ -106,6 +108,16 @@ def listed(topics: Sequence[Topic]) -> str:
     parts = [f"{t.name} ({t.type or 'no type'}, {t.count}{_why(t)})" for t in topics[:SHOWN]]
     more = f" and {len(topics) - SHOWN} more" if len(topics) > SHOWN else ""
     return f"{', '.join(parts)}{more}" if parts else "no topic at all"
+
+
+def not_read(topics: Sequence[Topic], read: Collection[str | None]) -> str:
+    """Say which topics with messages are not read, sensors before a system's own; "" where all are."""
+    left = [topic for topic in topics if topic.count and topic.name not in read]
+    left.sort(key=lambda topic: (bool(HOUSEKEEPING.search(topic.type)), -topic.count, topic.name))
+    kinds = [topic.type.rpartition("/")[2] or "of no known type" for topic in left]
+    parts = [f"{topic.name} ({topic.count} {kind})" for topic, kind in zip(left, kinds, strict=True)][:SHOWN]
+    more = f" and {len(left) - SHOWN} more topics" if len(left) > SHOWN else ""
+    return f"also holds {', '.join(parts)}{more}, not read" if parts else ""
 
 
 def _why(topic: Topic) -> str:
@@ -231,7 +243,8 @@ def _guess_in_words(
     image: str | None,
     odometry: PoseTopic | None,
     truth: PoseTopic | None,
-) -> str:
+) -> tuple[str, str]:
+    """Return what was guessed, and what else could have been chosen."""
     roles = (
         ("pictures", "--reading image_topic=...", wishes.image, image, PICTURES | VIDEOS),
         ("odometry", "--reading odometry_topic=...", wishes.odometry, odometry, POSES),
@@ -239,7 +252,7 @@ def _guess_in_words(
     )
     guessed = [one for one in roles if one[2] is None]
     if not guessed:
-        return ""
+        return "", ""
     chosen = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
     used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
     kinds = PICTURES | VIDEOS | POSES | CLOUDS
@@ -247,5 +260,5 @@ def _guess_in_words(
     choices = ", ".join(one[1] for one in guessed)
     also = f"also there: {listed(others)}" if others else ""
     video = "" if image else _video_advice(topics)
-    parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", also, video)
-    return "; ".join(text for text in parts if text)
+    parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", video)
+    return "; ".join(text for text in parts if text), also

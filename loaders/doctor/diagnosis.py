@@ -117,7 +117,9 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
         _gain(path, info),
     )
     first = str(notes.problems[0]) if notes.problems else ""
-    return Gathered(info, drive, falls, notes.count, first, cut, notes.warnings)
+    return Gathered(
+        info, drive, falls, notes.count, first, cut, tuple(dict.fromkeys((*info.notes, *notes.warnings)))
+    )
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -289,7 +291,7 @@ def diagnose(
     delayed = any(one.code == "picture-delay" for one in known)  # why truth seems to be elsewhere in time
     format_name = chosen(path, options).name
     told = [one for one in known if not (delayed and one.code == "truth-apart")]
-    findings = [fixable(one, format_name) for one in told]
+    findings = [fixable(_on_robot(one, options), format_name) for one in told]
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     asked = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
@@ -354,6 +356,16 @@ def fixable(finding: Finding, format_name: str) -> Finding:
     if "time_unit" in finding.options and format_name not in UNITS_TAKEN:
         return replace(finding, options={})
     return finding
+
+
+def _on_robot(finding: Finding, options: ReadingOptions) -> Finding:
+    """Return a place on the robot as the options have it: from forward, not from where the camera looks."""
+    if finding.code != "truth-mast" or not options.camera_yaw_rad:
+        return finding
+    place = complex(finding.numbers["ahead_m"], finding.numbers["left_m"])
+    turned = place * np.exp(1j * options.camera_yaw_rad)
+    numbers = {"ahead_m": round(turned.real, 3), "left_m": round(turned.imag, 3)}
+    return replace(finding, numbers=numbers, options={f"truth_{name}": v for name, v in numbers.items() if v})
 
 
 def fixed_options(options: ReadingOptions, findings: Iterable[Finding]) -> ReadingOptions:

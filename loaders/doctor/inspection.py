@@ -114,7 +114,7 @@ def inspect_recording(session: RecordedSession) -> Inspection:
             else:
                 tally.move_to(kind, record.pose)
     share = _truth_share(session, tally.records["image"], notes)
-    return tally.inspection("session", session.info, share)
+    return tally.inspection("session", session.info, share, session.info.notes)
 
 
 def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -> float | None:
@@ -171,7 +171,9 @@ class _Tally:
             height, width = image.shape[:2]
             self.pictures[f"{kind}{width}x{height}"] += 1
 
-    def inspection(self, kind: Kind, info: SessionInfo, truth_share: float | None) -> Inspection:
+    def inspection(
+        self, kind: Kind, info: SessionInfo, truth_share: float | None, said: tuple[str, ...] = ()
+    ) -> Inspection:
         counts, notes = self.records, self._notes
         return Inspection(
             path=str(self._path),
@@ -192,7 +194,7 @@ class _Tally:
             has_map=info.arena is not None,
             problem_count=notes.count,
             problems=tuple(str(problem) for problem in notes.problems),
-            warnings=notes.warnings,
+            warnings=tuple(dict.fromkeys((*said, *notes.warnings))),
             display_units=info.display_units,
         )
 

@@ -299,7 +299,13 @@ class WebsocketStream:
         needed = transforms if _needs_frames(chosen) else ()
         self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed)
         self._send(self._bridge.subscribe(self._topics.names))
-        return b"" if taken else _as_line(_header(self._name, chosen.guess))
+        return (
+            b""
+            if taken
+            else _as_line(
+                _header(self._name, "; ".join(text for text in (chosen.guess, chosen.others) if text))
+            )
+        )
 
     def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> TopicChoice:
         options = self._options

@@ -29,14 +29,8 @@ from maurice_loaders.session_log.records import read_header
 from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.calibration.motion import Calibration, FloorOf, MotionSegment, Trials
 from maurice_mcl.calibration.motion import calibrate as fit_trials
-from maurice_mcl.calibration.odometry import (
-    LinearMaurice,
-    LinearModel,
-    LinearOdometry,
-    MotionConstant,
-    MotionFit,
-    fit_motion,
-)
+from maurice_mcl.calibration.odometry import LinearMaurice, LinearModel, LinearOdometry
+from maurice_mcl.calibration.odometry_fit import MotionConstant, MotionFit, fit_motion
 from maurice_mcl.calibration.sensor import NoiseFloor, noise_floor
 from maurice_mcl.session import SessionInfo
 
@@ -182,6 +176,7 @@ def _stands(constant: MotionConstant) -> str:
 
 
 MODELS = ("odometry", "maurice")
+MAST_M = 0.02  # a place of the truth that is nearer the wheels' center is not told
 TOLERATED = 0.01  # a scale that is surely farther from 1 is no noise
 
 
@@ -215,9 +210,28 @@ class DriveCalibration:
                 within = f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
                 advice = f"correct that with --reading {key}={found.value:.3f} and fit again"
                 said.append(f"{what} are really {within} times as measured, which counts as noise; {advice}")
+        said += _mast_words(fit)
         if fit.far > 1 + fit.segments / 1000:
             said.append(f"{fit.far} of {fit.segments} movements are far beyond the noise: slips, perhaps")
         return said
+
+
+def _mast_words(fit: MotionFit) -> list[str]:
+    """Say where on the robot the truth is measured, if that is clearly not the wheels' center."""
+    places = {"truth_ahead_m": fit.ahead_m, "truth_left_m": fit.left_m}
+    away = {
+        name: place
+        for name, place in places.items()
+        if place is not None and not place.holds(0) and abs(place.value) > MAST_M
+    }
+    if not away:
+        return []
+    typed = " ".join(f"--reading {name}={place.value:.3f}" for name, place in away.items())
+    within = " and ".join(f"{p.value:.3f} m ({p.low:.3f} to {p.high:.3f})" for p in away.values())
+    words = " and ".join("ahead of" if name == "truth_ahead_m" else "left of" for name in away)
+    return [
+        f"the truth is of a place {within} {words} the wheels' center, taken out here; elsewhere use {typed}"
+    ]
 
 
 def calibrate_drive(

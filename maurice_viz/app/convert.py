@@ -106,7 +106,8 @@ def convert(
     if target.suffix == LOG:
         read = session if done.pictures else notes
     for warning in read.warnings:
-        listener.warning(warning)
+        if warning not in recorded.told:
+            listener.warning(warning)
     count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:
         listener.warning(f"{session.path}: skipped {count} broken records, the first: {read.problems[0]}")

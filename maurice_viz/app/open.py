@@ -19,7 +19,6 @@ from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession, first_truth
 from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms import MadeOdometry
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
@@ -111,8 +110,8 @@ def open_session(source: str | Path | AnySession, reading: ReadingOptions, liste
     session = open_any(path, replace(reading, format=one.name))
     if one.name != NATIVE:
         listener.remark(f"{path}: read as {one.name}, {one.what}")
-    if isinstance(session, RecordedSession) and isinstance(session.recording, MadeOdometry):
-        listener.remark(session.recording.said)
+    for text in session.told if isinstance(session, RecordedSession) else ():
+        listener.remark(text)
     if session.kind != "session":
         advice = "build a library from it, or replay the session that belongs to it"
         raise InputError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
@@ -370,9 +369,11 @@ def unique_labels(names: Sequence[str]) -> list[str]:
 
 
 def remark_skipped(session: AnySession, listener: Listener) -> None:
-    """Report what was skipped of a session."""
+    """Report what was skipped of a session, but for what was told when it was opened."""
+    told = session.told if isinstance(session, RecordedSession) else ()
     for warning in session.warnings:
-        listener.warning(warning)
+        if warning not in told:
+            listener.warning(warning)
     if session.problem_count:
         skipped = f"skipped {session.problem_count} broken records"
         listener.warning(f"{session.path}: {skipped}, the first: {session.problems[0]}")

@@ -92,6 +92,14 @@ def _shift(late_s: float, whose: str) -> str:
     return f"add {-late_s:.2g} s to the t of {whose}"
 
 
+def _place(values: Values) -> str:
+    """Write a place on the robot in meters, as the options that fix it have it."""
+    ahead, left = values["ahead_m"], values["left_m"]
+    parts = [f"{abs(ahead):.2f} m {'ahead of' if ahead > 0 else 'behind'}"] if abs(ahead) >= 0.005 else []
+    parts += [f"{abs(left):.2f} m {'left' if left > 0 else 'right'} of"] if abs(left) >= 0.005 else []
+    return " and ".join(parts)
+
+
 WHAT: Mapping[str, Said] = {
     "times-fall": "times fall {falls} times",
     "too-large": "{records} records hold numbers of more than {most:g}",
@@ -101,6 +109,7 @@ WHAT: Mapping[str, Said] = {
     "truth-clock": "pictures and truth have no time in common",
     "truth-apart": "pictures have no truth",
     "truth-degrees": "the truth's headings are in degrees",
+    "truth-mast": lambda v: f"the truth is of a place {_place(v)} the wheels' center, not of that center",
     "disagreement": "odometry and truth do not describe the same drive",
     "frame-absolute": "odometry holds absolute poses where motions since the last record are expected",
     "frame-world": "odometry holds steps along fixed axes where steps in the robot's own frame are expected",
@@ -134,6 +143,7 @@ FIX: Mapping[str, Said] = {
         "--reading truth_offset_s=..., or the same in the log, if a clock is late; else more frequent truth"
     ),
     "truth-degrees": IN_LOG + "multiply the truth's heading by pi / 180",
+    "truth-mast": IN_LOG + "write the pose of the wheels' center; so too for the drive of a library",
     "disagreement": "check that odometry and truth belong to one drive and one clock",
     "frame-absolute": IN_LOG + "write the difference to the pose before, turned into the robot's frame",
     "frame-world": (
@@ -178,7 +188,10 @@ def _map(v: Values, text: str) -> str:
 def _length(v: Values, length_m: float) -> str:
     """Write a length with its unit, also one that is far too long because it was read wrongly."""
     units: Units = v["units"]
-    return f"{length_m * units.per_m:,.{units.digits}f} {units.name}"
+    length = length_m * units.per_m
+    if 0 < abs(length) < 10 ** (1 - units.digits):  # that would have one digit, or none
+        return f"{length:.2g} {units.name}"
+    return f"{length:,.{units.digits}f} {units.name}"
 
 
 def _speed(v: Values, speed_m_s: float) -> str:
@@ -210,6 +223,10 @@ EVIDENCE: Mapping[str, Said] = {
     "moved": "unexplained movement {before:.1%} as it is, {after:.1%} moved by {by_s:+.2g} s",
     "agreement": _agreement,
     "travel": "true travel is {off_deg:+.0f} deg off the measured one",
+    "swing": lambda v: (
+        f"in turns odometry misses the true steps by {_length(v, v['before_m'])} (median), and by "
+        f"{_length(v, v['after_m'])} with the truth moved back; standard error {_length(v, v['error_m'])}"
+    ),
     "span": lambda v: f"truth spans {_length(v, v['span'])}{_map(v, ', the map {}')}",
     "explained": (
         "so the true poses explain {pictures} pictures better by {nats:.2f} nats each "

@@ -1,6 +1,7 @@
 """Constants fitted to data.
 
 - `motion`: motion constants from turns and straights, and those from a drive with truth
+- `odometry`: motion models to first order; `odometry_fit`: their constants, from any drives with truth
 - `sensor`: the camera's noise floor (covered lens), and scales and weights of channels, by log score
 - `statistics`: means, standard deviations and slopes with their confidence intervals
 """

@@ -29,6 +29,7 @@ from .findings import (
     scale_finding,
     turn_finding,
 )
+from .mast import Mast, mast_finding, mast_of
 
 FASTEST_M_S = 12.0  # faster than any robot that looks around drives, as the 95th percentile
 STEP_M = 0.05  # poses are compared over steps of this length
@@ -60,6 +61,9 @@ class Agreement:
     turn_unexplained: float  # share of the squared turns, 0 to about 1
     way_unexplained: float  # share of the squared distances
     segments: int
+    mast: Mast | None = (
+        None  # where on the robot the truth is measured; None: at the wheels, as far as is seen
+    )
 
     @property
     def unexplained(self) -> float:
@@ -130,9 +134,14 @@ def agreement(
     turned = _sums(motions[:, 2], begin, end)
     gain, turn_unexplained = _fit_turns(turned, moved[:, 2])
     ahead, aside = _ways(motions, gain, begin, end)
+    mast = mast_of(ahead + 1j * aside, moved)
+    if mast is not None:
+        place = complex(mast.ahead_m, mast.left_m)
+        away = (np.exp(1j * moved[:, 2]) - 1) * place
+        moved = moved - np.column_stack([away.real, away.imag, np.zeros(len(away))])
     scale, offset, way_unexplained = _fit_ways(ahead, aside, moved)
     count = int(used.sum())
-    return Agreement(reading, shift_s, gain, scale, offset, turn_unexplained, way_unexplained, count)
+    return Agreement(reading, shift_s, gain, scale, offset, turn_unexplained, way_unexplained, count, mast)
 
 
 def _sums(values: F64, begin: I32, end: I32) -> F64:
@@ -325,6 +334,8 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
     if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
         travel = Evidence("travel", {"off_deg": float(np.degrees(best.offset_rad))})
         findings.append(direction_finding(_offset(best, drive), travel, seen))
+    if best.mast is not None and not best.reading.turn:
+        findings.append(mast_finding(best.mast))
     if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
         findings.append(_scale(best, drive, seen))
     gains_apart = abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN

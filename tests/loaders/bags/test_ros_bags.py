@@ -22,6 +22,7 @@ from helpers.recordings import counted, read
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import Picture
 
 Write = Callable[[Path], Path]
@@ -158,6 +159,23 @@ def test_topics_as_asked(tmp_path: Path) -> None:
     assert Counter(type(r).__name__ for r in records) == {"Picture": 5, "TruthPose": 10}
     assert all(r.name.startswith("/other/image") for r in records if isinstance(r, Picture))
     assert recording.info.notes == ()  # nothing was guessed
+    notes = ReadingNotes(keep_going=False)
+    list(recording.records(notes))
+    left = "/odom (10 Odometry), /camera/image/compressed (5 CompressedImage)"
+    assert notes.warnings[0] == f"also holds {left}, not read"
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_topics_of_sensors_that_are_not_read_are_named(version: int, tmp_path: Path) -> None:
+    """As a laser's, also beside corrections; neither what is read nor what it is read with."""
+    ros, write = Ros(version), making.write_ros1 if version == 1 else making.write_ros2
+    said = making.drive(ros)
+    points = [ros.new("geometry_msgs/Point", x=0.1 * k, y=0.0, z=0.0) for k in range(3)]
+    said += [Said("/bumps", "geometry_msgs/Point", BEGIN_NS + k, point) for k, point in enumerate(points)]
+    session = open_session(write(tmp_path / "drive.bag", said), turn_scale=-1.0)
+    assert isinstance(session, RecordedSession)
+    assert session.told[-1] == "also holds /bumps (3 Point), not read"
+    assert not any("also holds" in text for text in session.info.notes)  # no header of a copy says it
 
 
 @pytest.mark.parametrize(

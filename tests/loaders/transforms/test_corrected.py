@@ -117,6 +117,20 @@ def test_the_way_of_poses_is_bent_with_the_gain_and_not_with_the_scale() -> None
     np.testing.assert_allclose(scaled[:, :2], poses_of(over)[:, :2])
 
 
+@pytest.mark.parametrize("yaw", [0.0, -1.2])
+def test_truth_of_a_mast_is_moved_back_to_the_wheels(yaw: float) -> None:
+    """Before the camera's direction is added: the place is from the robot's forward."""
+    right, place = poses_of(motions()), np.array([0.3, -0.2, 0.0])
+    of_mast = np.array([compose(pose, place) for pose in right])
+    found = read(of_mast, TruthPose, truth_ahead_m=0.3, truth_left_m=-0.2, camera_yaw_rad=yaw)
+    np.testing.assert_allclose(found[:, :2], right[:, :2], atol=1e-9)
+    np.testing.assert_allclose(np.cos(found[:, 2] - right[:, 2] - yaw), 1)
+    start = Corrected(Given([], INFO), ReadingOptions(truth_ahead_m=0.3)).info.start
+    assert INFO.start is not None
+    assert start is not None
+    np.testing.assert_allclose(compose(start, np.array([0.3, 0, 0])), INFO.start, atol=1e-9)
+
+
 def test_a_cameras_headings_move_as_the_camera_does() -> None:
     """Poses of the camera are the robot's, turned: motions between them must be those that are given."""
     right, yaw = motions(), math.radians(-70)

@@ -7,7 +7,8 @@ import pytest
 
 from maurice_mcl.arrays import F32, F64
 from maurice_mcl.calibration.motion import MotionSegment
-from maurice_mcl.calibration.odometry import LinearMaurice, LinearOdometry, MotionFit, fit_motion
+from maurice_mcl.calibration.odometry import LinearMaurice, LinearOdometry
+from maurice_mcl.calibration.odometry_fit import MotionFit, fit_motion
 from maurice_mcl.filter.motion import (
     FloorDrift,
     MauriceParameters,
@@ -167,3 +168,65 @@ def test_slips_are_counted():
 def test_few_movements_are_refused():
     with pytest.raises(ValueError, match="found 3 movements between true poses, expected 10 or more"):
         fit_motion(driven(OdometryMotion(TRUE), 0, count=3), LinearOdometry())
+
+
+def measured(
+    seed: int, mast: tuple[float, float], jitter: tuple[float, float], *, thin: int = 1, count: int = 600
+) -> list[MotionSegment]:
+    """Drive and stand, with encoders that flicker, and truth of a place on the robot that jitters.
+
+    `jitter` is of a true position (m) and heading (rad); of `thin` movements one has truth after it.
+    """
+    rng, model, standing = np.random.default_rng(seed), OdometryMotion(TRUE), 0
+    poses, motions = [np.array([1.0, 2.0, 0.3])], []
+    for _ in range(count):
+        standing = standing - 1 if standing else 30 * (rng.random() < 0.02)
+        if standing:
+            motions.append(rng.normal(0, 1e-4, 3) * [1, 0, 1])
+            poses.append(poses[-1])
+            continue
+        motions.append(np.array([rng.uniform(0, 0.25), 0, rng.choice([0, 1]) * rng.normal(0, 0.3)]))
+        noise = rng.normal(size=(1, 3)).astype(np.float32)
+        step = model.move(np.zeros((1, 3), np.float32), np.zeros(2), motions[-1], noise)[0]
+        poses.append(compose(poses[-1], step.astype(float)))
+    place = np.array([*mast, 0.0])
+    seen = [compose(pose, place) + rng.normal(0, [jitter[0], jitter[0], jitter[1]]) for pose in poses]
+    legs = zip(range(0, count, thin), range(thin, count + 1, thin), strict=False)
+    return [MotionSegment(seen[a], tuple(motions[a:b]), seen[b]) for a, b in legs]
+
+
+@pytest.mark.parametrize(("mast", "thin"), [((0.0, 0.0), 1), ((0.19, 0.0), 1), ((-0.3, 0.4), 5)])
+def test_truth_of_a_mast_that_jitters_is_no_noise_of_the_odometry(mast: tuple[float, float], thin: int):
+    """Neither a place ahead of the wheels nor a standing robot's jitter counts as noise of turns."""
+    within, jitter = [], (0.003, np.radians(0.3))
+    for seed in range(3):
+        fit = fit_motion(measured(seed, mast, jitter, thin=thin), LinearOdometry())
+        within += [one.fitted.holds(getattr(TRUE, one.name)) for one in fit.constants if one.told]
+        within += [fit.ahead_m.holds(mast[0]), fit.left_m.holds(mast[1])]
+        assert (fit.truth_sd_m, fit.truth_sd_rad) == pytest.approx(jitter, rel=0.3)
+        assert all(one.value < 0.2 for one in fit.constants)
+    assert np.mean(within) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(within))
+
+
+def test_the_intervals_of_one_half_meet_those_of_the_other():
+    meets = []
+    for seed in range(4):
+        legs = measured(seed, (0.19, 0.0), (0.003, np.radians(0.3)))
+        halves = [of(fit_motion(some, LinearOdometry())) for some in (legs[:300], legs[300:])]
+        for first, second in zip(*(half.values() for half in halves), strict=True):
+            if first.told and second.told:
+                meets.append(
+                    first.fitted.low <= second.fitted.high and second.fitted.low <= first.fitted.high
+                )
+    assert len(meets) > 8
+    assert np.mean(meets) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(meets))
+
+
+def test_truth_of_another_drive_is_refused():
+    legs = measured(0, (0.0, 0.0), (0.003, 0.005))
+    others = [
+        MotionSegment(one.before, other.motions, one.after)
+        for one, other in zip(legs, legs[200:] + legs[:200], strict=True)
+    ]
+    with pytest.raises(ValueError, match="expected odometry and truth of one drive"):
+        fit_motion(others, LinearOdometry())

@@ -134,6 +134,23 @@ def test_a_late_clock_is_measured(late_s):
     assert found[0].options == {"odometry_offset_s": -found[0].numbers["delay_s"]}
 
 
+@pytest.mark.parametrize("poses", [True, False])
+@pytest.mark.parametrize(("ahead_m", "left_m"), [(0.19, 0.0), (0.05, 0.0), (-0.4, 0.25), (0.0, -0.6)])
+def test_a_place_on_the_robot_that_truth_is_of_is_found_and_taken_out(ahead_m, left_m, poses):
+    drive = dense_drive(noise=0.05, poses=poses)
+    x, y = rotated(*np.full((2, drive.truth.size), [[ahead_m], [left_m]]), drive.truth.poses[:, 2])
+    of_mast = drive.truth.poses + np.column_stack([x, y, 0 * x])
+    [found] = compared_with_truth(replace(drive, truth=replace(drive.truth, poses=of_mast)))
+    assert found.code == "truth-mast"
+    assert found.numbers["ahead_m"] == pytest.approx(ahead_m, abs=0.02)
+    assert found.numbers["left_m"] == pytest.approx(left_m, abs=0.02)
+    x, y = rotated(
+        *np.full((2, len(x)), [[found.numbers["ahead_m"]], [found.numbers["left_m"]]]), of_mast[:, 2]
+    )
+    back = replace(drive.truth, poses=of_mast - np.column_stack([x, y, 0 * x]))
+    assert compared_with_truth(replace(drive, truth=back)) == []
+
+
 def test_legs_are_not_cut_across_a_kidnapping():
     poses = np.array([[0, 0, 0], [0.2, 0, 0], [5, 5, 1], [5.2, 5, 1], [5.4, 5, 1.0]])
     track = RecordedTruth(np.arange(5.0), poses, np.array([0, 0, 1, 1, 1], np.int32))
