@@ -162,6 +162,40 @@ def _belief_table(one: CalibratedBelief) -> Table:
         "exponent of single pictures", *_cells(found.exponent, 1, 2), f"1: it is {found.likelihood}"
     )
     table.add_row("exponent for right regions", *_cells(found.coverage_exponent, 1, 2), "1")
+    table.caption = (
+        f"sensor.sharpness was {one.sharpness:g}; {one.better_sharpness:.2g} would make the regions right: "
+        "run again and check"
+    )
+    return table
+
+
+def trials(
+    output: Annotated[
+        Path, option("-o --output", "The table to write.", metavar="OUT.csv", show_default=False)
+    ],
+    seed: Annotated[int, option("--seed", "The same seed gives the same trials.", min=0, max=MOST_SEED)] = 0,
+    count: Annotated[int, option("--trials", "Number of turns, and of straights.", min=1, max=100_000)] = 41,
+    force: opt.Force = False,
+) -> None:
+    """Make a table of calibration trials with the simulated Maurice: turns, and straights on both floors."""
+    make_trials(output, trials=count, seed=seed, force=force)
+    results.print(f"{output}: {count} turns, {count} straights")
+    note(f"now try: maurice-replay calibrate motion {output}")
+
+
+SEEN_M, SEEN_DEG = 0.001, 0.05  # a smaller noise of the truth is not told
+
+
+def _drive_table(fit: MotionFit, name: str) -> Table:
+    title = f"{fit.model} model of {name}, {fit.segments} movements between true poses"
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("constant", "fitted", "95 % interval", "default"):
+        table.add_column(heading, justify="left" if heading == "constant" else "right")
+    for one in fit.constants:
+        low, high = (f"{v:.4g}" for v in (one.fitted.low, one.fitted.high))
+        value, within = (f"{one.fitted.value:.4g}", f"{low} to {high}") if one.told else ("-", "-")
+        name = one.name if one.told else f"{one.name}\n  not told: {one.why}"
+        table.add_row(name, value, within, f"{one.default:.4g}")
     table.caption = "in meters and radians"
     if fit.truth_sd_m > SEEN_M or fit.truth_sd_rad > math.radians(SEEN_DEG):
         off = f"{fit.truth_sd_m:.2g} m on an axis and {math.degrees(fit.truth_sd_rad):.2g} degrees"

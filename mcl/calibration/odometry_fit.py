@@ -295,7 +295,7 @@ def _described(
         stands = value if shows.sum() >= SHOWING else default
         constants.append(MotionConstant(name, interval, default, stands, not why, why))
     for k, name in enumerate(model.variances):
-        shows, root = linear.parts[:, k].any(axis=(1, 2)), 0.5 if "sd_" in name else 1.0
+        shows, root = np.asarray(linear.parts[:, k].any(axis=(1, 2))), 0.5 if "sd_" in name else 1.0
         default, wide = float(usual[k]) ** root, reach * math.sqrt(logs[k])
         value, low, high = (
             float(variances[k] * math.exp(sign * min(wide, WIDEST))) ** root for sign in (0, -1, 1)
@@ -381,4 +381,4 @@ def _log_variances(linear: LinearDrive, inverse: F64, variances: F64) -> tuple[F
     information, share = linear.fisher(inverse, variances)
     scores = np.einsum("ni,nqij,nj->nq", pulled, linear.parts, pulled) - np.einsum("nqii->nq", share)
     turned = np.linalg.pinv(information + np.diag(np.full(len(variances), 1e-9)))
-    return _wider(turned, scores * variances / 2).clip(1e-300), information
+    return _wider(np.asarray(turned, np.float64), scores * variances / 2).clip(1e-300), information
