@@ -43,7 +43,7 @@ class Interval:
         if not np.isfinite(self.value):
             return "not known"
         value, low, high = (f"{one * factor:{sign}.{digits}f}" for one in (self.value, self.low, self.high))
-        return f"{value} ({low} to {high})" if np.isfinite(self.low) else f"{value} (too few drives)"
+        return f"{value} ({low} to {high})" if np.isfinite(self.low) else f"{value} (no interval)"
 
     def to_json(self) -> dict[str, float | int | None]:
         """Return it as plain values; what is not known is None."""
@@ -116,6 +116,12 @@ def apart(count: int) -> Clusters:
     """Return the clusters of values that have nothing in common: each is from a drive of its own."""
     own = np.arange(count)
     return Clusters(own, own, own)
+
+
+def of_one_drive(count: int) -> Clusters:
+    """Return the clusters of runs over one drive with different seeds: what they show is of that drive."""
+    same = np.zeros(count, np.int64)
+    return Clusters(same, same, np.arange(count))
 
 
 def _totals(influences: F64, units: I64) -> tuple[F64, float]:

@@ -123,10 +123,7 @@ def _remedy_table(found: Remedies) -> Table:
     table.add_column("against the run", no_wrap=True)
     for one in (found.as_it_was, *found.tried):
         share, error = one.localized, one.error_m
-        low, middle, high = (
-            f"{v * units.per_m:.{units.digits}f}" for v in (error.low, error.value, error.high)
-        )
-        cells = [f"{share.value:.0%} [{share.low:.0%}, {share.high:.0%}]", f"{middle} [{low}, {high}]"]
+        cells = [f"{share.said(100, 0)} %", error.said(units.per_m, units.digits)]
         against = "" if one is found.as_it_was else one.verdict
         table.add_row(one.name, *cells, against, end_section=one is found.as_it_was)
     return table

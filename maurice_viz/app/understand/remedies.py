@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_datasets.trials.statistics import Interval, holm, mean, rate, sign_flip
+from maurice_datasets.trials.statistics import Interval, holm, mean, of_one_drive, share, sign_flip
 from maurice_loaders.errors import InputError
 from maurice_mcl.analysis.metrics import RIGHT_AT_END, mostly_at_end, score_step
 from maurice_mcl.analysis.trace_score import score_trace
@@ -49,7 +49,9 @@ class RemedyResult:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        return asdict(self) | {"change": list(self.change.words), "options": list(self.change.options)}
+        change = {"change": list(self.change.words), "options": list(self.change.options)}
+        figures = {"localized": self.localized.to_json(), "error_m": self.error_m.to_json()}
+        return asdict(self) | change | figures
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,8 +237,8 @@ def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[Remedy
         RemedyResult(
             name=remedy.name,
             change=remedy.change,
-            localized=rate(int(one.localized.sum()), len(one.localized)),
-            error_m=mean(one.error_m),
+            localized=share(one.localized, of_one_drive(len(one.localized))),
+            error_m=mean(one.error_m, of_one_drive(len(one.error_m))),
             verdict=_verdict(one, first, p_localized, p_error),
             p_localized=p_localized,
             p_error=p_error,

@@ -140,3 +140,11 @@ def test_every_session_of_a_shipped_plan_can_be_simulated(name: str) -> None:
         for spec in part.sessions:
             settings = {"lights": spec.lights, "slip_at": spec.slip_at, "kidnap_at": spec.kidnap_at}
             assert simulation_plan(spec.task, tier=spec.tier, updates=spec.updates, **settings)
+
+
+def test_a_quick_plan_has_every_named_value_that_its_figures_are_titled_by() -> None:
+    whole, quick = read_plan("thesis"), read_plan("thesis").quick()
+    for part, short in zip(whole.parts, quick.parts, strict=True):
+        for key, values in part.variants.grid.items():
+            kept = short.variants.grid[key]
+            assert kept == (values if isinstance(values[0], str) else [values[0], values[-1]])

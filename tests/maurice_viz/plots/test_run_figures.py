@@ -174,3 +174,30 @@ def test_a_figure_of_runs_without_values_is_a_note(figure, value, tmp_path, monk
     assert bool(rendered.files) != bool(rendered.missing)
     if figure.number == 38:
         assert bool(rendered.files) == (value is not None)
+
+
+def test_the_end_of_a_drive_is_no_loss_and_no_place_where_it_was_localized(tmp_path):
+    """With few particles only easy drives are localized, and soon; half of them never are."""
+    names = {"feature": "color", "session": "drive", "settings": "{}", "variant": 0}
+    search = names | {"part": "global-localization", "after_m": 30.0}
+    track = names | {"part": "position-tracking", "distance_m": 40.0, "error_m": 0.2}
+    rows = []
+    for seed in range(12):
+        run = {"seed": seed, "arena": seed % 6}
+        rows.append(search | run | {"particles": 100, "localized_m": 1.0 if seed < 4 else None})
+        rows.append(search | run | {"particles": 2000, "localized_m": 5.0})
+        lost = seed < 6
+        rows.append(track | run | {"particles": 100, "lost": lost, "before_loss_m": 10.0 if lost else 40.0})
+        rows.append(track | run | {"particles": 2000, "lost": False, "before_loss_m": 40.0})
+    table = with_settings(pl.DataFrame([dict.fromkeys(TYPES) | row for row in rows], schema=TYPES))
+    figure = {one.number: one for one in OVER_PARTICLES}
+    material = made_of(tmp_path, table)
+    medians = figure[38].draw(material).axes[0].get_lines()[0].get_ydata()
+    np.testing.assert_allclose(medians, [30 / INCH_M, 5 / INCH_M])  # few particles are not faster
+    lines = {str(line.get_label()): line for line in figure[26].draw(material).axes[0].get_lines()}
+    (mean,) = [container[0] for container in figure[26].draw(material).axes[0].containers]
+    np.testing.assert_allclose(mean.get_ydata(), [(10 / INCH_M + 1000) / 2, 1000], rtol=1e-6)
+    assert {label for label in lines if label.startswith(("lost", "not lost"))} == {
+        "lost there, 6 runs",
+        "not lost: end of the drive, 18 runs of 12 drives",
+    }

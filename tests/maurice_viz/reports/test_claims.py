@@ -116,7 +116,7 @@ def test_no_verdict_is_wrong_more_often_than_promised() -> None:
 def test_a_figure_is_said_with_its_interval_and_drives() -> None:
     assert said(Interval(0.59, 0.52, 0.65, 20, 20), "", 1, 2) == "0.59 (0.52 to 0.65, 20 drives)"
     assert said(Interval(0.5, 0.25, 0.75, 8, 1), "%", 100, 0) == "50 % (25 to 75, 8 runs of 1 drive)"
-    assert said(mean(np.ones(2)), "in") == "1.0 in (too few drives, 2 drives)"
+    assert said(mean(np.ones(2)), "in") == "1.0 in (no interval, 2 drives)"
 
 
 def test_runs_of_two_drives_are_no_verdict() -> None:
