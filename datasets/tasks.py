@@ -64,8 +64,8 @@ class Task:
 TASKS: dict[str, Task] = {
     task.name: task
     for task in (
-        Task("tracking", "position tracking", start_known=True, kidnapped=False),
-        Task("global", "global localization", start_known=False, kidnapped=False),
+        Task("tracking", "drive", start_known=True, kidnapped=False),
+        Task("global", "drive without a known start", start_known=False, kidnapped=False),
         Task("kidnapped", "kidnapped robot", start_known=True, kidnapped=True),
     )
 }

@@ -66,7 +66,7 @@ class ErrorBudget:
 
     @property
     def costliest(self) -> BudgetPart | None:
-        """The part that costs most; None where no cost is above zero beyond doubt."""
+        """The part that costs most; None where no cost is above zero with 95 % confidence."""
         sure = [part for part in self.parts if part.cost is not None and part.cost.low > 0]
         return max(sure, key=lambda part: part.cost.value if part.cost else 0.0, default=None)
 

@@ -27,7 +27,7 @@ def say_budget(found: ErrorBudget) -> str:
         share = f"{100 * as_is.lost.value:.0f} %"
         return f"It is lost in {share} of its runs, and errors are those of lost runs; first `diagnose` it."
     if most is None or most.cost is None:
-        return "No part costs anything beyond doubt; more seeds or drives narrow the intervals."
+        return "No cost is above 0 with 95 % confidence; more seeds or drives narrow the intervals."
     whole, cost = found.parts[0].error.value, most.cost.value
     share = f"{100 * min(cost / whole, 1):.0f} %"
     value, error = (f"{length * units.per_m:.{units.digits}f}" for length in (cost, whole))

@@ -161,7 +161,9 @@ def _wrong(result: RunResult) -> str:
     """Return from which step on a run that had been right was wrong."""
     wrong = [one.wrong for one in result.verdict.episodes if one.wrong is not None]
     more = f", {len(wrong) - 1} more" if len(wrong) > 1 else ""
-    return f"step {wrong[0]}{more}" if wrong else "-" if result.score.lost is None else "never"
+    if wrong:
+        return f"step {wrong[0]}{more}"
+    return "-" if result.score.lost is None or result.verdict.found is None else "never"
 
 
 def _lost(result: RunResult) -> str:

@@ -49,7 +49,10 @@ def _why(verdict: RunVerdict, scale: Scale) -> str:
     """Return why a run was not localized (again), of the first failure that nothing told explains."""
     told = any(map(verdict.has_loud_cause, verdict.episodes))
     quiet = [one for one in verdict.failures if not (one.kind in TOLD and told)]
-    return say_cause(quiet[0], scale) if quiet else ""
+    if not quiet:
+        return ""
+    since = f"from step {quiet[0].episode.onset}: " if len(verdict.episodes) > 1 else ""
+    return f"{since}{say_cause(quiet[0], scale)}"
 
 
 def said(verdict: RunVerdict, scale: Scale) -> str:

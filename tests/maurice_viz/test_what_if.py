@@ -68,7 +68,7 @@ def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
     found = mv.what_if(folder / "lost", 3, settings=settings, to=folder / "out.rrd", detail="light")
     assert 3 < found.parted_at < 15
     assert found.after.error_mean_m < found.before.error_mean_m
-    assert f"the estimates part at {found.parted_at}" in found.line
+    assert f"the estimates part at step {found.parted_at}" in found.line
     assert found.scores.rrd == folder / "out.rrd"
     batches = _texts(found.scores.rrd)
     assert "['branch']" in batches["/_log"]
@@ -87,7 +87,7 @@ def test_a_branch_may_compare_pictures_by_other_channels(folder):
 def test_the_command_prints_when_they_part_and_json(folder):
     args = ("what-if", folder / "lost", "--from", "3", "--particles", "800", "--rrd", "none")
     out, err = maurice(*args)
-    assert out.startswith("From step 3 with 800 particles: the number of particles differs at 4;")
+    assert out.startswith("From step 3 with 800 particles: the number of particles differs at step 4;")
     assert "the belief after step 3 is resampled to 800 particles" in err
     found = json.loads(maurice(*args, "--json")[0])
     assert found["what_if"]["same_until"] == 3
@@ -123,7 +123,7 @@ def test_a_run_whose_session_is_gone_is_one_line(folder, tmp_path):
 
 
 def test_without_a_step_the_branch_is_before_the_loss(folder):
-    assert mv.what_if(folder / "lost", seed=4).from_step == 0  # it never found itself
+    assert mv.what_if(folder / "lost", seed=4).from_step == 0  # it was never localized
     with pytest.raises(OptionError, match="never lost"):
         mv.what_if(folder / "kept", seed=4)
 
@@ -143,7 +143,7 @@ def test_a_remedy_that_is_proposed_works_with_other_seeds(folder):
     found = mv.remedies(folder / "lost", 3, seeds=12, names=REMEDIES)
     assert found.as_it_was.localized.value < 0.5
     assert found.proposed.name == "recovery mixture"
-    assert found.line.startswith("recovery mixture helps beyond doubt: localized at the end in 1")
+    assert found.line.startswith("recovery mixture helps (p < 0.05 after Holm): localized at the end in 1")
     again = mv.remedies(folder / "lost", 3, seeds=range(500, 512), names=["recovery mixture"])
     assert again.tried[0].localized.value >= 0.8
     assert found.tried[0].change.options == ("--set", "recovery.strategy=mixture")
@@ -155,7 +155,7 @@ def test_the_command_says_where_nothing_helps(folder):
     nothing = mv.remedies(folder / "lost", 3, seeds=3, names=["roughening 0.2"])
     assert nothing.proposed is None
     assert nothing.line.startswith(
-        "Nothing tried helps beyond doubt: the run as it was is localized at the end in 0 of 3"
+        "Nothing tried helps (p < 0.05 after Holm): the run as it was is localized at the end in 0 of 3"
     )
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.writing import FolderKind, check_target, new_folder
+from maurice_mcl.analysis.episodes import SEARCHING
 from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.analysis.failures.verdict import RunVerdict
 
@@ -25,7 +26,9 @@ from ..open import RunSpec
 from ..output import OutputOptions
 from ..replay import replay_any
 
-NONE = "No failure: it was never lost, or was localized again in time."
+NEVER_LOST = "No failure: it was never lost."
+IN_TIME = "No failure: it was localized again in time."
+FOUND = "No failure: it was localized after a search."
 NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
 NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
@@ -57,7 +60,7 @@ class RunDiagnosis:
         if not self.verdict.has_truth:
             lines.append(NO_TRUTH if self.failures else NONE_WITHOUT_TRUTH)
         if not self.failures and self.verdict.has_truth:
-            lines.append(NONE)
+            lines.append(self._no_failure)
         for failure in self.failures:
             lines += ["", say_failure(failure, scale)]
             lines += [f"  {line}" for line in say_evidence(failure, scale)]
@@ -65,6 +68,11 @@ class RunDiagnosis:
                 lines.append(f"  also true: {', '.join(map(title, failure.also))}")
             lines += [f"  see: {command}" for command in self.commands(failure)]
         return "\n".join(lines)
+
+    @property
+    def _no_failure(self) -> str:
+        kinds = {one.kind for one in self.verdict.episodes}
+        return IN_TIME if kinds - {SEARCHING} else FOUND if kinds else NEVER_LOST
 
     def commands(self, failure: Failure) -> list[str]:
         """Return the commands that show a failure of a saved run; none where nothing is saved."""

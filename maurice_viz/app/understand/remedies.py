@@ -32,7 +32,7 @@ from .candidates import Remedy, candidates
 SEEDS = 20
 AS_IT_WAS = "as it was"
 BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
-BEYOND_DOUBT = 0.05  # of all that is tried together: p-values are adjusted for their number
+P_BELOW = 0.05  # of all that is tried together: p-values are adjusted for their number
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Remedies:
 
     @property
     def proposed(self) -> RemedyResult | None:
-        """The best of those that are better beyond doubt and usually localized; None: none is."""
+        """The best of those that are better and usually localized; None: none is."""
         good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUALLY]
         return good[0] if good else None
 
@@ -218,14 +218,14 @@ def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:
 
 
 def least_seeds(remedies: int) -> int:
-    """Return with how many seeds a remedy that always works, on a run that never does, is beyond doubt."""
-    return math.ceil(math.log2(2 * 2 * remedies / BEYOND_DOUBT)) if remedies else 0
+    """Return with how many seeds a remedy that always works, on a run that never does, can be better."""
+    return math.ceil(math.log2(2 * 2 * remedies / P_BELOW)) if remedies else 0
 
 
 def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[RemedyResult]:
     """Compare all but the first with the first, seed by seed.
 
-    One is better beyond doubt where it is localized at the end in more seeds, or as often with a smaller
+    One is better where it is localized at the end in more seeds, or as often with a smaller
     error, by sign-flip tests whose p-values are adjusted for the number of all of them (Holm).
     """
     first, count = found[0], len(found) - 1
@@ -249,8 +249,8 @@ def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[Remedy
 
 def _verdict(one: SeedResults, first: SeedResults, p_localized: float, p_error: float) -> str:
     """Return BETTER, WORSE or UNCLEAR: by the share that is localized at the end, then by the error."""
-    if p_localized < BEYOND_DOUBT:
+    if p_localized < P_BELOW:
         return BETTER if one.localized.mean() > first.localized.mean() else WORSE
-    if p_error < BEYOND_DOUBT:
+    if p_error < P_BELOW:
         return BETTER if one.error_m.mean() < first.error_m.mean() else WORSE
     return UNCLEAR

@@ -19,10 +19,10 @@ from ....scene import Detail, RunView
 from ...open import AnySession
 from ...output import DriveScene, OutputOptions
 from ...run import Playback, play
-from ..diagnose import NONE, RunDiagnosis
+from ..diagnose import RunDiagnosis
 
 AROUND = 10  # steps drawn before and after the first that failed
-HARMLESS = "No failure is diagnosed: it was never lost for long. Only what is demanded was not met."
+HARMLESS = "Only what is demanded was not met."
 DIAGNOSIS = "diagnosis"  # file, as text and as JSON
 
 
@@ -48,7 +48,7 @@ class FailedRun:
     @property
     def text(self) -> str:
         """The diagnosis in lines."""
-        why = self.diagnosis.text.replace(NONE, HARMLESS)
+        why = self.diagnosis.text if self.diagnosis.failures else f"{self.diagnosis.text} {HARMLESS}"
         return f"seed {self.seed}, first failed at step {self.step}\n{why}"
 
     def to_json(self) -> dict[str, Any]:
