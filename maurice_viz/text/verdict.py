@@ -196,7 +196,7 @@ def _said_of(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_sai
     parts = [f"kidnapped at step {episode.first}"] if carried and not kidnapping_said else []
     parts += [episode.account] if episode.wrong is not None else []
     alike = (cause := verdict.cause_of(episode)) is not None and cause.alike
-    parts += ["with all reference pictures scoring alike"] if alike else []
+    parts += ["while all reference pictures scored alike"] if alike else []
     if episode.localized is not None:
         drawn = f"{episode.fresh} fresh particles up to step {episode.last}"
         fresh = f", after {drawn}" if episode.fresh else ""
@@ -248,7 +248,7 @@ def _never_wrong(verdict: RunVerdict, scale: Scale) -> str:
     how = "right at every step" if not verdict.off else "never lost"
     if verdict.beyond:
         steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"
-        how = f"beyond the lost radius at {steps}, but never lost: that takes four in a row"
+        how = f"beyond the lost radius at {steps}, but never at four in a row"
     most = f"{scale.say(verdict.error_most_m or 0.0)} at most (step {verdict.most_at})"
     return f"was {how}: {scale.say(verdict.error_mean_m or 0.0)} off on average, {most}"
 

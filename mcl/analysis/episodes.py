@@ -56,12 +56,15 @@ class Episode:
         if self.kind == PROBABLY_LOST:
             doubt = "in doubt" if self.noticed is None else "probably lost"
             return f"{doubt} from step {self.first} to {self.last}"
-        parts = [f"kidnapped at step {self.first}" if self.wrong is None else f"wrong from step {self.wrong}"]
+        began = f"kidnapped at step {self.first}" if self.wrong is None else f"wrong from step {self.wrong}"
+        later = []
         if self.noticed is not None:
             early = self.noticed < self.onset
-            parts.append(f"{'doubted' if early else 'noticed'} without truth at step {self.noticed}")
-        parts += [] if self.lost is None else [f"declared lost at step {self.lost}"]
-        return ", ".join(parts)
+            text = f"{'doubted' if early else 'noticed'} without truth at step {self.noticed}"
+            later.append((self.noticed, text))
+        if self.lost is not None:
+            later.append((self.lost, f"declared lost at step {self.lost}"))
+        return ", ".join([began, *(text for _, text in sorted(later))])
 
     @property
     def ending(self) -> str:

@@ -50,7 +50,7 @@ def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
 def test_lights_out_says_that_all_references_score_alike(judged):
     line, _ = judged("tracking", 2, 30, "robust", 400, lights="dim:0@10")
     assert re.match(r"The picture went dark at step 10 \(mean gray level \d+ before, \d+ since\)\. ", line)
-    assert "with all reference pictures scoring alike" in line
+    assert "while all reference pictures scored alike" in line
 
 
 def test_two_places_that_look_alike_are_told_with_their_shares(judged):

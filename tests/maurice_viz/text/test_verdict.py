@@ -85,7 +85,7 @@ HOW = "wrong from step 61, noticed without truth at step 63, declared lost at st
         (replace(GOOD, off=2), "The filter was never lost: 4.0 in off on average, 9.0 in at most (step 41)."),
         (
             replace(GOOD, off=2, beyond=1),
-            "The filter was beyond the lost radius at 1 step, but never lost: that takes four in a row: "
+            "The filter was beyond the lost radius at 1 step, but never at four in a row: "
             "4.0 in off on average, 9.0 in at most (step 41).",
         ),
         (
