@@ -125,7 +125,9 @@ class Localizer:
             broken = log_evidence == -np.inf and bool(np.isnan(sighting.log_likelihood).any())
             left = log_evidence == -np.inf and not broken and self._is_inside(state.belief)
             if left:
-                proposal = ProposedParticles(keep_in(state.belief, proposal.belief))
+                # of every particle its own turn, which a mixture has mixed
+                predicted = self._predict(state.belief, frame)
+                proposal = ProposedParticles(keep_in(state.belief, predicted))
                 sighting = self.sensor.at(comparison, proposal.belief.poses)
                 weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
             evidence, by_channel = calibrated_evidence(proposal, sighting)

@@ -20,8 +20,10 @@ from maurice_mcl.filter.localizer import (
     run,
     weigh,
 )
+from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
 from maurice_mcl.filter.resampling import always, never
+from maurice_mcl.geometry import wrap
 from maurice_mcl.map import Arena, Region, make_grid
 from maurice_mcl.randomness import stream
 from maurice_mcl.records import Belief, uniform_log_weights
@@ -242,6 +244,22 @@ def test_leaving_the_map_starts_every_recovery(world, strategy):
     _, record = localizer.step(state, away)
     assert LEFT_MAP in record.events
     assert {RESEEDED, EXPANDED} & set(record.events)
+
+
+@pytest.mark.parametrize("strategy", ["none", "mixture"])
+def test_a_cloud_that_left_the_map_stays_and_each_particle_turns_by_itself(world, strategy):
+    settings = {"recovery.strategy": strategy, "recovery.mixture.teleport": 0.0}
+    localizer = make_localizer(world.library, feature="color", particles=50, settings=settings)
+    localizer = replace(localizer, motion=OdometryMotion(OdometryParameters(0, 0, 0, 0)))
+    state = localizer.initialize(world.start)
+    poses = state.belief.poses.copy()
+    poses[:, 2] = np.linspace(-3, 3, 50)
+    state = replace(state, belief=replace(state.belief, poses=poses))
+    away = replace(world.drive.all_moments[0].frame, motions=np.array([[100.0, 0.0, 0.5]]))
+    _, record = localizer.step(state, away)
+    assert LEFT_MAP in record.events
+    assert np.array_equal(record.weighted.poses[:, :2], poses[:, :2])
+    assert wrap(record.weighted.poses[:, 2] - poses[:, 2]) == pytest.approx(np.full(50, 0.5), abs=1e-5)
 
 
 def test_when_every_particle_is_outside_it_is_an_event_and_no_nan(world):
