@@ -72,10 +72,14 @@ def _of_trials(folder: Path, listener: Listener) -> ErrorBudget:
     material = Material(folder)
     first = material.rows.row(0, named=True)
     rows = material.part(first["part"], session=first["session"], variant=first["variant"])
+    chosen = rows.sort("seed").head(MOST_DRIVES)
+    seeds = {row["seed"]: [row["seed"]] for row in chosen.iter_rows(named=True)}
+    if first["arena"] is None:  # seeds of one recorded drive
+        chosen, seeds = chosen.head(1), {chosen["seed"][0]: chosen["seed"].to_list()}
     drives = []
-    for row in rows.sort("seed").head(MOST_DRIVES).to_dicts():
+    for row in chosen.iter_rows(named=True):
         drive, localizer = material.drive_of(row), material.localizer_of(row)
         moments = list(drive.session.moments())
-        drives.append(BudgetDrive(localizer, moments, drive.start, [row["seed"]], row["arena"] or 0))
-    label = f"{first['part']}, {first['label']}"
-    return budget_of(folder.name, label, "in", drives, progress_of(listener, WORKING))
+        drives.append(BudgetDrive(localizer, moments, drive.start, seeds[row["seed"]], row["arena"] or 0))
+    label, units = f"{first['part']}, {first['label']}", drive.session.info.display_units
+    return budget_of(folder.name, label, units, drives, progress_of(listener, WORKING))
