@@ -14,6 +14,7 @@ from maurice_mcl.arrays import F64, I64, Bool
 
 SEED, LEVEL = 0, 0.95
 Z = float(stdtrit(np.inf, (1 + LEVEL) / 2))  # standard deviations: two-sided 95 percent
+LEAST_PAIRS = 10  # for which Newcombe's interval is wide enough
 FEW = 5  # drives or places: of fewer, equal values have no interval
 POOLED = 0.25  # p-value of places being alike, from which on their drives count
 EQUAL = 1e-12  # of the largest value: a smaller standard error is a rounding error
@@ -192,15 +193,15 @@ def share(flags: Bool, clusters: Clusters | None = None, level: float = LEVEL) -
     return _share(flags, of.units(flags - flags.mean()), of.count, level)
 
 
-def _share(flags: Bool, units: I64, drives: int, level: float) -> Interval:
-    worth = _worth(flags, units, level)
+def _share(flags: Bool, units: I64, drives: int, level: float, *, few: bool = False) -> Interval:
+    worth = _worth(flags, units, level, few=few)
     return _wilson(float(flags.mean()), worth, level, len(flags), drives)
 
 
-def _worth(flags: Bool, units: I64, level: float) -> float:
+def _worth(flags: Bool, units: I64, level: float, *, few: bool) -> float:
     """Return how many independent runs have the variance of the share of flags (N,) of some units."""
     count, clusters, value = len(flags), len(set(units.tolist())), float(flags.mean())
-    if clusters == count:
+    if clusters == count and not few:
         return count
     sums, free = _totals((flags - value) / count, units)
     variance, binomial = float(np.square(sums).sum()), value * (1 - value)
@@ -223,7 +224,8 @@ def rate_difference(
     """Return by how much a rate differs between two flags (N,) of the same runs, after less before.
 
     The interval is Newcombe's for paired rates (1998, method 10), from both shares' intervals and the
-    correlation of their clusters.
+    correlation of their clusters. Of fewer than ten pairs his is too narrow, and each share counts as of
+    fewer runs, as if its variance were estimated.
 
     >>> from maurice_datasets.trials.statistics import rate_difference
     >>> import numpy as np
@@ -237,7 +239,8 @@ def rate_difference(
     of = apart(len(before)) if clusters is None else clusters
     apart_by = after.astype(np.float64) - before
     units = of.units(apart_by - apart_by.mean())
-    first, second = (_share(flags, units, of.count, level) for flags in (before, after))
+    few = len(set(units.tolist())) < LEAST_PAIRS
+    first, second = (_share(flags, units, of.count, level, few=few) for flags in (before, after))
     sums, _ = _totals(np.stack([before - first.value, after - second.value], axis=1), units)
     scale = float(np.sqrt(np.prod(np.square(sums).sum(axis=0))))
     alike = float(np.prod(sums, axis=1).sum()) / scale if scale > 0 else 0.0

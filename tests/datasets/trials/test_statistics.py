@@ -90,7 +90,7 @@ def test_intervals_of_clustered_runs_cover_the_truth_as_often_as_they_say(
     assert held[:, 0].mean() <= 0.99
 
 
-@pytest.mark.parametrize("counts", [(5, 4, 1), (1, 10, 4)])
+@pytest.mark.parametrize("counts", [(5, 4, 1), (1, 10, 4), (1, 2, 1), (1, 5, 1), (1, 9, 1), (1, 12, 1)])
 def test_differences_of_paired_rates_cover_the_truth(counts: tuple[int, int, int]) -> None:
     rng, held = np.random.default_rng(3), []
     for _ in range(300):
@@ -140,7 +140,7 @@ def test_few_drives_have_no_interval_where_nothing_tells_their_spread() -> None:
     assert np.isnan(mean(np.ones(2)).low)
     assert mean(np.ones(5)).low == mean(np.ones(5)).high == 1
     assert not mean(np.ones(1)).excludes(7)
-    assert rate_difference(np.zeros(2, bool), np.ones(2, bool)).low < 0.5
+    assert rate_difference(np.zeros(2, bool), np.ones(2, bool)).low < 0
     assert mean(np.array([1.0, 3.0])).said() == "2.0 (-10.7 to 14.7)"
     assert mean(np.ones(2)).said(100, 0) == "100 (no interval)"
     assert mean(np.zeros(0)).said() == "not known"
