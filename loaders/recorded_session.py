@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
+from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import compose, motion_between, wrap_angle
+from maurice_mcl.sensor.drive_score import DrivePicture
 from maurice_mcl.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from .errors import HasReadingNotes, InputError, PictureError, ReadingNotes
@@ -110,6 +112,15 @@ class RecordedSession(HasReadingNotes):
             updates.used(update)
             yield Glance(as_rows(update.motions), update.truth, tuple(updates.events_taken()))
 
+    def known_pictures(self, most: int) -> list[DrivePicture]:
+        """Return those of the first `most` updates whose true pose is known; decodes none, raises nothing."""
+        updates, found = _Updates(self, ReadingNotes(keep_going=True)), list[DrivePicture]()
+        for update in islice(updates, most):
+            updates.used(update)
+            if update.truth is not None:
+                found.append(DrivePicture(_reader(update.aligned.picture), update.truth))
+        return found
+
     def count_pictures(self) -> int:
         """Count all pictures, used or not, without decoding any."""
         records = checked(self.recording, ReadingNotes(self.options.keep_going))
@@ -128,6 +139,18 @@ class RecordedSession(HasReadingNotes):
             if isinstance(record, OdometryPose | Motion):
                 return type(record)
         return None
+
+
+def _reader(picture: Picture) -> Callable[[], U8 | None]:
+    """Return what decodes a picture, or returns None for one that cannot be read."""
+
+    def read() -> U8 | None:
+        try:
+            return picture.read()
+        except PictureError:
+            return None
+
+    return read
 
 
 def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> SessionInfo:

@@ -40,7 +40,10 @@ from maurice_mcl.sensor.references import nearest_reference
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
+from ..text.places import drive_said
+from .drive_check import score_feature
 from .open import (
+    as_recorded_session,
     default_said,
     library_at,
     open_session,
@@ -105,6 +108,11 @@ def build_library(
         remark_open(built, listener)
         for text in scales_said(built):
             listener.warning(text)
+        if chosen is not None and not yaw_rad:
+            drive = as_recorded_session(open_session(survey, options, SILENT), options)
+            weights = FEATURES["blended"]
+            for text in drive_said(built.name, weights, score_feature(built, weights, drive)):
+                listener.warning(text)
         if landmarks:
             from maurice_loaders.libraries.landmarks import with_landmarks
 

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
 from maurice_mcl.library_advice import Confusion, LibraryAdvice, ProposedReference, advise
 from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import FEATURES
+from maurice_mcl.sensor.drive_score import DriveScore
 from maurice_mcl.sensor.left_out import PlaceScore, score_places
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -22,7 +24,8 @@ from maurice_mcl.sensor.references import nearest_reference
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..style import scale_for
-from .open import library_at
+from .drive_check import score_feature
+from .open import as_recorded_session, library_at, open_session
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 
@@ -36,6 +39,7 @@ class LibraryCheck:
     coverage: Coverage
     telling: PlaceScore  # whether its places can be told apart, with the fitted scales
     advice: LibraryAdvice  # what will be confused, and which references to add
+    drive: DriveScore | None = None  # what a drive's pictures say about it; None: no drive was given
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, in meters and radians."""
@@ -66,6 +70,7 @@ class LibraryCheck:
             ],
             "similarity_nats": [None if np.isnan(v) else float(v) for v in found.similarity],
             "places_told_apart": self.telling.to_json(),
+            "drive": None if self.drive is None else self.drive.to_json(),
         }
 
     def _confusion(self, one: Confusion) -> dict[str, Any]:
@@ -113,10 +118,14 @@ def check_library(
     feature: str = "blended",
     to: str | Path | None = None,
     poses: str | Path | None = None,
+    drive: str | Path | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> LibraryCheck:
     """Compare a library's pictures with each other: aliases, ambiguity, coverage, and what to add.
+
+    `drive` is a recording with truth whose pictures are compared with the library as well: pictures of one
+    survey err alike, so that only a drive shows whether a robot's pictures fit where they were taken.
 
     `feature` is a feature or a channel by name. `to` also draws the map of expected ambiguity and of
     references to add (.png), `poses` writes these as a table (.csv). Raises
@@ -132,7 +141,10 @@ def check_library(
         _checked_map(Path(to), force=force)
     if poses is not None:
         expect_absent(Path(poses), force=force)
-    opened = library_at(path, listener)
+    opened, recorded = library_at(path, listener), None
+    if drive is not None:
+        options = ReadingOptions()
+        recorded = as_recorded_session(open_session(Path(drive), options, listener), options)
     weights = FEATURES.get(feature, {feature: 1.0})
     missing = [name for name in weights if name not in opened.index]
     if missing:
@@ -142,7 +154,8 @@ def check_library(
     sensor = SensorModel(opened, nearest, SensorParameters(dict(weights)))
     similarity = self_similarity_of(opened, sensor, progress_of(listener, "compare"))
     covered, telling = coverage_of(opened, similarity.spacing_m), score_places(sensor)
-    check = LibraryCheck(opened, similarity, covered, telling, advise(opened, similarity))
+    of_drive = None if recorded is None else score_feature(opened, weights, recorded)
+    check = LibraryCheck(opened, similarity, covered, telling, advise(opened, similarity), of_drive)
     if to is not None:
         check.draw(to, force=force)
     if poses is not None:

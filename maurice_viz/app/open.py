@@ -22,6 +22,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
@@ -33,6 +34,7 @@ from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.places import places_said
+from .drive_check import drive_pictures, suited
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
@@ -255,6 +257,7 @@ def make_runs(
         if motion is not None:
             raise InputError(motion, str(problem)) from None
         raise InputError(session.path, str(problem), 1) from None
+    configurations, localizers = _suited(session, configurations, localizers, starts, listener)
     labels = unique_labels([_label(one, library) for one in specs])
     parts = zip(labels, localizers, starts, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
@@ -310,6 +313,24 @@ def _adapted(
     for text in said:
         listener.warning(text)
     return result
+
+
+def _suited(
+    session: SourcedSession,
+    configurations: Sequence[Configuration],
+    localizers: Sequence[Localizer],
+    starts: Sequence[F64 | None],
+    listener: Listener,
+) -> tuple[list[Configuration], list[Localizer]]:
+    """Widen the scales of each run where the drive's own pictures mislead it; say so once."""
+    channels = any(one.sensor.weights for one in localizers)
+    if not channels or not isinstance(session, (SessionLog, RecordedSession)):
+        return list(configurations), list(localizers)
+    groups = drive_pictures(as_recorded_session(session, ReadingOptions()))
+    found = [suited(*one, groups) for one in zip(configurations, localizers, starts, strict=True)]
+    for text in dict.fromkeys(text for _, _, said in found for text in said):
+        listener.warning(text)
+    return [one for one, _, _ in found], [one for _, one, _ in found]
 
 
 def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:

@@ -21,7 +21,7 @@ from ..app.library import tune as tune_channels
 from ..app.library_check import check_library
 from ..app.open import library_at
 from ..style import Scale, scale_for, units_named
-from ..text.places import places_said, scores_of
+from ..text.places import drive_said, drive_score_of, places_said, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option, reading_of
@@ -185,13 +185,23 @@ def check(
         Path | None,
         option("--poses", "Write the references to add as a table, for `survey --poses`.", metavar="OUT.csv"),
     ] = None,
+    drive: Annotated[
+        Path | None,
+        option("--drive", "Compare the pictures of a drive with truth, too.", metavar="DRIVE"),
+    ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Compare a library's pictures with each other: aliases, ambiguity, gaps, and references to add."""
     with listening() as listener:
         found = check_library(
-            library, feature=feature or "blended", to=draw, poses=poses, force=force, listener=listener
+            library,
+            feature=feature or "blended",
+            to=draw,
+            poses=poses,
+            drive=drive,
+            force=force,
+            listener=listener,
         )
     if json_output:
         print_json(found.to_json())
@@ -199,11 +209,16 @@ def check(
     scale = scale_for(found.library.display_units, found.library.arena)
     table = _check_table(found.library, found.similarity, found.coverage, scale)
     table.add_row("places", scores_of(found.telling))
+    if found.drive is not None:
+        table.add_row("drive", drive_score_of(found.drive))
     table.add_row("to add", _to_add(found.advice, scale))
     results.print(table)
     gaps, pairs = _gap_lines(found.coverage, scale), _pair_lines(found.library, found.similarity, scale)
     more = (*_missing_lines(found.advice, scale), *_add_lines(found.advice, scale))
-    places = places_said(found.library.name, weights_of(feature or "blended"), found.telling)
+    weights = weights_of(feature or "blended")
+    places = [*places_said(found.library.name, weights, found.telling)]
+    if found.drive is not None:
+        places += drive_said(found.library.name, weights, found.drive)
     for line in (*places, *gaps, *pairs, *more):
         results.print(line, soft_wrap=True)
 

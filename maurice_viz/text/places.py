@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from maurice_mcl.sensor.drive_score import DriveScore
 from maurice_mcl.sensor.left_out import PlaceScore
 
 WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
@@ -33,3 +34,27 @@ def places_said(name: str, channels: Iterable[str], found: PlaceScore | None) ->
         why = "" if found.worse_than_nothing else f", as {found.places} places do not confirm them"
         keep = "--set sensor.widening=1 keeps the fitted ones"
         yield f"{name}: the scales of {by} are widened by {found.widening:g}{why}; {keep}"
+
+
+def drive_score_of(found: DriveScore) -> str:
+    """Return what a drive's pictures add at their true poses: "+0.52 nats per picture (16 pictures)"."""
+    if not found.pictures:
+        return "none of its pictures has a true pose in the library's free space"
+    return f"{found.gain:+.2f} nats per picture over knowing the place roughly ({found.pictures} pictures)"
+
+
+def drive_said(
+    name: str, channels: Iterable[str], found: DriveScore, *, changed: bool = False
+) -> Iterator[str]:
+    """Yield what the user of a library should know about a drive through it; nothing if they agree."""
+    if not found.is_bad:
+        return
+    worth = "are worse than none" if found.gain < 0 else "add next to nothing"
+    text = f"{name}: the drive's pictures {worth} at their true poses ({', '.join(channels)}: "
+    text += drive_score_of(found) + ")"
+    if not changed:
+        yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
+        return
+    keep = "--set sensor.widening=1 keeps them"
+    how = "" if found.tells else ", so that the camera counts for almost nothing"
+    yield f"{text}; the scales are widened by {found.widening:g}{how}; {keep}"
