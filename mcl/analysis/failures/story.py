@@ -6,6 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,6 +20,7 @@ BEFORE, AFTER = 3, 1  # updates before the last one that held the truth, and aft
 FIRST = 10  # updates of an episode whose pictures are looked at
 LEAST_AWAY, NEARLY_ALL = 4, 0.75  # updates at another place, and share of them
 CLEARLY = 0.15  # of the spread of log-likelihoods over the library
+LEAST_WEIGHT = 0.5  # over the number of particles: a smaller share near the truth is none
 LOOKS_BACK = 30  # updates before a loss that are looked at if the truth was never held
 
 
@@ -76,6 +78,30 @@ class Story:
             return self.window
         last = max(k for k, share in enumerate(shares, self.since) if share >= most / 2)
         return range(self.window.start, min(max(last + BEFORE, self.window.stop), self.end + 1))
+
+    @property
+    def lost_by_motion(self) -> float:
+        """Nats of the weight near the truth that were lost as particles moved away from it."""
+        return self._losses[0]
+
+    @property
+    def lost_by_pictures(self) -> float:
+        """Nats of the weight near the truth that were lost as pictures spoke against it."""
+        return self._losses[1]
+
+    @cached_property
+    def _losses(self) -> tuple[float, float]:
+        """Add up both from the last update that held the truth to the first that was off, and one more."""
+        first = self.window.start if self.held is None else self.held
+        motion, pictures = 0.0, 0.0
+        for before, now in pairwise(self.updates[first : self.window.stop]):
+            if before.near is None or now.near is None:
+                continue
+            least = LEAST_WEIGHT / now.size
+            shares = (before.near.shares[2], *now.near.shares[:2])
+            held, moved, weighed = (float(np.log(max(share, least))) for share in shares)
+            motion, pictures = motion + held - moved, pictures + moved - weighed
+        return motion, pictures
 
     @cached_property
     def fits_truth(self) -> bool:

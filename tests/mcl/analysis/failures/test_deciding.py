@@ -157,6 +157,18 @@ def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
     assert "impoverished" in found.also
 
 
+@pytest.mark.parametrize(
+    ("shares", "kind"), [((0.8, 0.01, 0.01), "library_gap"), ((0.01, 0.01, 0.01), "motion")]
+)
+def test_a_slip_where_the_library_has_a_gap_is_weighed_by_what_lost_the_truth(shares, kind):
+    updates = [replace(healthy(step), reference_m=1.1, fit=None) for step in range(1, UPDATES)]
+    updates[9] = replace(updates[9], surprise=Surprise(9, 0, 0), near=NearTruth(900, shares, 0.02))
+    (story,) = stories(updates)
+    found = decide(story)
+    assert found.kind == kind
+    assert {found.kind, *found.also} >= {"motion", "library_gap"}
+
+
 def test_what_befalls_a_run_that_is_not_lost_is_no_failure():
     updates = [replace(healthy(step), score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]
     assert indexes(updates) == []
