@@ -361,4 +361,4 @@ def _remark_lengths(
     shortest = min(counts)
     if max(counts) > shortest == collector.updates:
         name = names[counts.index(shortest)]
-        listener.remark(f"compared over the first {shortest} updates: {name} has no more")
+        listener.remark(f"compared over the first {shortest} steps: {name} has no more")

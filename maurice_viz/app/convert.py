@@ -204,7 +204,7 @@ def export(
                 steps += 1
             listener.progress(number, saved.manifest.pictures, "export")
         if not steps:
-            raise InputError(saved.folder, "holds no such update, so there is nothing to export; replay more")
+            raise InputError(saved.folder, "holds no such step, so there is nothing to export; replay more")
     _report_left_out(saved, sinks, files, listener)
     written = tuple(file for file in _named(files, paths) if file.exists())  # there may be no truth to write
     return Exported(saved.manifest.label, steps, written, errors.statistics() or None)
@@ -279,7 +279,7 @@ def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
 def _report_left_out(run: SavedRun, sinks: Sequence[Sink], files: Files, listener: Listener) -> None:
     for sink in sinks:
         if isinstance(sink, PathSink) and sink.left_out:
-            why = "KITTI rows have no time, so that only updates with a known truth are written"
-            listener.remark(f"{files['kitti']}: {sink.left_out} updates are left out: {why}")
+            why = "KITTI rows have no time, so that only steps with a known truth are written"
+            listener.remark(f"{files['kitti']}: {sink.left_out} steps are left out: {why}")
     if not run.manifest.has_truth and not files.keys().isdisjoint(BY_PATH):
         listener.remark("the run has no truth: there is no file of it")

@@ -96,7 +96,7 @@ def observed(
 
 
 NEXT_KEYS = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
-KEYS = f"{NEXT_KEYS}; choose the timeline `phase` to walk through one update."
+KEYS = f"{NEXT_KEYS}; choose the timeline `phase` to walk through one step."
 
 LONGEST_STEM = 80  # characters of a recording's name
 LARGE = 50_000_000  # bytes of a recording whose size is remarked beforehand

@@ -251,9 +251,7 @@ def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
             why = "no particle was in free space"
             if collector.no_number[label]:
                 why = f"likelihoods were no numbers (NaN) at {collector.no_number[label]} of them"
-            listener.warning(
-                f"{label}: at {times} of {collector.updates} updates all weights were zero: {why}"
-            )
+            listener.warning(f"{label}: at {times} of {collector.updates} steps all weights were zero: {why}")
 
 
 STOPS = (signal.SIGINT, signal.SIGTERM)

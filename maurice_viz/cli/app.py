@@ -57,7 +57,7 @@ COMMANDS = {
         Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND, "doctor"),
         Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND, "check"),
         Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND, "events"),
-        Listed("explain", "runs", "Explain one update of a saved run.", _UNDERSTAND, "explain"),
+        Listed("explain", "runs", "Explain one step of a saved run.", _UNDERSTAND, "explain"),
         Listed(
             "budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND, "budget"
         ),

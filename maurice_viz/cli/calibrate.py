@@ -145,7 +145,7 @@ def belief(
 
 def _belief_table(one: CalibratedBelief) -> Table:
     found = one.found
-    title = f"belief of {one.label}: {found.updates} updates of {found.runs} run{'s' * (found.runs != 1)}"
+    title = f"belief of {one.label}: {found.updates} steps of {found.runs} run{'s' * (found.runs != 1)}"
     table = Table(title=title, title_justify="left")
     for heading in ("quantity", "found", "95 % interval", "if calibrated"):
         table.add_column(heading, justify="left" if heading == "quantity" else "right")

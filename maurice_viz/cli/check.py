@@ -31,7 +31,7 @@ def check(
     ] = None,
     localized_by: Annotated[
         int | None,
-        option("--localized-by", "Localized within so many updates, and not lost after.", DEMANDS, min=1),
+        option("--localized-by", "Localized within so many steps, and not lost after.", DEMANDS, min=1),
     ] = None,
     converged_by: Annotated[
         int | None,
@@ -128,7 +128,7 @@ def _table(title: str, *names: str) -> Table:
 
 def _demands(drive: DriveCheck) -> Table:
     count = len(drive.runs)
-    title = f"{drive.session}: {count} run{'s' * (count > 1)} of {len(drive.steps)} updates"
+    title = f"{drive.session}: {count} run{'s' * (count > 1)} of {len(drive.steps)} steps"
     if count > 1 and drive.demands:
         title += f"; {drive.demands[0].needed:.0%} of the runs have to meet each demand"
     table = _table(title, "demand", "met by", "95 % interval", "")

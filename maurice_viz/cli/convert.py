@@ -145,7 +145,7 @@ def export(
     run: opt.Run,
     tum: Annotated[Path | None, _file("--tum", "Paths as TUM: t x y z qx qy qz qw.")] = None,
     kitti: Annotated[Path | None, _file("--kitti", "Paths as KITTI: 12 numbers.")] = None,
-    csv: Annotated[Path | None, _file("--csv", "A table with one row per update.")] = None,
+    csv: Annotated[Path | None, _file("--csv", "A table with one row per step.")] = None,
     parquet: Annotated[Path | None, _file("--parquet", "The same table as Parquet.")] = None,
     mcap: Annotated[
         Path | None, _file("--mcap", "ROS 2 messages: pictures, poses, clouds. Needs maurice-replay[ros].")
@@ -158,7 +158,7 @@ def export(
         option("--only", f"Only one path for TUM and KITTI: {' | '.join(PATHS)}. [default: all three]"),
     ] = None,
     scored: Annotated[
-        bool, option("--scored", "Leave out the first three updates, as the table of scores does.")
+        bool, option("--scored", "Leave out the first three steps, as the table of scores does.")
     ] = False,
     t_offset: Annotated[
         float, option("--t-offset", "Add this to every time; the clock is the session's.", metavar="SECONDS")

@@ -74,7 +74,7 @@ def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, lis
 
 def explain(
     run: opt.Run,
-    step: Annotated[int | None, option("--step", "Which update. [default: the last one]", min=1)] = None,
+    step: Annotated[int | None, option("--step", "Which step. [default: the last one]", min=1)] = None,
     at: Annotated[
         str | None,
         option("--at", "Explain this pose too, in display units and degrees.", MORE, metavar="X,Y,HEADING"),

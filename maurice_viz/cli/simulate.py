@@ -47,10 +47,10 @@ def simulate(
     ] = 120,
     kidnap_at: Annotated[
         int | None,
-        option("--kidnap-at", "Carry the robot away after this update. [default: halfway]", DRIVE, min=1),
+        option("--kidnap-at", "Carry the robot away after this step. [default: halfway]", DRIVE, min=1),
     ] = None,
     slip_at: Annotated[
-        str, option("--slip-at", "Let the wheels spin at this update, or at a range like 34-37.", DRIVE)
+        str, option("--slip-at", "Let the wheels spin at this step, or at a range like 34-37.", DRIVE)
     ] = "",
     lights: Annotated[
         str, option("--lights", "Changes of light, like dim@40,off@60 (docs/conditions.md).", WORLD)

@@ -65,7 +65,7 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
 LETTER, LINE = 0.0125, 0.05  # width and height of a label's letter, as shares of the arena's long side
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
 THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
-LEFT_OUT = "Not drawn at this update (`--detail`)."
+LEFT_OUT = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
 CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
 CARD_GAP_PX = 4  # between picture and edges

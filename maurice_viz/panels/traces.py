@@ -258,7 +258,7 @@ def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
     """Plot the shares of survivors and distinct ancestors of some runs."""
     return [
         plot_of_runs(SURVIVORS, "Survivors of resampling (share)", labels, top=1.1),
-        plot_of_runs(ANCESTORS, "Distinct ancestors ten updates back (share)", labels, top=1.1),
+        plot_of_runs(ANCESTORS, "Distinct ancestors ten steps back (share)", labels, top=1.1),
     ]
 
 

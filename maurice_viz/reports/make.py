@@ -158,15 +158,11 @@ def _jpeg_url(jpeg: bytes) -> str:
 
 def _summary(result: RunResult, scale: Scale) -> str:
     score = result.score
-    updates = f"{score.updates} updates over {scale.say(score.distance_m)}"
+    steps = f"{score.updates} steps over {scale.say(score.distance_m)}"
     if score.position_error_mean_m is None or score.heading_error_mean_rad is None:
-        return f"{updates}. The truth is not known, so errors are not known."
+        return f"{steps}. The truth is not known, so errors are not known."
     angle = f"{np.degrees(score.heading_error_mean_rad):.1f} deg"
-    when = score.localized_at_update
-    localized = "never localized" if when is None else f"localized from update {when}"
-    searching = " while searching" if when is None or when > (score.lost_at_update or 0) else ""
-    lost = f"lost at update {score.lost_at_update}{searching}" if score.lost else "never lost"
-    return f"{updates}, mean error {scale.say(score.position_error_mean_m)} and {angle}; {localized}, {lost}."
+    return f"{steps}, mean error {scale.say(score.position_error_mean_m)} and {angle}."
 
 
 def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[list[DrawnChart], list[str]]:

@@ -18,7 +18,7 @@ from .failure import say_cause
 
 SURE = ", sure of a wrong place"
 KIDNAPPED_ROBOT = "The robot was kidnapped"
-NOTHING_YET = "No update yet."
+NOTHING_YET = "No step yet."
 TOLD = (WAS_KIDNAPPED, MOTION, LIGHTING)  # causes that the sentence on the drive has told already
 MOST_CAUSES = 2  # that a line tells of
 ALIKE_Q = 0.1  # qualities that differ by less are about equal

@@ -41,7 +41,7 @@ def baseline(drive: Path) -> Path:
 
 def test_a_filter_that_does_what_is_demanded_passes(drive):
     out, err = maurice("check", drive, *FEW, "--max-error", "30cm", "--localized-by", "5", "--seeds", "4")
-    for text in ("localized by update 5", "mean error at most 0.3 m", "4 of 4", "held", "73 runs without"):
+    for text in ("localized by step 5", "mean error at most 0.3 m", "4 of 4", "held", "73 runs without"):
         assert text in out
     assert out.splitlines()[-1] == "passed"
     assert "FAILED" not in out
@@ -150,7 +150,7 @@ def test_without_truth_only_convergence_can_be_checked(tmp_path):
     assert "found no true poses" in line
     assert "--converged-by" in line
     out, err = maurice("check", blind, *FEW, "--converged-by", "5")
-    assert "converged by update 5" in out
+    assert "converged by step 5" in out
     assert "sure of a wrong place meets it too" in out
     assert "the start is given" in out
     assert "--seeds 20 tests the rate" in err

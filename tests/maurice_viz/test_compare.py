@@ -199,7 +199,7 @@ def second_session(small_session: Path, tmp_path: Path, updates: int = 10) -> Pa
 def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session, tmp_path):
     other = second_session(small_session, tmp_path)
     out, err = maurice("compare", small_session, other, *FEW)
-    assert "compared over the first 10 updates" in one_line(err)
+    assert "compared over the first 10 steps" in one_line(err)
     assert labels_of(out) == ["session.log", "other"]
     session, shorter = runs_of(out)
     assert session["updates"] == shorter["updates"] == 10

@@ -36,7 +36,7 @@ class CheckResult:
     >>> import maurice_viz as mv
     >>> result = mv.check("session.log", max_error_m=0.3, localized_by=5, particles=50)
     >>> result.passed, [one.title for one in result.drives[0].demands]
-    (True, ['localized by update 5', 'not lost from then on', 'mean error at most 0.3 m'])
+    (True, ['localized by step 5', 'not lost from then on', 'mean error at most 0.3 m'])
     """
 
     drives: tuple[DriveCheck, ...]
@@ -160,7 +160,7 @@ def _expect_sense(demands: Demands, seeds: int, files: CheckFiles) -> None:
         raise OptionError(f"--max-error is a length above 0, found {demands.max_error_m:g} m")
     for name, value in (("localized", demands.localized_by), ("converged", demands.converged_by)):
         if value is not None and value < 1:
-            raise OptionError(f"--{name}-by is a number of updates from 1, found {value}")
+            raise OptionError(f"--{name}-by is a number of steps from 1, found {value}")
     if not 0 < demands.min_rate <= 1:
         raise OptionError(f"--min-localized is a rate above 0 and up to 1, found {demands.min_rate:g}")
     if not 1 <= seeds <= MOST_SEEDS:

@@ -135,7 +135,7 @@ def _update(opened: Opened, chosen: Restored, folder: Path, number: int | None) 
         if moment.frame.step == number:
             return found
     if found is None:
-        raise InputError(folder, "holds no update")
+        raise InputError(folder, "holds no step")
     if number is not None:
         raise InputError(folder, f"has no step {number}; it has 1 to {found[0].frame.step}")
     return found

@@ -49,7 +49,7 @@ HOW = "wrong from step 61, noticed without truth at step 63, declared lost at st
 @pytest.mark.parametrize(
     ("verdict", "line"),
     [
-        (RunVerdict(), "No update yet."),
+        (RunVerdict(), "No step yet."),
         (GOOD, "The filter was right at every step: 4.0 in off on average, 9.0 in at most (step 41)."),
         (
             replace(

@@ -197,11 +197,11 @@ def _expect_long_enough(session: AnySession, moments: list[Moment], demands: Dem
         if limit is not None and not is_judged(0, starts, updates, limit):
             here = (*starts, updates)[1]
             before = "" if len(starts) == 1 else " before the kidnapping"
-            found = f"found {here} updates{before}, too few to judge --{name}-by {limit}"
+            found = f"found {here} steps{before}, too few to judge --{name}-by {limit}"
             raise InputError(session.path, f"{found}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
     counted = zip(demands.counting(updates, starts).tolist(), moments, strict=True)
     if demands.need_truth and not any(counts and one.truth is not None for counts, one in counted):
-        raise InputError(session.path, f"found no true pose after update {demands.grace}, so no error counts")
+        raise InputError(session.path, f"found no true pose after step {demands.grace}, so no error counts")
 
 
 def _judged(

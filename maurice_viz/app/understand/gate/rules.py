@@ -124,9 +124,9 @@ def demand_results(runs: Sequence[RunJudgement], demands: Demands, scale: Scale)
 def title_of(kind: str, demands: Demands, scale: Scale) -> str:
     """Return a demand in a few words: "localized by update 20"."""
     if kind == LOCALIZED:
-        return f"localized by update {demands.localized_by}"
+        return f"localized by step {demands.localized_by}"
     if kind == CONVERGED:
-        return f"converged by update {demands.converged_by}"
+        return f"converged by step {demands.converged_by}"
     if kind == ERROR:
         return f"mean error at most {said(demands.max_error_m or 0.0, scale)}"
     return "not lost" if demands.localized_by is None else "not lost from then on"
