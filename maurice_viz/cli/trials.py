@@ -271,12 +271,14 @@ def _differences(differences: list[Difference], metric: str) -> Table:
         title += ", the whole drive where never"
     against = ", ".join(_cell(value) for value in differences[0].against.values())
     table = _table(f"{title}, less that of {against}, on the same drives", differences[0].by)
-    for name in ("difference", "95 % interval", "pairs", "drives"):
+    several = any(one.figure.drives != one.figure.count for one in differences)  # pairs of a drive
+    names = ("difference", "95 % interval", "pairs", "drives")[: 3 + several]
+    for name in names:
         table.add_column(name, justify="right")
     for one in differences:
         value, limits = _in_words(one.figure, factor, _digits(metric), "+")
-        counts = map(str, (one.figure.count, one.figure.drives))
-        table.add_row(*map(_cell, one.by.values()), value, limits, *counts)
+        cells = (value, limits, str(one.figure.count), str(one.figure.drives))
+        table.add_row(*map(_cell, one.by.values()), *cells[: len(names)])
     return table
 
 

@@ -44,14 +44,15 @@ def before_loss(material: Material, *, log: bool) -> Figure:
         raise NothingToDraw(material.folder, "holds no runs of position-tracking whose truth is known")
     made, axes = figure("", "particles", "driven before it was lost (in)")
     for lost, mark, label in ((True, ".", "lost there"), (False, "^", "not lost: end of the drive")):
-        some = rows.filter(pl.col("lost") == lost)
+        if (some := rows.filter(pl.col("lost") == lost)).is_empty():
+            continue
         x, y = _jittered(_column(some, PARTICLES)), _inches(some, "before_loss_m")
         axes.plot(x, y, mark, color=ACTUAL, ms=4, mfc="none", alpha=0.5, label=_runs(some, label))
     every_m = min(float(rows["distance_m"].to_numpy().min()), GOAL_M)
     within = rows.with_columns(pl.col("before_loss_m").clip(upper_bound=every_m))
     label = f"mean within the first {every_m / INCH_M:,.0f} in, 95 % interval"
     _means(axes, within, "before_loss_m", 1 / INCH_M, label, 0, shifted=False)
-    _fit(axes, within, "before_loss_m", "+.0f")
+    _fit(axes, within, "before_loss_m", 0)
     axes.axhline(GOAL_M / INCH_M, color=INK, linestyle=":", label="goal of the thesis, 1,000 in")
     axes.set_ylim(0)
     _finish(axes, log=log)
@@ -66,7 +67,7 @@ def error(material: Material, *, fitted: bool = False) -> Figure:
     axes.plot(x, y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
     _means(axes, rows, "error_m", 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
     if fitted:
-        _fit(axes, rows, "error_m", "+.1f")
+        _fit(axes, rows, "error_m", 1)
         _thesis(axes)
     axes.set_ylim(0)
     _finish(axes)
@@ -97,15 +98,13 @@ def _thesis(axes: Axes) -> None:
     )
 
 
-def _fit(axes: Axes, rows: pl.DataFrame, metric: str, digits: str) -> None:
+def _fit(axes: Axes, rows: pl.DataFrame, metric: str, digits: int) -> None:
     """Draw a line through a metric of runs, in inches, over the log of the count; its slope in the legend."""
     x = _column(rows, PARTICLES)
     if len(counts := np.unique(x)) < 2:
         return
     fit = log_fit(x, _inches(rows, metric), clusters_of(rows))
-    slope = fit.slope
-    value, low, high = (f"{number:{digits}}" for number in (slope.value, slope.low, slope.high))
-    label = f"fit: {value} in a decade ({low} to {high})"
+    label = f"fit, inches in a decade: {fit.slope.said(1, digits, '+')}"
     axes.plot(counts, fit.at(counts), color=INK, linestyle="--", linewidth=1, label=label)
 
 
