@@ -164,10 +164,19 @@ MOST = 1e9  # meters, radians, pixels: more is a slip, and squares of it still f
 MOST_T_S = 4e9  # Unix time until 2096; the time between any two is still one that the viewer can count
 
 
-def read_json(data: bytes | str) -> Any:
-    """Return the value of a JSON text. ValueError for what is none, also where it is nested too deeply."""
+MOST_VALUES = 4_000_000  # in one JSON text: an empty list of two bytes takes some 60 in memory
+
+
+def read_json(data: bytes | str, **hooks: Any) -> Any:
+    """Return the value of a JSON text; `hooks` as for `json.loads`.
+
+    ValueError for what is none, and where it is nested too deeply or holds too many values.
+    """
+    marks: Any = (b",", b"[", b"{") if isinstance(data, bytes) else (",", "[", "{")
+    if len(data) > MOST_VALUES and sum(map(data.count, marks)) > MOST_VALUES:
+        raise ValueError(f"found JSON with more than {MOST_VALUES:,} values")
     try:
-        return json.loads(data)
+        return json.loads(data, **hooks)
     except RecursionError:
         raise ValueError("found JSON that is nested too deeply") from None
 

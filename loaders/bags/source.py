@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -14,11 +13,15 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError
+from ..files import read_json
 
 if TYPE_CHECKING:
     from google.protobuf.message import Message as ProtobufMessage
+    from rosbags.interfaces.typing import Typesdict
     from rosbags.typesys.store import Typestore
 
+MOST_DEFINITION = 256 * 1024  # bytes that define a type; those of robots have some thousand
+MOST_ARRAY = 4096  # elements of an array of fixed length; a covariance has 36
 INSTALL = "pip install 'maurice-replay[ros]'"
 
 
@@ -123,6 +126,8 @@ def decode(data: bytes, encoding: str, kind: str, definition: bytes, form: str) 
 
     `definition` of the type in its `form`: "ros2msg", "ros2idl", "protobuf" ...
     """
+    if len(definition) > MOST_DEFINITION:
+        raise ValueError(f"its type takes {len(definition):,} bytes, expected {MOST_DEFINITION:,} or less")
     if encoding == "json":
         return decode_json(data)
     if encoding == "protobuf":
@@ -134,7 +139,7 @@ def decode(data: bytes, encoding: str, kind: str, definition: bytes, form: str) 
 
 def decode_json(data: bytes | str) -> Any:
     """Decode a JSON message into an object with its fields."""
-    return json.loads(data, object_hook=json_object)
+    return read_json(data, object_hook=json_object)
 
 
 def json_object(found: dict[str, Any]) -> Any:
@@ -187,7 +192,7 @@ def _unpacked(data: bytes) -> bytes:
         from compression import zstd
     else:
         from backports import zstd
-    return bytes(zstd.ZstdDecompressor().decompress(data, max_length=MOST_BYTES))
+    return bytes(zstd.ZstdDecompressor().decompress(data, max_length=MOST_BYTES // 4))
 
 
 def long_type(name: str) -> str:
@@ -208,11 +213,26 @@ def _typestore(kind: str, definition: str, form: str, *, ros1: bool) -> Typestor
         return store
     store = get_typestore(Stores.EMPTY)
     if form == "msg":
-        store.register(get_types_from_msg(definition, kind))
+        store.register(_bounded(get_types_from_msg(definition, kind)))
         return store
     line = "=" * 80 + "\n"  # several files in one, each headed by its name
     for part in definition.split(line):
         text = part.split("\n", 1)[1] if part.startswith("IDL: ") else part
         if text.strip():
-            store.register(get_types_from_idl(text))
+            store.register(_bounded(get_types_from_idl(text)))
     return store
+
+
+def _bounded(types: Typesdict) -> Typesdict:
+    """Return the types unchanged. ValueError for a long array of fixed length.
+
+    A decoder is a program with lines for each of its elements, however short the messages are.
+    """
+    from rosbags.interfaces import Nodetype
+
+    for _, fields in types.values():
+        for name, field in fields:
+            if field[0] == Nodetype.ARRAY and field[1][1] > MOST_ARRAY:
+                length = field[1][1]
+                raise ValueError(f"its field {name} has {length:,} elements, expected {MOST_ARRAY:,} or less")
+    return types

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..bags.messages import TRANSFORMS, known_type, links_of
-from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, json_object, short_type, sorted_topics
+from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, decode_json, short_type, sorted_topics
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import FieldError, SourceError
-from ..files import items, mapping
+from ..files import items, mapping, read_json
 from ..reading import ReadingOptions
 from ..session_log.header import FORMAT, VERSION
-from .translation import MESSAGE_ERRORS, MOST_FRAMES, ChosenTopics, Translator, decoded
+from .translation import MESSAGE_ERRORS, MOST_FRAMES, ChosenTopics, Translator, decoded, short
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -33,6 +33,7 @@ SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 MESSAGE_DATA = 1  # first byte of a binary message
 HEAD = struct.Struct("<BIQ")  # opcode, subscription, time in ns
 MOST_CHANNELS = 5000
+MOST_DEFINITIONS = 32 * 2**20  # characters of all channels together; a robot has some 500,000
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,9 +89,11 @@ class Foxglove:
 
     def _hear_text(self, text: str) -> None:
         try:
-            found = mapping(json.loads(text), "a message")
-        except (ValueError, RecursionError):
-            raise FieldError("found a text that is not JSON, expected a message of the bridge") from None
+            found = mapping(read_json(text), "a message")
+        except ValueError as problem:
+            raise FieldError(
+                f"found a text that is not JSON, or too much ({short(problem)}), expected a message"
+            ) from None
         if found.get("op") == "advertise":
             for one in items(found.get("channels"), "channels"):
                 self._announce(mapping(one, "a channel"))
@@ -109,6 +112,9 @@ class Foxglove:
             for key in ("topic", "encoding", "schemaName", "schema", "schemaEncoding")
         )
         topic, encoding, schema, definition, form = words
+        known = sum(len(one.definition) + len(one.topic) for one in self._channels.values())
+        if known + len(definition) + len(topic) > MOST_DEFINITIONS:
+            raise FieldError(f"found types defined in more than {MOST_DEFINITIONS // 2**20} MiB")
         self._channels[number] = _Channel(topic, encoding, schema, definition, form)
 
 
@@ -156,14 +162,16 @@ class Rosbridge:
     def hear(self, message: str | bytes) -> Message | None:
         """Process a message. FieldError when it violates the protocol."""
         try:
-            found = mapping(json.loads(message), "a message")
-        except (ValueError, RecursionError):
-            raise FieldError("found a message that is not JSON, expected rosbridge's") from None
+            found = mapping(read_json(message), "a message")
+        except ValueError as problem:
+            raise FieldError(
+                f"found a text that is not JSON, or too much ({short(problem)}), expected a message"
+            ) from None
         name = found.get("topic")
         if found.get("op") == "publish" and isinstance(name, str) and name in self._subscribed:
             text = json.dumps(found.get("msg"))
             kind = next((topic.type for topic in self._topics if topic.name == name), "")
-            decode = partial(json.loads, text, object_hook=json_object)
+            decode = partial(decode_json, text)
             return Message(name, kind, time.time_ns(), decode)
         if found.get("op") == "service_response" and found.get("id") == ASK:
             self._announce(found)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import cv2
@@ -15,6 +17,7 @@ from hypothesis import strategies as st
 from helpers import bags as making
 from maurice_loaders.bags.source import bag_errors, decode, decode_protobuf
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import read_json
 from maurice_loaders.formats.registry import open_session
 
 
@@ -90,3 +93,36 @@ def test_a_file_of_foxglove_s_own_writer(tmp_path: Path) -> None:
         assert np.array_equal(moment.frame.image, making.picture(number))
         assert moment.truth is not None
         np.testing.assert_allclose(moment.truth, [0.1 * number, 2.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("form", ["ros2msg", "ros1"])
+@pytest.mark.parametrize(
+    "definition",
+    [
+        "string[300000000] data",
+        "Part[5000] data\n" + "=" * 80 + "\nMSG: std_msgs/Part\n",
+        "uint8 a\n" * 40_000,
+    ],
+    ids=["strings", "parts", "fields"],
+)
+def test_a_length_that_a_type_announces_takes_neither_memory_nor_time(definition: str, form: str) -> None:
+    with peak_memory() as peak, pytest.raises(ValueError, match=r"expected \S+ or less"):
+        decode(bytes(100), "ros1" if form == "ros1" else "cdr", "std_msgs/msg/X", definition.encode(), form)
+    assert peak() < 20_000_000
+
+
+@pytest.mark.parametrize("text", ["[" + "{}," * 5_000_000 + "{}]", "[" * 5_000_000], ids=["wide", "deep"])
+def test_json_of_very_many_values_is_not_read(text: str) -> None:
+    with peak_memory() as peak, pytest.raises(ValueError, match="more than 4,000,000 values"):
+        read_json(text)
+    assert peak() < 20_000_000
+
+
+@contextmanager
+def peak_memory() -> Iterator[Callable[[], int]]:
+    """Return how many bytes Python took at the most since then."""
+    tracemalloc.start()
+    try:
+        yield lambda: tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()

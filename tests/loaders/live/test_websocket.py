@@ -297,3 +297,12 @@ def test_poses_that_come_late_are_put_in_their_place() -> None:
     np.testing.assert_allclose(track.at(2.0, 0.1), [2.0, 0.0, 0.0])
     np.testing.assert_allclose(track.at(1.5, 1.0), [1.5, 0.0, 0.0])
     assert track.at(4.0, 0.5) is None
+
+
+def test_what_a_bridge_announces_is_bounded_in_all() -> None:
+    bridge = live_websocket.Foxglove()
+    channel = {"topic": "/a", "encoding": "cdr", "schemaName": "x", "schema": "#" * (20 * 2**20)}
+    bridge.hear(json.dumps({"op": "advertise", "channels": [channel | {"id": 1}]}))
+    with pytest.raises(InputError, match="more than 32 MiB"):
+        bridge.hear(json.dumps({"op": "advertise", "channels": [channel | {"id": 2}]}))
+    assert len(bridge.topics) == 1
