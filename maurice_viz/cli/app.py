@@ -16,6 +16,7 @@ from typer.models import CommandInfo
 
 from .shared.errors import errors_end_the_command, fail, stop_by_exception
 from .shared.spelling import modern, modern_command
+from .shared.visible import visible_output
 
 GROUPS = (
     "Replay and compare",
@@ -192,6 +193,11 @@ class CommandList(TyperGroup):
 
 class ReplayByDefault(CommandList):
     """`maurice-replay SESSION` is `maurice-replay replay SESSION`, with options before or after."""
+
+    def main(self, *args: Any, **how: Any) -> Any:
+        """Run; control characters in what is printed, also by a usage error, are shown as marks."""
+        with visible_output():
+            return super().main(*args, **how)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `replay` in front of what is neither a command nor an option of the app's own."""

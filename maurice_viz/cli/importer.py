@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from maurice_loaders.files import read_json
 
 from .main import bound_threads
+from .shared.visible import visible
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -95,7 +96,7 @@ def _import(path: Path, recording_id: str | None) -> int:
         text = f"{where}{problem.strerror or problem}"
     else:
         return 0
-    sys.stderr.write(f"maurice-replay: {' '.join(text.split())}\n")
+    sys.stderr.write(visible(f"maurice-replay: {' '.join(text.split())}\n"))
     return 1
 
 

@@ -7,7 +7,8 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.highlighter import JSONHighlighter
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -17,14 +18,28 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 
 from .errors import one_line_errors
+from .visible import CONTROLS, visible
 
 TABLE_WIDTH = 100  # of a table that goes to a file or a pipe, where there is no terminal to ask
 IS_ASKED = Console().is_terminal or "COLUMNS" in os.environ  # Rich asks the one or the other
 
-results = Console(width=None if IS_ASKED else TABLE_WIDTH, soft_wrap=False, highlight=False, markup=False)
-notes = Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+
+class VisibleConsole(Console):
+    """A console that styles what it prints, and shows control characters in it as marks."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        """Yield the parts of what is printed; only parts that Rich itself made steer the terminal."""
+        for part in super().render(renderable, options):
+            yield part if part.control else Segment(visible(part.text), part.style)
+
+
+results = VisibleConsole(
+    width=None if IS_ASKED else TABLE_WIDTH, soft_wrap=False, highlight=False, markup=False
+)
+notes = VisibleConsole(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 
 def note(text: str) -> None:
@@ -34,7 +49,9 @@ def note(text: str) -> None:
 
 def print_json(value: object) -> None:
     """Print a result as JSON; paths are texts."""
-    results.print_json(json.dumps(value, default=str))
+    text = json.dumps(value, default=str, ensure_ascii=False, indent=2)
+    escaped = CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)  # those that JSON itself leaves
+    results.print(JSONHighlighter()(escaped), soft_wrap=True)
 
 
 class ConsoleListener:
@@ -58,8 +75,13 @@ class ConsoleListener:
             return
         if self._bar is None or what != self._what:
             self.end()
-            columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-            times = (TimeElapsedColumn(), TimeRemainingColumn(compact=True), TextColumn("left"))
+            columns = (
+                SpinnerColumn(),
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                MofNCompleteColumn(),
+            )
+            times = (TimeElapsedColumn(), TimeRemainingColumn(compact=True), TextColumn("left", markup=False))
             self._bar = Progress(*columns, *times, console=notes, transient=True, redirect_stdout=False)
             self._bar.start()
             self._bar.add_task(what, total=None)

@@ -1,0 +1,105 @@
+"""No name, note, event or picture path steers the terminal, whichever command prints it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from helpers.commands import run
+from helpers.small_session import write_small_session, write_small_survey
+from maurice_viz.cli.app import COMMANDS, app
+from maurice_viz.cli.shared.visible import CONTROLS, visible
+
+HOSTILE = "a\x1b]0;owned\x07b\x9b31mc\u202ed\u2066e\x7ff\x08g"
+
+
+@pytest.fixture(scope="module")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A drive and a survey in a folder of such a name; names, notes, events and pictures have it, too."""
+    folder = tmp_path_factory.mktemp("hostile") / HOSTILE
+    folder.mkdir()
+    for path in (write_small_survey(folder), write_small_session(folder)):
+        lines = []
+        for number, text in enumerate(path.read_text(encoding="utf-8").splitlines()):
+            record = json.loads(text)
+            if number == 0:
+                record |= {"name": HOSTILE, "notes": [HOSTILE]}
+                lines.append(record)
+                continue
+            picture = record.get("image")
+            if isinstance(picture, str):
+                renamed = Path(picture).with_name(f"{HOSTILE}{Path(picture).name}")
+                shutil.copy(path.parent / picture, path.parent / renamed)
+                record["image"] = str(renamed)
+            lines.append(record)
+            if number % 12 == 5 and path.name == "session.log":
+                lines.append({"t": record["t"], "event": f"kidnapped: {HOSTILE}"})
+        path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    run("replay", folder / "session.log", "--rrd", "none", "--save-run", folder / "kept")
+    return folder
+
+
+def printed_by(*words: object) -> str:
+    """Run a command; bad input and bad options are as welcome as a result."""
+    done = CliRunner(env={"DISPLAY": None, "WAYLAND_DISPLAY": None}).invoke(app, list(map(str, words)))
+    if done.exception is not None and not isinstance(done.exception, SystemExit):
+        raise done.exception
+    return done.stdout + done.stderr
+
+
+def test_marks_stand_for_all_that_steers():
+    assert visible(HOSTILE) == "a␛]0;owned␇b\ufffd31mc\ufffdd\ufffde␡f␈g"
+    assert visible("\udcff é\t\n") == "\ufffd é\t\n"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("replay", "session.log", "--rrd", "none"),
+        ("replay", "session.log", "--rrd", "none", "--json"),
+        ("compare", "session.log", "--preset", "thesis", "--preset", "robust", "--rrd", "none"),
+        ("inspect", "session.log"),
+        ("inspect", "session.log", "--json"),
+        ("inspect", "kept"),
+        ("doctor", "session.log"),
+        ("doctor", "session.log", "--json"),
+        ("events", "kept"),
+        ("events", "kept", "--json"),
+        ("explain", "kept", "--step", "5"),
+        ("explain", "kept", "--step", "5", "--json"),
+        ("diagnose", "kept"),
+        ("diagnose", "kept", "--json"),
+        ("verify", "kept"),
+        ("budget", "session.log", "--seeds", "1"),
+        ("what-if", "kept", "--at", "4", "--particles", "300", "--rrd", "none"),
+        ("library", "show", "survey.log"),
+        ("library", "check", "survey.log"),
+        ("library", "build", "session.log", "-o", "built"),
+        ("convert", "session.log", "-o", "written"),
+        ("export", "kept", "-o", "exported"),
+        ("report", "kept", "-o", "report.html"),
+        ("calibrate", "motion", "session.log"),
+        ("calibrate", "drive", "session.log"),
+        ("calibrate", "belief", "session.log"),
+        ("calibrate", "noise", "session.log"),
+        ("check", "session.log", "--max-error", "0.5m", "--seeds", "1"),
+    ],
+    ids=" ".join,
+)
+def test_what_a_drive_says_is_shown_with_marks(hostile, monkeypatch, words):
+    monkeypatch.chdir(hostile)
+    paths = [
+        hostile / word if word.endswith((".log", ".html")) or word in ("kept", "built") else word
+        for word in words
+    ]
+    printed = printed_by(*paths)
+    assert not CONTROLS.search(printed), printed
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_an_error_that_names_a_file_is_shown_with_marks(tmp_path, name):
+    assert not CONTROLS.search(printed_by(*name.split(), tmp_path / f"{HOSTILE}.log"))
