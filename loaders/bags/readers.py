@@ -21,6 +21,7 @@ from ..files import read_json
 from ..plane import Plane
 from ..recording import Motion, Note, Picture, Readings
 from ..session_log.header import header_from_json
+from ..session_log.records import readings_of
 from .messages import (
     IN_XY,
     NUMBERS,
@@ -43,11 +44,13 @@ from .video import VideoStream, codec_of
 
 MESSAGE_ERRORS = (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError)
 
-# Our own MCAP files hold what ROS has no message for (a start pose, motion parameters, a survey), and motions
-# to the last bit: a path of poses neither separates motions between two pictures nor keeps those bits.
+# Our own MCAP files hold what ROS has no message for (a start pose, motion parameters, a survey, numbers by
+# name), and motions to the last bit: a path of poses neither separates motions between two pictures nor
+# keeps those bits.
 HEADER = "/session/header"  # std_msgs/String: the first line of the native log
 MOTIONS = "/session/motions"  # of the type VECTOR: forward_m, left_m, turn_rad
 VECTOR = "geometry_msgs/Vector3Stamped"
+READINGS = "/session/readings"  # std_msgs/String: the numbers of a row by name, as the log has them
 
 
 class Timed(Protocol):
@@ -224,17 +227,26 @@ class NumberReader(OneTopic):
             yield Readings(t_s, {self.name: value})
 
 
+class RowReader(NoteReader):
+    """Converts the texts of `READINGS` to readings, a row at a time."""
+
+    def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
+        """Yield the readings of one message."""
+        if self.accepts(message):
+            yield Readings(message.log_ns / 1e9, readings_of(read_json(str(message.decode().data))))
+
+
 Reader = OneTopic | PoseReader
 
 
-def has_motions(bag: BagSource) -> bool:
-    """Return whether a bag holds motions as such."""
-    return any(topic.name == MOTIONS for topic in readable(bag.topics, {VECTOR}))
+def has_topic(bag: BagSource, name: str, kind: str) -> bool:
+    """Return whether a bag holds a topic of that type."""
+    return any(topic.name == name for topic in readable(bag.topics, {kind}))
 
 
 def header_of(path: Path, bag: BagSource) -> SessionInfo | None:
     """Return the header that our own files carry; None in others'. InputError for a damaged one."""
-    if not any(topic.name == HEADER for topic in readable(bag.topics, {TEXT})):
+    if not has_topic(bag, HEADER, TEXT):
         return None
     for message in islice(bag.messages({HEADER}), 1):
         try:

@@ -33,6 +33,8 @@ from .messages import (
 from .readers import (
     MESSAGE_ERRORS,
     MOTIONS,
+    READINGS,
+    VECTOR,
     WINDOW_S,
     MotionReader,
     NoteReader,
@@ -40,8 +42,9 @@ from .readers import (
     PictureReader,
     PoseReader,
     Reader,
+    RowReader,
     Timed,
-    has_motions,
+    has_topic,
     header_of,
     in_order,
     read_bag,
@@ -87,16 +90,17 @@ class BagRecording:
         with open_bag(path) as bag:
             image = options.image_topic or options.camera
             wishes = TopicRequest(image, options.odometry_topic, options.truth_topic)
+            self._rows = has_topic(bag, READINGS, TEXT) and options.readings is None
             self.chosen = choose(path, bag.topics, wishes, _edges(bag))
-            if not self.chosen.topics and beside is None:
+            if not (self.chosen.topics or self._rows) and beside is None:
                 raise InputError(path, nothing_to_read(bag.topics))
             first = {topic: peek(bag, topic) for topic in self.chosen.topics}
             self.recorded_times = use_recorded(first)  # why recording times are used; "" where they are not
             self.counts = {t.name: t.count for t in bag.topics}
             camera, looking = camera_of(bag, self.chosen.image)
             self._events = _events_topic(bag) if recorded_as_measured(first) else None
-            self._motions = has_motions(bag) and options.odometry_topic is None
-            self._numbers = number_topics(path, bag.topics, options.readings)
+            self._motions = has_topic(bag, MOTIONS, VECTOR) and options.odometry_topic is None
+            self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
             truth = self.chosen.truth
             self._doubt = ""
@@ -157,6 +161,7 @@ class BagRecording:
             readers.append(self._poses(chosen.truth, TruthPose, options.truth_offset_s))
         if "image" in roles:
             readers += [NumberReader(topic, name) for name, topic in self._numbers.items()]
+            readers += [RowReader(READINGS)] if self._rows else []
         if "odometry" in roles and self._events:
             readers.append(NoteReader(self._events))
         return readers

@@ -17,7 +17,7 @@ from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.map import Arena
 from maurice_mcl.session import Camera, SessionInfo
 
-from ..bags.readers import HEADER, MOTIONS
+from ..bags.readers import HEADER, MOTIONS, READINGS
 from ..bags.source import INSTALL
 from ..errors import InputError
 from ..pictures import PictureKind, encode_picture
@@ -49,6 +49,7 @@ TYPES = {
     ESTIMATED_PATH: "nav_msgs/msg/Path",
     HEADER: "std_msgs/msg/String",
     MOTIONS: "geometry_msgs/msg/Vector3Stamped",
+    READINGS: "std_msgs/msg/String",
     ESTIMATE: "geometry_msgs/msg/PoseStamped",
     WITH_COVARIANCE: "geometry_msgs/msg/PoseWithCovarianceStamped",
     POSES: "geometry_msgs/msg/PoseArray",
@@ -187,6 +188,8 @@ class RunSink:
             self._scene.write_picture(self._mcap, step.time_s, image, "jpeg")
         self._add_poses(step, make)
         self._add_clouds(step, make)
+        if step.readings:
+            self._put(step, READINGS, make.readings(step.readings))
         for text in (*step.rows.step["session_events"], *step.rows.step["events"]):
             self._put(step, EVENTS, make.text(text))
 

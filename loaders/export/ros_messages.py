@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,10 @@ class Messages:
     def header(self, info: SessionInfo, folder: Path) -> bytes:
         """Return a std_msgs/String with the first line of the session's log, as a log in `folder` has it."""
         return self.text(json.dumps(header_to_json(info, "session", folder), ensure_ascii=False))
+
+    def readings(self, values: Mapping[str, float]) -> bytes:
+        """Return a std_msgs/String with numbers by name as JSON, exactly: ROS has no message for them."""
+        return self.text(json.dumps(dict(values), ensure_ascii=False))
 
     def motion(self, frame: str, motion: F64) -> bytes:
         """Return a geometry_msgs/Vector3Stamped: forward, left and turn of a motion (3,), exactly."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,13 +15,15 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import compose, motion_between
 from maurice_mcl.session import Moment, Session, SessionInfo
 
-from ..bags.readers import MOTIONS
+from ..bags.readers import MOTIONS, READINGS
 from ..errors import InputError, ReadingNotes
 from ..pictures import PictureKind, encode_picture
 from ..recorded_session import RecordedSession
 from ..recording import Motion, Note, OdometryPose, Picture, Readings, Record, Recording, TruthPose, checked
 from ..session_log.header import FORMAT, header_to_json
+from ..session_log.records import OdometryRecord, PictureRecord, read_header, read_records
 from ..session_log.writer import SessionWriter
+from ..transforms import PLACEHOLDER
 from ..writing import FolderKind, check_target, discard, expect_absent, filling, scratch_folder, writing
 from .mcap import (
     EVENTS,
@@ -44,17 +48,24 @@ PICTURE = r"\d{5,}\.(?:png|jpg)"  # name of a picture that is written here
 
 @dataclass(slots=True)
 class Converted:
-    """How much was written so far."""
+    """How much was written so far, and at the end what was read and has no place in the file."""
 
     pictures: int = 0
     motions: int = 0
     truths: int = 0
     events: int = 0
     readings: int = 0
+    left_out: dict[str, int] = field(default_factory=dict)  # records by what they are
+    last_s: float = math.inf  # session time of the last picture, where records go with pictures
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the counts as JSON."""
+        return {name: value for name, value in asdict(self).items() if name != "last_s"}
 
     def count(self, moment: Moment) -> None:
         """Count one more update."""
         self.pictures += 1
+        self.last_s = moment.frame.time_s
         self.motions += len(moment.frame.motions)
         self.truths += moment.truth is not None
         self.events += len(moment.events)
@@ -117,6 +128,38 @@ def beside(info: SessionInfo, file: Path) -> SessionInfo:
     """Return a header's facts with the survey's path as seen from the log that will be at `file`."""
     survey = header_to_json(info, "session", file.parent).get("survey")
     return info if survey is None else replace(info, survey=Path(survey))
+
+
+def left_out(recording: Recording, done: Converted) -> dict[str, int]:
+    """Count what a recording holds and a converted file does not; it is read once more, without pictures.
+
+    A log with pictures has everything at the pictures that make a step, as a replay sees it.
+    """
+    total, after, begin_s = Counter[type](), Counter[type](), None
+    for record in checked(recording, ReadingNotes(keep_going=True)):
+        begin_s = record.t_s if begin_s is None else begin_s
+        if not isinstance(record, Picture) or record.name != PLACEHOLDER:
+            total[type(record)] += 1
+            after[type(record)] += record.t_s - begin_s > done.last_s
+    counts = {
+        "pictures that no step uses": total[Picture] - done.pictures,
+        "motions after the last picture": after[Motion] + after[OdometryPose],
+        "true poses between pictures": total[TruthPose] - done.truths,
+        "events after the last picture": total[Note] - done.events,
+        "readings that newer ones replace": total[Readings] - done.readings,
+    }
+    return {what: count for what, count in counts.items() if count > 0}
+
+
+def left_out_of_log(log: Path) -> dict[str, int]:
+    """Count what a native log holds and no recording has: covered pictures, and the way of each wheel."""
+    counts = Counter[str]()
+    for record in read_records(log, read_header(log)[1], ReadingNotes(keep_going=True)):
+        counts["covered pictures"] += isinstance(record, PictureRecord) and record.covered
+        counts["raw distances of wheels"] += (
+            isinstance(record, OdometryRecord) and record.encoders_m is not None
+        )
+    return {what: count for what, count in counts.items() if count}
 
 
 # A recording without pictures as a native log, record by record at their own times.
@@ -252,7 +295,10 @@ class DriveWriter:
         elif isinstance(record, Note):
             self._mcap.write(EVENTS, t_s, make.text(record.text))
             self.done.events += 1
-        elif moment is not None:
+        elif isinstance(record, Readings):
+            self._mcap.write(READINGS, t_s, make.readings(record.values))
+            self.done.readings += 1
+        elif moment is not None and record.name != PLACEHOLDER:
             if self._in_motions and t_s > self._odometry_s:  # other readers pair by time
                 self._write_odometry(t_s)
             self._scene.write_picture(self._mcap, t_s, moment.frame.image, self._kind)

@@ -14,7 +14,7 @@ import zipfile
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TextIO
 
@@ -44,6 +44,7 @@ class ExportStep:
     estimate: F64  # the scored one, in the map's frame
     truth: F64 | None  # in the map's frame; None where it is not known
     odometry: F64  # as measured, uncorrected, in a frame of its own that begins at 0, 0, 0
+    readings: Mapping[str, float] = field(default_factory=dict)  # of other sensors, if known
 
     @property
     def scored(self) -> bool:

@@ -16,6 +16,8 @@ from maurice_loaders.export.session import (
     Converted,
     convert_to_log,
     convert_to_mcap,
+    left_out,
+    left_out_of_log,
     pictures_of,
     records_to_log,
 )
@@ -33,12 +35,13 @@ from maurice_loaders.export.tables import (
     path_sink,
     tum_line,
 )
+from maurice_loaders.formats.registry import NATIVE, chosen
 from maurice_loaders.pictures import PictureKind
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import begin_of
 from maurice_loaders.recording import Picture, Recording
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_loaders.session_log.header import SESSION_LOG
+from maurice_loaders.session_log.header import SESSION_LOG, session_in
 from maurice_loaders.transforms import PLACEHOLDER
 from maurice_loaders.writing import expect_apart
 
@@ -66,8 +69,9 @@ def convert(
 
     `target` is a file that ends in .log or .mcap, or a folder, which gets a `session.log`. The file holds
     what a replay of `source` sees, so that replaying either gives the same run to the last bit; a recording
-    without pictures is written whole: odometry, truth and events. "png" pictures are lossless, "jpeg" ones
-    are of quality 95. `t_offset_s` (seconds) is added to every time of the clock of `source`.
+    without pictures is written whole. What has no place in the file is counted in `left_out`. "png" pictures
+    are lossless, "jpeg" ones are of quality 95. `t_offset_s` (seconds) is added to every time of the clock of
+    `source`.
 
     Raises InputError for a source that cannot be read or a target that exists (unless `force`), and
     OptionError for another ending, picture format or a time offset that is not finite.
@@ -103,6 +107,12 @@ def convert(
         else:
             steps = records_to_log(recorded.recording, target, notes, t_offset_s=t_offset_s, force=force)
     done = _count(steps, target, listener)
+    done.left_out |= left_out(recorded.recording, done)
+    if chosen(source, options).name == NATIVE:
+        done.left_out |= left_out_of_log(session_in(source))
+    if done.left_out:
+        counts = ", ".join(f"{count} {what}" for what, count in done.left_out.items())
+        listener.remark(f"{target}: left out: {counts}")
     if target.suffix == LOG:
         read = session if done.pictures else notes
     for warning in read.warnings:
@@ -190,7 +200,7 @@ def export(
     saved = runs[chosen_label(Path(run), list(runs), run_label)]
     if only == "truth" and not saved.manifest.has_truth:
         raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
-    steps, errors = 0, EvoSink(saved.manifest.label)
+    steps, events, errors = 0, 0, EvoSink(saved.manifest.label)
     paths = PATHS if only is None else (only,)
     session, begin_s = _session(saved, "mcap" in files, listener)
     pictures = Pictures(session, listener.warning) if "mcap" in files else None
@@ -198,14 +208,17 @@ def export(
         sinks = _open(stack, saved, files, paths, session, force)
         for number, step in enumerate(export_steps(saved, t_offset_s=begin_s + t_offset_s), start=1):
             image = None if pictures is None else pictures.of(step.rows)
+            if pictures is not None and image is not None:
+                step = replace(step, readings=pictures.readings)
             if step.scored or not scored:
                 for sink in (*sinks, errors):
                     sink.add(step, image)
                 steps += 1
+                events += len(step.rows.step["events"]) + len(step.rows.step["session_events"])
             listener.progress(number, saved.manifest.pictures, "export")
         if not steps:
             raise InputError(saved.folder, "holds no such step, so there is nothing to export; replay more")
-    _report_left_out(saved, sinks, files, listener)
+    _report_left_out(saved, sinks, files, events, listener)
     written = tuple(file for file in _named(files, paths) if file.exists())  # there may be no truth to write
     return Exported(saved.manifest.label, steps, written, errors.statistics() or None)
 
@@ -276,10 +289,15 @@ def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
     return replace(found, arena=run.arena())
 
 
-def _report_left_out(run: SavedRun, sinks: Sequence[Sink], files: Files, listener: Listener) -> None:
+def _report_left_out(
+    run: SavedRun, sinks: Sequence[Sink], files: Files, events: int, listener: Listener
+) -> None:
     for sink in sinks:
         if isinstance(sink, PathSink) and sink.left_out:
             why = "KITTI rows have no time, so that only steps with a known truth are written"
             listener.remark(f"{files['kitti']}: {sink.left_out} steps are left out: {why}")
+    paths = [str(files[name]) for name in (*BY_PATH, "evo") if name in files]
+    if events and paths:
+        listener.remark(f"{', '.join(paths)}: left out: {events} events, as these files hold poses only")
     if not run.manifest.has_truth and not files.keys().isdisjoint(BY_PATH):
         listener.remark("the run has no truth: there is no file of it")

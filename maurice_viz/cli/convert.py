@@ -120,7 +120,7 @@ def convert(
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 
     The file holds what a replay of IN sees, so that replaying the log gives the same run. Of a recording
-    without pictures all odometry, truth and events are written.
+    without pictures all odometry, truth, events and readings are written. What has no place is counted.
     """
     from ..app.convert import convert as convert_recording
 
@@ -131,10 +131,11 @@ def convert(
             source, target, pictures=kind, t_offset_s=t_offset, options=how, force=force, listener=listener
         )
     if json_output:
-        print_json({"file": file} | asdict(done))
+        print_json({"file": file} | done.to_json())
     else:
         counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
-        results.print(f"{file}: {counts}, {done.events} events", soft_wrap=True)
+        others = f"{done.events} events, {done.readings} readings"
+        results.print(f"{file}: {counts}, {others}", soft_wrap=True)
 
 
 def _file(name: str, text: str) -> Any:

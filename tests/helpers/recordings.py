@@ -62,8 +62,9 @@ def assert_same_drive(
         assert other.frame.time_s == pytest.approx(one.frame.time_s, abs=time, rel=0)
         assert other.frame.motions.shape == one.frame.motions.shape
         assert np.abs(other.frame.motions - one.frame.motions).max(initial=0) <= motion
-        assert other.frame.image.tolist() == one.frame.image.tolist()
+        assert np.array_equal(other.frame.image, one.frame.image)
         assert other.events == one.events
+        assert dict(other.frame.readings) == dict(one.frame.readings)
         assert (other.truth is None) == (one.truth is None)
         if one.truth is not None and other.truth is not None:
             assert other.truth == pytest.approx(one.truth, abs=truth, rel=1e-6 if truth else 0)

@@ -17,10 +17,11 @@ from rosbags.highlevel import AnyReader
 from helpers.recordings import Given, assert_same_drive
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap
+from maurice_loaders.formats._frames import with_frames
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.recorded_session import RecordedSession
-from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Record, TruthPose
+from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Readings, Record, TruthPose
 from maurice_loaders.session_log.header import header_to_json
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import U8
@@ -57,12 +58,15 @@ BEGIN_S = st.sampled_from([0.0, 12.5, 1403636591.25])
 @st.composite
 def recordings(draw: st.DrawFn, odometry: type[Motion | OdometryPose]) -> Given:
     t_s, records = draw(BEGIN_S), []
-    for number, kind in enumerate(draw(st.lists(st.sampled_from("oooptn"), min_size=1, max_size=20))):
+    for number, kind in enumerate(draw(st.lists(st.sampled_from("oooptnr"), min_size=1, max_size=20))):
         t_s += draw(STEP_S)
         if kind == "o":
             records.append(odometry(t_s, draw(POSE)))
         elif kind == "t":
             records.append(TruthPose(t_s, draw(POSE)))
+        elif kind == "r":
+            values = st.dictionaries(st.sampled_from(["a", "b", "ir/é"]), NUMBER, min_size=1)
+            records.append(Readings(t_s, draw(values)))
         elif kind == "n":
             records.append(Note(t_s, draw(st.sampled_from(["bump", "kidnapped", "lights off"]))))
         else:
@@ -90,10 +94,11 @@ KEEP = settings(max_examples=30, suppress_health_check=[HealthCheck.function_sco
 @given(recordings(Motion))
 @KEEP
 def test_a_drive_of_motions_is_read_back_to_the_last_bit(tmp_path: Path, made: Given) -> None:
-    session, file = RecordedSession(made), tmp_path / "a.mcap"
+    session, file = RecordedSession(with_frames(made)), tmp_path / "a.mcap"
     done = finished(session, file, force=True)
-    kinds = [sum(isinstance(r, kind) for r in made.held) for kind in (Picture, Motion, TruthPose, Note)]
-    assert [done.pictures, done.motions, done.truths, done.events] == kinds
+    counted = (Picture, Motion, TruthPose, Note, Readings)
+    kinds = [sum(isinstance(r, kind) for r in made.held) for kind in counted]
+    assert [done.pictures, done.motions, done.truths, done.events, done.readings] == kinds
     if any(not isinstance(record, Note) for record in made.held):
         again = open_session(file)
         assert_same_drive(session, again, rounding_of(made), time=1e-6)
@@ -105,7 +110,7 @@ def test_a_drive_of_motions_is_read_back_to_the_last_bit(tmp_path: Path, made: G
 def test_a_drive_of_poses_is_read_back(tmp_path: Path, made: Given) -> None:
     if not any(isinstance(record, OdometryPose) for record in made.held):
         return
-    session, file = RecordedSession(made, ReadingOptions(max_dt_s=1e6)), tmp_path / "a.mcap"
+    session, file = RecordedSession(with_frames(made), ReadingOptions(max_dt_s=1e6)), tmp_path / "a.mcap"
     finished(session, file, force=True)
     again, rounding = open_session(file, ReadingOptions(max_dt_s=1e6)), rounding_of(made)
     # what lies between poses is theirs by its time
