@@ -85,6 +85,8 @@ def show(
 def results(run: Place) -> pl.DataFrame:
     """Return the scores of a saved run or of a comparison: one row per run, as `--json` has them.
 
+    Without `odometry_alone`, for which the filter is needed, of which nothing is opened here.
+
     Meters, radians and seconds; null where a score does not apply. InputError for what is no saved run.
 
         >>> import maurice_viz as mv
@@ -95,7 +97,8 @@ def results(run: Place) -> pl.DataFrame:
         to_json(_collected(one).results, Scale(units_named(one.manifest.display_units)))["runs"][0]
         for one in open_runs(Path(run))
     ]
-    return pl.DataFrame([_flat(row) for row in rows], infer_schema_length=None)
+    known = [{key: value for key, value in row.items() if key != "odometry_alone"} for row in rows]
+    return pl.DataFrame([_flat(row) for row in known], infer_schema_length=None)
 
 
 def traces(run: Place) -> pl.DataFrame:

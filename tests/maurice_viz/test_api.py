@@ -61,7 +61,8 @@ def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session, tmp_pa
     assert found.saved_run == tmp_path / "kept"
     again = mv.replay(tmp_path / "kept")
     assert again.runs[0].score == found.runs[0].score
-    for wrong in (tmp_path / "nowhere.log", tmp_path):
+    (tmp_path / "empty").mkdir()
+    for wrong in (tmp_path / "nowhere.log", tmp_path / "empty"):
         with pytest.raises(InputError):
             mv.replay(wrong)
     with pytest.raises(InputError, match=r"did you mean sensor\.sharpness"):

@@ -16,7 +16,7 @@ def test_the_table_and_json_say_the_same(small_session: Path) -> None:
     assert found["parts"][0]["part"] == "as it is"
     for one in found["parts"]:
         assert f"{one['error']['value']:.2f}" in shown.stdout
-    assert (found["costliest"] or "No part") in shown.stdout
+    assert (found["costliest"] or "No cost") in shown.stdout
 
 
 def test_without_truth_it_says_so(tmp_path: Path) -> None:
