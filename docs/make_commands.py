@@ -124,8 +124,9 @@ def _hidden(value: Any) -> Any:
 def main() -> None:
     """Run what prints JSON, and write the page."""
     page = PAGE.read_text(encoding="utf-8")
-    samples = samples_on(page)
-    if "--options-only" not in sys.argv:
+    if "--options-only" in sys.argv:
+        samples = samples_on(page)
+    else:
         with tempfile.TemporaryDirectory() as name:
             os.chdir(name)
             write_material(Path())

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Timer
 
 import cv2
 import numpy as np
@@ -24,6 +25,7 @@ LONG = re.compile(r"#.*\bminutes?\b")  # a comment that warns of it
 WRITTEN = re.compile(r"(?:-o|--output|--save-run|--session-only) ([^\s/]+)")  # names of what a command writes
 WORD = re.compile(r"[^\s/\"']+")
 SERVES = re.compile(r"\s--web\b")  # until Ctrl-C
+PATIENCE_S = 120.0  # until a page that is served ends: far longer than it takes
 NO_DRIVER = "needs a software Vulkan driver"
 
 
@@ -109,17 +111,21 @@ def _run(words: list[str], step: Step, folder: Path) -> None:
 
 
 def _serve(words: list[str], step: Step, folder: Path) -> None:
-    """Wait for the address, then press Ctrl-C."""
+    """Wait until the page is served, then press Ctrl-C."""
+    lines = list[str]()
     with subprocess.Popen(
         words, cwd=folder, env=_environment(), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
     ) as server:
+        timer = Timer(PATIENCE_S, server.kill)
+        timer.start()
         assert server.stderr is not None
-        lines = list[str]()
         for line in server.stderr:
             lines.append(line)
             if "Ctrl-C" in line:
                 server.send_signal(signal.SIGINT)
-        server.wait(60)
+                break
+        server.wait()
+        timer.cancel()
     _expect(server.returncode == 0 and any("in a browser" in line for line in lines), step, "".join(lines))
 
 
