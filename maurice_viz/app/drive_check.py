@@ -1,7 +1,7 @@
 """Whether a drive's own pictures agree with the library: scored where the truth is known, before a replay.
 
-Where they do not, the scales of the channels are widened, or a camera that tells nothing counts for almost
-nothing. The filter itself never sees a true pose.
+Where they do not, the scales of the channels are widened, until a camera that misleads counts for little.
+The filter itself never sees a true pose.
 """
 
 from __future__ import annotations

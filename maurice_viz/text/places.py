@@ -56,5 +56,5 @@ def drive_said(
         yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
         return
     keep = "--set sensor.widening=1 keeps them"
-    how = "" if found.tells else ", so that the camera counts for almost nothing"
+    how = "" if found.tells else ", so that the camera counts for little"
     yield f"{text}; the scales are widened by {found.widening:g}{how}; {keep}"

@@ -44,7 +44,7 @@ class DriveScore:
     pictures: int  # that were compared, of known place in free space
     gain: float  # mean nats per picture over knowing the pose to within the radius *right*; nan without any
     widening: float = 1.0  # of the likelihood, so that it does not mislead; 1: it does not
-    tells: bool = True  # whether it adds anything with that widening
+    tells: bool = True  # whether it is worth using with that widening; if not, it is the largest: no use
 
     @property
     def is_bad(self) -> bool:
@@ -90,7 +90,8 @@ def score_drive(
         return found
     gains = [np.mean([_gain(group.sum(axis=0) / k) for group in rows]) for k in WIDENINGS.tolist()]
     best = int(np.argmax(gains))
-    return replace(found, widening=float(f"{WIDENINGS[best]:.3g}"), tells=best < len(gains) - 1)
+    tells = best < len(gains) - 1 and gains[best] >= LEAST_GAIN * GROUP
+    return replace(found, widening=float(f"{WIDENINGS[best if tells else -1]:.3g}"), tells=tells)
 
 
 def _mean_gain(groups: Sequence[F64]) -> float:
