@@ -90,7 +90,7 @@ def score_drive(
         return found
     gains = [np.mean([_gain(group.sum(axis=0) / k) for group in rows]) for k in WIDENINGS.tolist()]
     best = int(np.argmax(gains))
-    tells = best < len(gains) - 1 and gains[best] >= LEAST_GAIN * GROUP
+    tells = best < len(gains) - 1 and bool(gains[best] >= LEAST_GAIN * GROUP)
     return replace(found, widening=float(f"{WIDENINGS[best if tells else -1]:.3g}"), tells=tells)
 
 

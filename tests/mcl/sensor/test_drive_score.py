@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,7 @@ def test_pictures_of_other_places_tell_nothing_however_wide_the_scales_are():
     found = score_drive(_sensor(), _groups(lambda pose: pose + np.array([0.3, -0.2, 0.8])), RIGHT_M)
     assert found.gain < 0
     assert (found.widening, found.tells) == (100, False)
+    assert json.loads(json.dumps(found.to_json()))["is_bad"] is True
 
 
 def test_a_camera_that_shows_the_same_everywhere_adds_nothing():
