@@ -21,7 +21,7 @@ from maurice_viz.viewer.snapshot import headless_viewer
 
 HERE = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
-FOUND = 43  # step of the demo at which one of the two filters has found itself
+FOUND = 43  # step of the demo at which one of the two filters is localized again
 ASTRAY, BACK = 38, 56  # steps of `demo features` that docs/tutorial.md describes
 RULED_OUT = 25  # a step at which the robot is where a table was at the survey, of docs/landmarks.md
 AGREED = 60  # a step of the demo at which some landmarks agree, of docs/landmarks.md

@@ -93,7 +93,7 @@ class LaterEvidence:
         """Let go of the pictures that no loss can be due to any more.
 
         A loss is due to pictures since the truth was held last, and is known some updates later. The first
-        pictures are kept: those of a run that never finds itself.
+        pictures are kept: those of a run that is never localized.
         """
         if self._off == LOST_FOR and self._was_right:
             lost = index - LOST_FOR + 1
