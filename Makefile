@@ -33,21 +33,21 @@ bench: .venv/installed-dev
 # How often `diagnose` names the cause that was planted: some minutes, and it goes on where it stopped. The table
 # goes into docs/diagnose.md.
 causes: .venv/installed-dev
-	$(BIN)/python benchmarks/causes.py -o .causes --write
+	$(BIN)/python -m benchmarks.studies.causes -o .causes --write
 
 # How hard the simulated arena is: a quarter of an hour, and it goes on where it stopped.
 difficulty: .venv/installed-dev
-	$(BIN)/python benchmarks/difficulty.py
+	$(BIN)/python -m benchmarks.studies.difficulty
 
 # The results table on unseen arenas: hours, and it goes on where it stopped.
 results: .venv/installed-dev
 	$(BIN)/maurice-replay trials results -o .results --resume
-	$(BIN)/python benchmarks/results.py .results
+	$(BIN)/python -m benchmarks.studies.results .results
 
 # Landmarks on unseen arenas, and every channel beside them: hours, and they go on where they stopped.
 landmarks: .venv/installed-dev
 	$(BIN)/maurice-replay trials landmarks -o .landmarks --resume
-	$(BIN)/python benchmarks/results.py .landmarks
+	$(BIN)/python -m benchmarks.studies.results .landmarks
 
 # The table of channels and two figures of docs/landmarks.md: hours, and they go on where they stopped. SEEDS=5
 # for fewer runs, FIGURES=DIR for another folder.
@@ -56,14 +56,14 @@ FIGURES ?= docs/pictures
 landmark-figures: .venv/installed-dev
 	$(BIN)/maurice-replay trials channels -o .channels --seeds $(SEEDS) --resume
 	$(BIN)/maurice-replay trials landmarks-spacing -o .spacing --seeds $(SEEDS) --resume
-	$(BIN)/python benchmarks/landmark_figures.py .channels .spacing -o $(FIGURES)
+	$(BIN)/python -m benchmarks.studies.landmark_figures .channels .spacing -o $(FIGURES)
 
 # The lost signal's false alarms and misses on unseen arenas: half an hour, and it goes on where it stopped.
 lost-signal: .venv/installed-dev
-	$(BIN)/python benchmarks/lost_signal.py
+	$(BIN)/python -m benchmarks.studies.lost_signal
 
 belief: .venv/installed-dev
-	$(BIN)/python benchmarks/belief.py
+	$(BIN)/python -m benchmarks.studies.belief
 
 # 200,000 inputs for what reads session logs, CMUcam dumps and live sources: minutes, and it goes on where it stopped.
 # INPUTS=N for another number.
@@ -79,7 +79,7 @@ stops: .venv/installed-dev
 
 # Two hours of robot time from a live source, drawn and recorded: does memory stay where it is?
 soak: .venv/installed-dev
-	$(BIN)/python benchmarks/soak.py
+	$(BIN)/python -m benchmarks.speed.soak
 
 # The documentation as a site, into site/; strict, and without a network.
 docs: .venv/installed-docs

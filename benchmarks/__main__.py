@@ -17,9 +17,9 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from . import filter_step, growth, libraries, many_runs, pictures, recording, replays
-from .measure import Table, machine
-from .peers import install
+from .speed import filter_step, growth, libraries, many_runs, pictures, recording, replays
+from .speed.measure import Table, machine
+from .speed.peers import install
 
 DOCS = Path(__file__).parents[1] / "docs" / "performance.md"
 SAVED = Path("bench.json")

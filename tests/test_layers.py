@@ -175,6 +175,7 @@ def test_packages_import_one_way(folder):
         assert package not in names, f"{file} should import its own package relatively"
         bare = {"mcl", "loaders", "datasets"}  # would load a second copy of every class
         assert not names & bare, f"{file} imports a folder by its bare name"
+        assert "benchmarks" not in names, f"{file} imports what is not installed"
         for library, allowed in HEAVY.items():
             assert library not in names or package in allowed, f"{file} imports {library}"
 

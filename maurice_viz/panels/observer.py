@@ -25,7 +25,7 @@ from .registry import panels_of
 
 AROUND = 2  # updates before and after an event that are drawn in full
 
-# bytes of a recording, measured by benchmarks/recording.py on two drives; fixed, per particle, per channel
+# bytes of a recording, by benchmarks/speed/recording.py on two drives; fixed, per particle, per channel
 FULL_BYTES = (68_000, 10.6, 6_000)
 LIGHT_BYTES = (27_000, 0.0, 0)
 

@@ -1,8 +1,8 @@
 """How often a diagnosis is right: planted causes by the first cause that is named (docs/diagnose.md).
 
-    python benchmarks/causes.py -o .causes            # the judged set; goes on where it stopped
-    python benchmarks/causes.py -o .causes --write    # and the table goes into docs/diagnose.md
-    python benchmarks/causes.py --set develop --kinds motion lighting --show    # while something is tuned
+    python -m benchmarks.studies.causes -o .causes            # the judged set; goes on where it stopped
+    python -m benchmarks.studies.causes -o .causes --write    # and the table goes into docs/diagnose.md
+    python -m benchmarks.studies.causes --set develop --kinds motion lighting --show    # while tuning
 
 Nothing was tuned on the drives of the judged set; one of its worlds is seen nowhere else. A planted run
 counts only where the cause did harm: the run is lost with it, and the same filter is not lost without it.
@@ -22,14 +22,15 @@ from typing import Any
 import cv2
 import joblib
 
-from maurice_datasets.planted.places import SETS
-from maurice_datasets.planted.planting import PLACES, planted
-from maurice_datasets.planted.ways import HEALTHY, WAYS
 from maurice_datasets.trials.statistics import rate
 from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
 from maurice_mcl.analysis.failures.kinds import UNKNOWN
 
-DOCS = Path(__file__).parents[1] / "docs" / "diagnose.md"
+from .planted.places import SETS
+from .planted.planting import PLACES, planted
+from .planted.ways import HEALTHY, WAYS
+
+DOCS = Path(__file__).parents[2] / "docs" / "diagnose.md"
 MARK = "planted causes"
 NONE = "none"
 DRIVES = 20  # of each kind in which the cause did harm
@@ -58,7 +59,7 @@ def main() -> None:
 
 
 def _asked() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python benchmarks/causes.py", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.causes", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path(".causes"))
     parser.add_argument("--set", choices=SETS, default="unseen")
     parser.add_argument("--kinds", nargs="*", choices=WAYS, default=list(WAYS), metavar="KIND")

@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from maurice_datasets.trials.drives import Bench, Held
 from maurice_mcl.analysis.failures.kinds import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
 from maurice_mcl.analysis.failures.near_truth import near_truth
 from maurice_mcl.analysis.metrics import LOST_FOR, StepScore, first_mostly, first_run_of, score_step
@@ -18,7 +19,6 @@ from maurice_mcl.records import Comparison, StepRecord
 from maurice_mcl.sensor.ahead import Compared, compared
 from maurice_mcl.session import Moment
 
-from ..trials.drives import Bench, Held
 from .ways import HEALTHY, LOOKS, Planting
 
 NEVER = 1_000_000  # a step that no drive has

@@ -1,6 +1,6 @@
 """Two hours of robot time: does a live replay hold its memory, keep up, and record everything?
 
-    .venv/bin/python benchmarks/soak.py [--rate 10] [--hours 2]
+    python -m benchmarks.speed.soak [--rate 10] [--hours 2]
 
 The simulated robot speaks over a socket at so many times real time; `maurice-replay tcp://... --record`
 follows, drawing into a file and serving viewers, and is stopped by SIGTERM at the end. Prints the megabytes

@@ -1,7 +1,7 @@
 """What each channel costs: milliseconds to measure a picture, and to compare it with a library.
 
 Pictures are those of a simulated drive, 176 x 144. Each round measures every channel once, so that a busy
-neighbor troubles all alike; medians are printed. Run: .venv/bin/python benchmarks/channels.py (some seconds,
+neighbor troubles all alike; medians are printed. Run: python -m benchmarks.speed.channels (some seconds,
 and a minute more the first time, when the drive is simulated).
 """
 

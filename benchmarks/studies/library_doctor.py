@@ -1,6 +1,6 @@
 """Does it help to add the references that `library check` asks for? Asked before, and tried by simulation.
 
-    .venv/bin/python benchmarks/library_doctor.py [--quick]
+    python -m benchmarks.studies.library_doctor [--quick]
 
 On unseen arenas some references are left out of a survey: those in a disc of floor, or three of eight
 headings in it. Those that `library check` asks for are taken by the simulated surveyor and added; as a

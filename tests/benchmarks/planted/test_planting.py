@@ -9,16 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maurice_datasets.planted import drives
-from maurice_datasets.planted.drives import drive, frozen, gap, odometry_changed, plain_drive
-from maurice_datasets.planted.harm import is_harm, localizer_of, outcome_of, steps_of
-from maurice_datasets.planted.places import SETS, Ground, ground_of, part_of, twin_of
-from maurice_datasets.planted.planting import Planted, planting_of
-from maurice_datasets.planted.saved import write_planted
-from maurice_datasets.planted.ways import HEALTHY, SEEING, WAYS, Planting
+from benchmarks.studies.planted import drives
+from benchmarks.studies.planted.drives import drive, frozen, gap, odometry_changed, plain_drive
+from benchmarks.studies.planted.harm import is_harm, localizer_of, outcome_of, steps_of
+from benchmarks.studies.planted.places import SETS, Ground, ground_of, part_of, twin_of
+from benchmarks.studies.planted.planting import Planted, planting_of
+from benchmarks.studies.planted.ways import HEALTHY, SEEING, WAYS, Planting
+from benchmarks.studies.remedies import write_planted
 from maurice_datasets.tasks import FITTING, TEST
 from maurice_loaders import open_library, open_session
-from maurice_loaders.config_files import read_config
 from maurice_mcl.analysis.failures.kinds import CAUSES, UNKNOWN
 from maurice_mcl.filter.batch import compared_once
 
@@ -159,7 +158,7 @@ def test_a_planted_run_as_files(ground: Ground, tmp_path: Path) -> None:
     assert again.truth is not None
     assert first.truth is not None
     assert np.allclose(again.truth, first.truth, atol=1e-6)
-    assert "best" not in (tmp_path / "run" / "filter.toml").read_text()
+    assert not any(moment.events for moment in open_session(log).moments())
 
 
 def test_the_motion_model_of_a_planted_run_is_in_the_header_of_its_session(
@@ -168,5 +167,3 @@ def test_the_motion_model_of_a_planted_run_is_in_the_header_of_its_session(
     planting = replace(planting_of("left_map", 0, ground, 1), settings=SEEING)
     log = write_planted(replace(run("left_map", planting), planting=planting), tmp_path / "run")
     assert open_session(log).info.motion == SEEING["motion"]
-    settings = read_config(tmp_path / "run" / "filter.toml").values
-    assert settings == {key: value for key, value in SEEING.items() if key != "motion"}

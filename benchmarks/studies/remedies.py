@@ -1,10 +1,10 @@
 """How often a proposed remedy works: planted failures, what `what-if --remedy` proposes, other seeds.
 
-    python benchmarks/remedies.py -o .remedies            # the judged set; goes on where it stopped
-    python benchmarks/remedies.py -o .remedies --write    # and the table goes into docs/what-if.md
+    python -m benchmarks.studies.remedies -o .remedies            # the judged set; goes on where it stopped
+    python -m benchmarks.studies.remedies -o .remedies --write    # and the table goes into docs/what-if.md
 
-Every planted run (`maurice_datasets.planted`) is written as files, replayed and saved as a user would. Where
-it is not lost any more (its pictures are JPEG now), it does not count.
+Every planted run (`planted/`) is written as files, replayed and saved as a user would. Where it is not lost
+any more (its pictures are JPEG now), it does not count.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,21 +23,24 @@ import cv2
 import joblib
 
 import maurice_viz as mv
-from maurice_datasets.planted.places import SETS
-from maurice_datasets.planted.planting import planted
-from maurice_datasets.planted.saved import write_planted
-from maurice_datasets.planted.ways import HEALTHY, WAYS
+from maurice_datasets.trials.drives import Held
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders.errors import InputError
+from maurice_loaders.export.session import convert_to_log
+from maurice_loaders.libraries.files import save_library
 from maurice_viz.app.understand.branch import open_branch
 from maurice_viz.app.understand.candidates import candidates
 from maurice_viz.errors import OptionError
 
-DOCS = Path(__file__).parents[1] / "docs" / "what-if.md"
+from .planted.places import SETS
+from .planted.planting import Planted, planted
+from .planted.ways import HEALTHY, WAYS
+
+DOCS = Path(__file__).parents[2] / "docs" / "what-if.md"
 SEEDS, FRESH = range(1, 13), range(1001, 1013)
 SLOW = ("particles x16", "particles x64")  # take most of the time, and are left out here
 WORKS = 0.8  # share of the seeds that are localized at the end
-LIBRARY = "library"
+LIBRARY, MOTION = "library", "motion"  # the motion model is in the header of a session
 Row = dict[str, Any]
 
 
@@ -64,7 +68,7 @@ def main() -> None:
 
 
 def _asked() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python benchmarks/remedies.py", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.remedies", description=__doc__)
     parser.add_argument("-o", "--output", type=Path, default=Path(".remedies"))
     parser.add_argument("--set", choices=SETS, default="unseen")
     kinds = [kind for kind in WAYS if kind != HEALTHY]
@@ -87,9 +91,8 @@ def judged(which: str, kind: str, number: int) -> Row:
         where, saved = Path(folder) / "planted", Path(folder) / "run"
         try:
             session = write_planted(run, where)
-            mv.replay(
-                session, where / LIBRARY, config=where / "filter.toml", seed=run.localizer.seed, run=saved
-            )
+            own = {key: value for key, value in run.planting.settings.items() if key != MOTION}
+            mv.replay(session, where / LIBRARY, settings=own, seed=run.localizer.seed, run=saved)
             possible, _ = candidates(open_branch(saved))
             names = [one.name for one in possible if one.name not in SLOW]
             found = mv.remedies(saved, seeds=SEEDS, names=names)
@@ -105,6 +108,20 @@ def judged(which: str, kind: str, number: int) -> Row:
         after = mv.remedies(saved, found.from_step, seeds=FRESH, names=[best.name]).tried[0]
         whole = mv.remedies(saved, 0, seeds=FRESH, names=[best.name]).tried[0]
         return row | {"fresh": after.localized.value, "whole_drive": whole.localized.value}
+
+
+def write_planted(run: Planted, folder: Path) -> Path:
+    """Write session and library of a planted run, without events that tell the cause; return the session."""
+    planting, file = run.planting, folder / "session.log"
+    folder.mkdir()
+    library = replace(planting.library, pictures=(None,) * planting.library.size)
+    save_library(library, folder / LIBRARY)
+    motion = planting.settings.get(MOTION, planting.session.info.motion)
+    info = replace(planting.session.info, arena=library.arena, survey=folder / LIBRARY, motion=motion)
+    moments = tuple(replace(moment, events=()) for moment in planting.session.moments())
+    for _ in convert_to_log(Held(info, moments), file, kind="jpeg"):
+        pass
+    return file
 
 
 def table(rows: Sequence[Row]) -> list[str]:

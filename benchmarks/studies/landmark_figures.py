@@ -3,7 +3,7 @@
 Errors are those of trials on unseen drives (plans `channels` and `landmarks-spacing`); the cost is measured
 here, on the demo's pictures, every feature in turn, so that a busy machine troubles all alike.
 
-Run: make landmark-figures, or python benchmarks/landmark_figures.py CHANNELS SPACING -o docs/pictures
+Run: make landmark-figures, or python -m benchmarks.studies.landmark_figures CHANNELS SPACING -o docs/pictures
 `make landmark-figures SEEDS=5 FIGURES=out` is a quick try; trials that were stopped go on where they were.
 """
 

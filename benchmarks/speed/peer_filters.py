@@ -1,6 +1,6 @@
 """One filter step by other Python libraries; runs in an environment of their own, which has no maurice_*.
 
-    python benchmarks/peer_filters.py TABLES.npz
+    python benchmarks/speed/peer_filters.py TABLES.npz
 
 reads one request a line, `{"peer": "filterpy", "particles": 5000, "scheme": "systematic"}`, and answers each
 with a line: the seconds of one step, or why there are none. Motion, likelihood and estimate are the same for

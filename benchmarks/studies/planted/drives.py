@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from maurice_datasets.sessions import SimulatedSession, session_info
+from maurice_datasets.simulation import SimulationPlan, stage
+from maurice_datasets.tasks import TASKS
+from maurice_datasets.trials.drives import Held
 from maurice_loaders.writing import cache_root, write_whole
 from maurice_mcl.arrays import F64, U8
 from maurice_mcl.geometry import wrap
 from maurice_mcl.session import Frame, Moment, SessionInfo
 
-from ..sessions import SimulatedSession, session_info
-from ..simulation import SimulationPlan, stage
-from ..tasks import TASKS
-from ..trials.drives import Held
 from .places import Ground
 
 UPDATES = 40

@@ -10,16 +10,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from maurice_datasets.surveys import cached_survey
+from maurice_datasets.tasks import FITTING, SURVEY, TEST
+from maurice_datasets.worlds.build import load_world
+from maurice_datasets.worlds.world import World
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.library import ChannelIndex, Library
 from maurice_mcl.map import Arena, Region
 from maurice_mcl.sensor.descriptors.registry import weights_of
-
-from ..surveys import cached_survey
-from ..tasks import FITTING, SURVEY, TEST
-from ..worlds.build import load_world
-from ..worlds.world import World
 
 FEATURE = "best"
 CHANNELS = (*weights_of(FEATURE), "color")

@@ -4,5 +4,5 @@
 * `drives`: simulated drives, and what can be done to one that was driven already
 * `ways`: for each kind of cause the ways in which it is planted
 * `harm`: whether a planted cause did harm; only then is the run a failure
-* `planting`: from kind and seed to a planted run; `saved`: the same as files
+* `planting`: from kind and seed to a planted run
 """

@@ -8,6 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from maurice_datasets.render.conditions import LightChange
+from maurice_datasets.robot.motion import Chassis
+from maurice_datasets.robot.planner import free_pose, raster
+from maurice_datasets.trials.drives import Held
+from maurice_datasets.worlds.world import clearance
 from maurice_mcl.analysis.failures.kinds import (
     AMBIGUITY,
     DATA,
@@ -26,11 +31,6 @@ from maurice_mcl.arrays import F64, U8
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import weights_of
 
-from ..render.conditions import LightChange
-from ..robot.motion import Chassis
-from ..robot.planner import free_pose, raster
-from ..trials.drives import Held
-from ..worlds.world import clearance
 from .drives import (
     Picture,
     anywhere,

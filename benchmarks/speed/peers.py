@@ -16,7 +16,7 @@ from maurice_mcl.sensor.references import NearestReference
 
 PEERS = {"filterpy": "filterpy", "particles": "particles", "pfilter": "pfilter", "stonesoup": "stonesoup"}
 HERE = Path(__file__).parent
-ENVIRONMENT = HERE.parent / ".venv-peers"
+ENVIRONMENT = HERE.parents[1] / ".venv-peers"
 
 
 def install(environment: Path = ENVIRONMENT) -> dict[str, str]:

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from lost_drives import FILTERS, FITTED, SEEDS, UNSEEN, Course, Numbers, all_numbers
 
 from maurice_datasets.trials.statistics import Clusters, Interval, mean, share
 from maurice_loaders.writing import cache_root
@@ -27,6 +26,8 @@ from maurice_mcl.analysis.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
 from maurice_mcl.analysis.metrics import LOST_FOR
 from maurice_mcl.analysis.second_opinion import OPINION, OpinionReader, Shares
 from maurice_mcl.arrays import F64, Bool
+
+from .lost_drives import FILTERS, FITTED, SEEDS, UNSEEN, Course, Numbers, all_numbers
 
 WITHIN = 5  # pictures in which a loss should be noticed, and by which an alarm may be early or late
 FALSE_ALARMS = 0.05  # share of the runs that may have one

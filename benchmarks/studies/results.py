@@ -7,7 +7,7 @@ Beside every error stands its ratio to the nearest-node oracle's on the same dri
 nearest reference.
 
 Run: make results (hours for 300 drives a tier; it goes on where it stopped), or
-python benchmarks/results.py DIR for a folder that `maurice-replay trials results -o DIR` has made.
+python -m benchmarks.studies.results DIR for a folder that `maurice-replay trials results -o DIR` has made.
 """
 
 from __future__ import annotations
