@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import MOST_TABLE_BYTES, read_bounded
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_loaders.writing import new_folder
 from maurice_mcl.arrays import F64, U8
@@ -199,7 +200,7 @@ def read_poses(path: Path) -> F64:
     """Read poses (L, 3) from a table with the columns x_m, y_m and heading_deg. InputError for any other."""
     expected = "expected a table (.csv) with the columns x_m, y_m and heading_deg, as `library check` writes"
     try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.DictReader(read_bounded(path, "a table", MOST_TABLE_BYTES).decode().splitlines()))
         found = [[float(row[name]) for name in POSE_COLUMNS] for row in rows]
     except (OSError, UnicodeDecodeError, KeyError, TypeError, ValueError, csv.Error) as problem:
         raise InputError(path, f"cannot be read ({' '.join(str(problem).split())}); {expected}") from None

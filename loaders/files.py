@@ -93,6 +93,7 @@ def read_csv(
     return rows
 
 
+MOST_TABLE_BYTES = 64_000_000  # of numbers that are read at once
 MOST_TOML_BYTES = 1_000_000  # settings, plans and worlds have some kilobytes
 MOST_NESTING = 32  # of tables and lists in TOML; ours have five
 _TOML = re.compile(
@@ -137,10 +138,9 @@ def read_number_rows(
     file: Path, regular: str, form: str, count: int, wanted: str, *, commas: bool = False
 ) -> list[list[float]]:
     """Read lines of `count` numbers; `commas` allows commas and # comments. InputError names the line."""
-    expect_regular(file, regular)
     try:
-        lines = file.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as problem:
+        lines = read_bounded(file, regular, MOST_TABLE_BYTES).decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as problem:
         raise InputError(file, f"cannot be read as {form}: {problem}") from None
     rows = []
     for at, line in enumerate(map(str.strip, lines), 1):

@@ -98,13 +98,13 @@ def check_target(target: Path, *kinds: FolderKind, force: bool) -> None:
     if not force:
         raise InputError(target, "exists already; write elsewhere, or replace it with --force")
     kind = next((kind for kind in kinds if kind.is_here(target)), None)
-    if kind is None:
-        wanted = " or ".join(kind.name for kind in kinds) or "a name that is free"
-        raise InputError(target, f"is not replaced: expected {wanted}; write elsewhere or remove it yourself")
-    stranger = kind.stranger(target)
-    if stranger is not None:
-        found = f"found {stranger} in it, which is not of {kind.name}"
-        raise InputError(target, f"is not replaced: {found}; move that away, or write elsewhere")
+    stranger = None if not kinds or not target.is_dir() else (kind or kinds[0]).stranger(target)
+    if kind is not None and stranger is None:
+        return
+    found = "" if stranger is None else f"found {stranger} in it, "
+    wanted = " or ".join(kind.name for kind in kinds) or "a name that is free"
+    advice = "move that away, or write elsewhere" if kind else "write elsewhere, or remove it yourself"
+    raise InputError(target, f"is not replaced: {found}expected {wanted}; {advice}")
 
 
 def expect_apart(target: Path, *sources: Path) -> None:
@@ -112,7 +112,8 @@ def expect_apart(target: Path, *sources: Path) -> None:
     place = target.resolve()
     for source in sources:
         if source.exists() and (place == source.resolve() or place in source.resolve().parents):
-            raise InputError(target, f"holds {source}, which is read for it; write elsewhere")
+            what = "is" if place == source.resolve() else f"holds {source},"
+            raise InputError(target, f"{what} what is read for it; write elsewhere")
 
 
 # Writing beside a target, and renaming.

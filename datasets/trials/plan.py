@@ -259,7 +259,7 @@ def _read(file: Path, within: tuple[Path, ...]) -> Plan:
     within = (*within, file.resolve())
     if within[-1] in within[:-1]:
         raise InputError(file, f"include: found {file.name} within itself, expected another plan")
-    tree = read_toml(file, WANTED)
+    tree = read_toml(file, "a plan of trials")
     _expect(file, "a plan", tree, KINDS)
     included = [_read(_included(file, name), within) for name in tree.get("include", [])]
     parts = [part for plan in included for part in plan.parts]

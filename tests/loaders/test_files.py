@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from maurice_datasets.surveys import read_poses
 from maurice_datasets.trials.plan import read_plan as read_trials
 from maurice_datasets.worlds.read_plan import read_plan
 from maurice_loaders.config_files import check_config, read_config, read_motion
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import MOST_NESTING, MOST_TOML_BYTES, parse_toml, read_toml
+from maurice_loaders.files import MOST_NESTING, MOST_TOML_BYTES, parse_toml, read_number_rows, read_toml
 from maurice_loaders.reading import read_reading
 from maurice_viz.cli.shared.options import settings_of
 from maurice_viz.errors import OptionError
@@ -105,3 +106,12 @@ def test_a_message_stays_short_whatever_was_found() -> None:
     assert len(message) < 2100
     assert message.startswith("found xxx")
     assert message.endswith("xxx, expected less")
+
+
+def test_tables_are_regular_files_too(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    (tmp_path / "zero.csv").symlink_to("/dev/zero")
+    for name in ("pipe.csv", "zero.csv"):
+        for read in (read_poses, lambda file: read_number_rows(file, "a map", "a map", 4, "four")):
+            with pytest.raises(InputError, match="found no regular file"):
+                read(tmp_path / name)
