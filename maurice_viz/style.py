@@ -111,10 +111,11 @@ class Scale:
         return f"{self.length(length_m):.{self.units.digits}f} {self.units.name}"
 
     def say_area(self, area_m2: float) -> str:
-        """Write an area: in square feet where lengths are inches, "12.4 ft2"."""
-        if self.units.name == "in":
-            return f"{area_m2 / (12 * INCH_M) ** 2:.1f} ft2"
-        return f"{area_m2 * self.units.per_m**2:.1f} {self.units.name}2"
+        """Write an area: in square feet where lengths are inches, "12.4 ft2"; small ones with two digits."""
+        inches = self.units.name == "in"
+        area = area_m2 / (12 * INCH_M) ** 2 if inches else area_m2 * self.units.per_m**2
+        number = f"{area:.2g}" if 0 < area < 1 else f"{area:.1f}"
+        return f"{number} {'ft2' if inches else f'{self.units.name}2'}"
 
     def say_point(self, x_m: float, y_m: float) -> str:
         """Write a point: "(79.0, 16.0) in"."""

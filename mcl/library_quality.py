@@ -19,7 +19,7 @@ from .arrays import F64, I32, Bool
 from .geometry import wrap
 from .library import Library
 from .map import Grid, make_grid, place_tree, spacing
-from .sensor.left_out import places_of
+from .sensor.left_out import clustered
 from .sensor.model import SensorModel
 from .sensor.references import distinct_places
 
@@ -121,7 +121,6 @@ Index = NDArray[np.intp]
 NEAR = 1.6  # spacings: a neighbor, diagonal ones included
 SAME_WAY_RAD = float(np.radians(46))  # a neighbor's heading may be one of eight further
 FAR = 3.0  # spacings: further entries are other places
-LEAST_SPACING_M = 0.25  # from a place to the next one
 CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
 
 Progress = Callable[[int, int], None]
@@ -168,9 +167,8 @@ def self_similarity_of(
     library: Library, sensor: SensorModel, progress: Progress | None = None
 ) -> SelfSimilarity:
     """Compare every entry with all entries at other places."""
-    between = max(spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING_M)
-    places, place_of = places_of(library.poses[:, :2], between)
-    between = max(between, _spacing(library, place_of))
+    places, place_of = clustered(library)
+    between = max(spacing(places), _spacing(library, place_of))
     found: list[tuple[int, float, float, int, float, float, float, int]] = []
     curve: list[F64] = []
     for entry in range(library.size):

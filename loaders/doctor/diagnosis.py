@@ -21,15 +21,12 @@ from maurice_mcl.diagnosis.findings import (
     RecordedDrive,
     RecordedOdometry,
     RecordedTruth,
-    in_radians,
     joined,
-    turn_finding,
 )
 from maurice_mcl.diagnosis.odometry import compared_with_truth
 from maurice_mcl.diagnosis.pictures import (
     FEWEST_PLACES,
     ComparedPictures,
-    doubted_by_pictures,
     places_seen,
     seen_with_truth,
 )
@@ -209,7 +206,6 @@ class _Named:
 
 
 WRONG_TRUTH = ("truth-degrees", "truth-scale", "truth-clock", "disagreement")  # no use for the pictures
-HARMLESS = ("broken", "time-unit")  # the first left out, the second taken back before pictures are asked
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,17 +273,17 @@ def diagnose(
     known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, checks, without)]
     if not len(drive.picture_t_s):
         without.append("pictures: there are none")
-    elif library is None:
-        without.append("pictures: no library was given")
-    else:
+    elif library is None or drive.truth.size < 2:
+        lacking = "library was given" if library is None else "truth tells where they are from"
+        without.append(f"pictures: no {lacking}")
+    elif not any(one.code in WRONG_TRUTH for one in known):
         looks = look(path, options, library, found.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")
-        if drive.truth.size > 1:
-            places = len(np.unique(places_seen(looks, drive.truth)))
-            if places < FEWEST_PLACES:
-                text = f"they are of {places} distinct places, and {FEWEST_PLACES} are needed"
-                without.append(f"where and when the camera looks, by the pictures: {text}")
-        known = _about_pictures(looks, drive, found, known)
+        places = len(np.unique(places_seen(looks, drive.truth)))
+        if places < FEWEST_PLACES:
+            text = f"they are of {places} distinct places, and {FEWEST_PLACES} are needed"
+            without.append(f"where and when the camera looks, by the pictures: {text}")
+        known = known + seen_with_truth(looks, drive.truth)
     delayed = any(one.code == "picture-delay" for one in known)  # why truth seems to be elsewhere in time
     format_name = chosen(path, options).name
     told = [one for one in known if not (delayed and one.code == "truth-apart")]
@@ -322,26 +318,6 @@ def _about_reading(found: Gathered) -> list[Finding]:
         evidence = (Evidence("first-problem", {"problem": found.first_problem}),)
         findings.append(Finding("broken", evidence, details={"records": found.skipped}))
     return findings
-
-
-def _about_pictures(
-    looks: ComparedPictures, drive: RecordedDrive, found: Gathered, known: list[Finding]
-) -> list[Finding]:
-    """Ask the pictures where odometry is believed; return what is known by then."""
-    if drive.truth.size > 1:
-        truthful = not any(one.code in WRONG_TRUTH for one in known)
-        return known + (seen_with_truth(looks, drive.truth) if truthful else [])
-    doubts = [one for one in known if one.code not in HARMLESS]
-    in_degrees = [one.code for one in doubts] == ["turn-degrees"]
-    if not drive.odometry.size or (doubts and not in_degrees):
-        return known
-    asked = in_radians(drive) if in_degrees else drive
-    more = doubted_by_pictures(looks, asked, found.info.start)
-    if in_degrees and [one.code for one in more] == ["turn-clockwise"]:
-        evidence = (*doubts[0].evidence, *more[0].evidence)
-        both = turn_finding("clockwise degrees", *evidence, **doubts[0].numbers)
-        return [both if one is doubts[0] else one for one in known]
-    return known + more
 
 
 # From what the doctor found to the options of reading that fix it.

@@ -18,8 +18,7 @@ Said = str | Callable[[Values], str]  # a template of a sentence, or what fills 
 def describe(finding: Finding) -> str:
     """Return one sentence: what is wrong."""
     values: Values = {**finding.numbers, **finding.details}
-    what = TURNS[finding.code][0] if finding.code in TURNS else _said(WHAT[finding.code], values)
-    return f"{what}, or the camera looks {-values['offset_deg']:+d} deg off" if _or_camera(values) else what
+    return TURNS[finding.code][0] if finding.code in TURNS else _said(WHAT[finding.code], values)
 
 
 def evidence_for(finding: Finding, display_units: str = "m") -> str:
@@ -33,17 +32,11 @@ def fix_for(finding: Finding) -> str:
     if finding.code in TURNS:
         return f"{IN_LOG}multiply the turn (heading) by {TURNS[finding.code][1]}"
     values: Values = {**finding.numbers, **finding.details}
-    fix = _said(FIX[finding.code], values)
-    yaw = f"; for the camera: --reading camera_yaw_deg={-values['offset_deg']}" if _or_camera(values) else ""
-    return fix + yaw
+    return _said(FIX[finding.code], values)
 
 
 def _said(text: Said, values: Values) -> str:
     return text.format_map(values) if isinstance(text, str) else text(values)
-
-
-def _or_camera(values: Values) -> bool:
-    return values.get("or") == "camera"
 
 
 TURNS = {
@@ -80,10 +73,7 @@ def _scale_fix(values: Values) -> str:
 
 
 def _picture_delay(values: Values) -> str:
-    what = f"pictures are stamped {abs(values['delay_s']):.2g} s too {_late(values)}"
-    if values.get("or") != "odometry":
-        return what
-    return f"{what}, or the odometry as much too {'early' if values['delay_s'] > 0 else 'late'}"
+    return f"pictures are stamped {abs(values['delay_s']):.2g} s too {_late(values)}"
 
 
 def _shift(late_s: float, whose: str) -> str:
@@ -211,10 +201,6 @@ EVIDENCE: Mapping[str, Said] = {
     "no-truth": (
         "{share:.0%} of {pictures} pictures have truth at their time or within "
         "{gap_s:g} s before and after; the truth before a picture is {age_s:.2g} s old (median)"
-    ),
-    "foreseen": (
-        "a short localization predicts {pictures} pictures better by {gained:.2f} nats each "
-        "({as_it_stands:.2f} as it stands)"
     ),
     "degrees": (
         "headings up to {largest:.0f}; odometry leaves {if_degrees:.1%} of the movement "

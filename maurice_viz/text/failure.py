@@ -219,9 +219,17 @@ def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _sensor(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    """Say how pictures misled; `behind_nats` is of the true pose, `rank` of the best reference near it."""
+    some, most = f"{e['pictures']} of {e['of_pictures']} pictures", f"most by {e['channel']}{_bins(e)}"
     rank = f"rank {e['rank']:.0f} of {e['references']:.0f}"
-    how = f"by {e['behind_nats']:.1f} nats, most by {e['channel']}{_bins(e)}; the truth has {rank}"
-    return f"{e['pictures']} of {e['of_pictures']} pictures fit wrong places better than the true one ({how})"
+    if e["behind_nats"] <= 0:
+        times = f"{e['times_usual']:.1f} times the usual cost"
+        return f"{some} fit the true place badly, but no other better ({times}, {most}; the truth has {rank})"
+    how = f"by {e['behind_nats']:.1f} nats, {most}"
+    if e["rank"] <= 1:
+        near = f"though the best reference is near it: {rank}"
+        return f"{some} fit references of other places better than the true pose ({how}, {near})"
+    return f"{some} fit wrong places better than the true one ({how}; the truth has {rank})"
 
 
 def _bins(e: Mapping[str, Any]) -> str:

@@ -3,5 +3,5 @@
 - `findings`: a recording as plain arrays, and the findings about it
 - `plausibility`: whether times and numbers can be what they are called, without truth or pictures
 - `odometry`: readings of the odometry, compared with the truth; `mast`: of which place on the robot that is
-- `pictures`: where the camera looks and when, by a library; with truth, and without it by short localizations
+- `pictures`: where the camera looks and when, by truth and a library
 """

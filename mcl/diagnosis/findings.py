@@ -81,12 +81,6 @@ class RecordedDrive:
         return replace(self, odometry=odometry, truth=truth, picture_t_s=self.picture_t_s * factor)
 
 
-def in_radians(drive: RecordedDrive) -> RecordedDrive:
-    """Return a drive whose odometry turns in degrees as one that turns in radians."""
-    odometry = drive.odometry
-    return replace(drive, odometry=replace(odometry, values=odometry.values * [1, 1, DEGREE]))
-
-
 def motions_of(odometry: RecordedOdometry, turn: float = 1.0) -> F64:
     """Return motions (K, 3), zero for a first pose; every angle is multiplied by `turn`."""
     values = odometry.values * [1, 1, turn]
@@ -136,10 +130,8 @@ def frame_finding(frame: str, *evidence: Evidence, offset_rad: float = 0.0, **nu
     return Finding(f"frame-{frame}", evidence, numbers, options)
 
 
-def direction_finding(
-    offset_rad: float, *evidence: Evidence, or_camera: bool = False, **numbers: float
-) -> Finding:
-    """Report that odometry's forward direction is wrong; with `or_camera`, perhaps the camera's instead."""
+def direction_finding(offset_rad: float, *evidence: Evidence, **numbers: float) -> Finding:
+    """Report that odometry's forward direction is wrong."""
     degrees = round(float(np.degrees(offset_rad)))
     near = 90 * round(degrees / 90)
     forward = -near if near and abs(degrees - near) <= SAME_AXIS_DEG else -degrees
@@ -149,9 +141,8 @@ def direction_finding(
         code = "frame-swapped"
     elif abs(degrees) >= 180 - SAME_AXIS_DEG:
         code = "frame-backward"
-    details = {"or": "camera"} if or_camera else {}
     options = {"odometry_forward_rad": float(np.radians(forward))}
-    return Finding(code, evidence, {"offset_deg": degrees, **numbers}, options, details)
+    return Finding(code, evidence, {"offset_deg": degrees, **numbers}, options)
 
 
 def scale_finding(scale: float, *evidence: Evidence, truth: bool = False, **numbers: float) -> Finding:
@@ -172,8 +163,7 @@ def gain_finding(gain: float, expected: float, *evidence: Evidence) -> Finding:
     return Finding("turn-gain", evidence, {"gain": gain, "expected": expected}, options)
 
 
-def picture_delay_finding(late_s: float, *evidence: Evidence, or_odometry: bool = False) -> Finding:
-    """Report that the time stamps of pictures are wrong; with `or_odometry`, or those of odometry are."""
+def picture_delay_finding(late_s: float, *evidence: Evidence) -> Finding:
+    """Report that the time stamps of pictures are wrong."""
     late = round(late_s, 6)
-    details = {"or": "odometry"} if or_odometry else {}
-    return Finding("picture-delay", evidence, {"delay_s": late}, {"picture_offset_s": -late}, details)
+    return Finding("picture-delay", evidence, {"delay_s": late}, {"picture_offset_s": -late})

@@ -31,17 +31,6 @@ from .conftest import WriteLog
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 
-SEEN = (
-    "clockwise",
-    "clockwise degrees",
-    "degrees",
-    "swapped",
-    "backward",
-    "absolute",
-    "world",
-    "centimeters",
-    "gain",
-)
 
 
 @pytest.fixture(scope="module")
@@ -94,15 +83,6 @@ def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
         np.testing.assert_allclose(one.frame.motions, two.frame.motions, rtol=0.1, atol=0.03)
 
 
-@pytest.mark.parametrize("name", SEEN)
-def test_what_is_wrong_is_named_by_the_pictures(
-    name: str, drive: tuple[Path, Library], tmp_path: Path
-) -> None:
-    code, how = BREAKS[name]
-    log = broken(drive[0], tmp_path / "b.log", how, truth=False)
-    assert codes(diagnose(log, ReadingOptions(), drive[1])) == [code]
-
-
 @pytest.mark.parametrize("degrees", [40, -60, 75])
 def test_a_frame_that_is_turned_is_told_by_itself(
     degrees: int, drive: tuple[Path, Library], tmp_path: Path
@@ -126,13 +106,11 @@ def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> N
     assert numbers("gain")["gain"] == pytest.approx(0.73 / 2, rel=0.1)
 
 
-@pytest.mark.parametrize("truth", [True, False])
-def test_late_pictures_are_found(truth: bool, drive: tuple[Path, Library], tmp_path: Path) -> None:
-    log = broken(drive[0], tmp_path / "b.log", late("image", 9.0), truth=truth)
+def test_late_pictures_are_found(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    log = broken(drive[0], tmp_path / "b.log", late("image", 9.0))
     found = diagnose(log, ReadingOptions(), drive[1])
     assert codes(found) == ["picture-delay"]
-    if truth:
-        assert found.findings[0].numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # it stands while it looks
+    assert found.findings[0].numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # it stands while it looks
 
 
 @pytest.mark.parametrize("degrees", [45, -90])
