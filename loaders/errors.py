@@ -44,6 +44,7 @@ class ReadingNotes:
         self._warnings: dict[str, None] = {}  # in order, each once
         self.count = 0  # problems found, kept or not
         self._told: set[str] = set()  # of those that are found again and again
+        self.tilts: dict[str, tuple[float, float]] = {}  # of poses that leave the plane: rad, m, by source
 
     def problem(self, error: InputError) -> None:
         """Count a broken line, or raise the error when not keeping going."""
@@ -58,6 +59,11 @@ class ReadingNotes:
         if str(error) not in self._told:
             self._told.add(str(error))
             self.problem(error)
+
+    def left_plane(self, name: str, tilt_rad: float, height_m: float, text: str) -> None:
+        """Note that the poses of a source left the plane."""
+        self.tilts[name] = (tilt_rad, height_m)
+        self.warning(f"{name}: {text}")
 
     def warning(self, text: str) -> None:
         """Note something worth saying; the same text is kept once."""

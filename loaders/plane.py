@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class Plane:
     turned: F64 = field(default_factory=lambda: np.eye(3))  # (3, 3) to a frame with z up
     forward: str = "x"  # which axis of the body points forward
     remark: str = ""  # why it is not x-y, or why that is doubtful
+    upright: F64 | None = None  # (3,) up, as seen from the body, over all poses; None: not looked at
 
     def place(self, position: F64, rotation: F64) -> Pose:
         """Return position (3,) and rotation (3, 3) in a frame with z up."""
@@ -51,6 +52,14 @@ def plane_of(poses: Iterable[Pose], wanted: str | None) -> Plane:
     if wanted == "xy":
         return Plane()
     positions, rotations = _sampled(poses, FIRST if wanted in TURNED else MOST)
+    plane = _detected(positions, rotations, wanted)
+    if not len(rotations):
+        return plane
+    up = np.einsum("nij,i->nj", rotations, plane.turned[2]).mean(axis=0)
+    return replace(plane, upright=up / max(float(np.linalg.norm(up)), 1e-9))
+
+
+def _detected(positions: F64, rotations: F64, wanted: str | None) -> Plane:
     if wanted is not None and wanted in TURNED:
         return _seen_from_above(wanted, rotations)
     if len(positions) < FEWEST or not np.ptp(positions[:, 2]):
@@ -118,7 +127,60 @@ def _seen_from_above(name: str, rotations: F64, remark: str = "") -> Plane:
     return Plane(name, turned, forward_axis(turned @ rotations) if len(rotations) else "z", remark)
 
 
-LEANING_RAD = math.radians(30)  # a larger angle to the plane is reported
+TILTED_RAD, LEVEL_RAD = math.radians(15), math.radians(10)  # tilts from which on it is told, and no more
+SAMPLED = 500  # poses by which a motion is judged; of more than that, every second, fourth, ...
+TILTED, LEVEL = "tilted", "level again"  # how such notes begin
+LEFT_RAD = math.radians(5)  # a tilt from which on the plane was left ...
+LEFT_M, LEFT_SHARE = 0.3, 0.05  # or a range of height, by itself and as a share of the drive's extent
+
+
+@dataclass(slots=True)
+class OutOfPlane:
+    """How far poses in space leave the plane: their height over it, and their tilt, pitch and roll in one."""
+
+    plane: Plane
+    _places: list[tuple[float, ...]] = field(default_factory=list)  # of SAMPLED poses at most
+    _tilts_rad: list[float] = field(default_factory=list)
+    _stride: int = 1
+    _seen: int = 0
+    _told: bool = False
+
+    def add(self, position: F64, turned: F64) -> str:
+        """Take in a pose in a frame with z up; return a note where the body begins to tilt, or ends it."""
+        up = self.plane.upright
+        tilt_rad = 0.0 if up is None else math.acos(max(-1.0, min(1.0, float(turned[2] @ up))))
+        if self._seen % self._stride == 0:
+            self._places.append(tuple(position.tolist()))
+            self._tilts_rad.append(tilt_rad)
+        self._seen += 1
+        if len(self._tilts_rad) > SAMPLED:
+            self._places, self._tilts_rad = self._places[::2], self._tilts_rad[::2]
+            self._stride *= 2
+        if self._told != (tilt_rad > (LEVEL_RAD if self._told else TILTED_RAD)):
+            self._told = not self._told
+            return f"{TILTED} {math.degrees(tilt_rad):.0f} deg out of the plane" if self._told else LEVEL
+        return ""
+
+    @property
+    def height_m(self) -> float:
+        """The range of heights of nine in ten poses."""
+        return float(np.ptp(np.percentile([place[2] for place in self._places], [5, 95])))
+
+    @property
+    def tilt_rad(self) -> float:
+        """The tilt that one pose in twenty exceeds."""
+        return float(np.percentile(self._tilts_rad, 95))
+
+    def __str__(self) -> str:
+        """Say it in a sentence; "" for a motion in the plane."""
+        if not self._places:
+            return ""
+        extent_m = float(np.ptp(self._places, axis=0)[:2].max())
+        if self.tilt_rad < LEFT_RAD and self.height_m < max(LEFT_M, LEFT_SHARE * extent_m):
+            return ""
+        tilt = f"tilted by up to {math.degrees(self.tilt_rad):.0f} degrees (pitch and roll)"
+        height = f"height over {self.height_m:.2f} m"
+        return f"the motion leaves the plane: {tilt}, {height}; only x, y and the heading are used"
 
 
 def rotation(quaternion_wxyz: F64) -> F64:

@@ -18,8 +18,8 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files import read_json
-from ..plane import Plane
-from ..recording import Motion, Note, Picture, Readings
+from ..plane import OutOfPlane, Plane
+from ..recording import Motion, Note, Picture, Readings, TruthPose
 from ..session_log.header import header_from_json
 from ..session_log.records import readings_of
 from .messages import (
@@ -150,7 +150,12 @@ class PoseReader:
     make: Callable[[float, F64], Timed]
     offset_s: float
     plane: Plane = IN_XY
+    left: OutOfPlane = field(init=False)
     _tree: FrameTree = field(default_factory=FrameTree)
+    _told: str = ""  # of the last pose
+
+    def __post_init__(self) -> None:
+        self.left = OutOfPlane(self.plane)
 
     @property
     def topics(self) -> Collection[str]:
@@ -165,8 +170,16 @@ class PoseReader:
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the pose of one message."""
         for t_s, found in self._found(message, recorded=recorded):
-            pose = self.plane.pose(found) if isinstance(found, np.ndarray) else pose_of(found, self.plane)
-            yield self.make(t_s + self.offset_s, pose)
+            flat = not isinstance(found, np.ndarray) and hasattr(found, "theta")
+            yield self.make(t_s + self.offset_s, pose_of(found, self.plane) if flat else self._placed(found))
+            if self._told and self.make is TruthPose:
+                yield Note(t_s + self.offset_s, self._told)
+
+    def _placed(self, found: Any) -> F64:
+        """Return the pose (3,) of a matrix or a message in space, and look how far it leaves the plane."""
+        matrix = found if isinstance(found, np.ndarray) else matrix_in(found)
+        self._told = self.left.add(*self.plane.place(matrix[:3, 3], matrix[:3, :3]))
+        return self.plane.pose(matrix)
 
     def matrices(self, message: Message) -> Iterator[F64]:
         """Yield the pose of one message in space (4, 4), if it is one."""

@@ -133,9 +133,13 @@ class BagRecording:
             late[type(record).__name__] = late.get(type(record).__name__, 0) + 1
 
         read = partial(read_bag, self.path, self.open_bag, recorded=bool(self.recorded_times))
-        streams = [in_order(read(self.readers(roles), notes), skip) for roles in self._passes()]
+        passes = [self.readers(roles) for roles in self._passes()]
+        streams = [in_order(read(readers, notes), skip) for readers in passes]
         # all records have a time; the types of heapq lose what they are
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
+        for reader in (one for readers in passes for one in readers if isinstance(one, PoseReader)):
+            if text := str(reader.left):
+                notes.left_plane(str(reader.route), reader.left.tilt_rad, reader.left.height_m, text)
         for kind, count in late.items():
             notes.warning(
                 f"{count} records ({kind}) were left out: their times fall by more than {WINDOW_S:g} s"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -30,7 +31,13 @@ from maurice_mcl.diagnosis.pictures import (
     places_seen,
     seen_with_truth,
 )
-from maurice_mcl.diagnosis.plausibility import clocks_apart, odometry_doubts, time_unit, truth_apart
+from maurice_mcl.diagnosis.plausibility import (
+    clocks_apart,
+    coarse_times,
+    odometry_doubts,
+    time_unit,
+    truth_apart,
+)
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.library import Library
@@ -41,7 +48,7 @@ from ..errors import InputError, PictureError, ReadingNotes
 from ..files import MOST
 from ..formats.native import RawLog
 from ..formats.registry import NATIVE, chosen, open_recording
-from ..reading import ReadingOptions
+from ..reading import MADE_ODOMETRY, ReadingOptions, option_name
 from ..recording import Motion, OdometryPose, Picture, Readings, Recording, TruthPose
 from ..time_alignment import offset_between
 from ..transforms import corrected
@@ -60,6 +67,7 @@ class Gathered:
     first_problem: str
     cut: bool  # whether only the beginning was looked at
     warnings: tuple[str, ...] = ()
+    tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # rad, m, of sources off the plane
 
 
 @dataclass(slots=True)
@@ -114,9 +122,8 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
         _gain(path, info),
     )
     first = str(notes.problems[0]) if notes.problems else ""
-    return Gathered(
-        info, drive, falls, notes.count, first, cut, tuple(dict.fromkeys((*info.notes, *notes.warnings)))
-    )
+    said = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
+    return Gathered(info, drive, falls, notes.count, first, cut, said, notes.tilts)
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -228,8 +235,8 @@ class Diagnosis:
 
 
 # how far off the simulated Maurice's drives of docs/formats.md were, with the wheels 3.6 in
-FROM_TRUTH = "4.2 in off on the simulated drives of docs/formats.md, where the wheels' is 3.6"
-FROM_PICTURES = "on 8 simulated drives 2.6 in off with landmarks; with channels 11.4 in, and 3 of them lost"
+FROM_TRUTH = "0.11 m off on simulated drives, where the wheels' is 0.09 m"
+FROM_PICTURES = "on 8 simulated drives 0.07 m off with landmarks; with channels 0.29 m, and 3 of them lost"
 
 
 def has_view(info: SessionInfo, options: ReadingOptions) -> bool:
@@ -237,6 +244,22 @@ def has_view(info: SessionInfo, options: ReadingOptions) -> bool:
     cameras = info.cameras
     read = [one for one in cameras if one.name == options.camera] or list(cameras)
     return bool(options.camera_fov_rad or (read and read[0].horizontal_fov_rad))
+
+
+def made_odometry(info: SessionInfo, options: ReadingOptions) -> str:
+    """Return where odometry is from that was not measured, by the options or the header; "" for a robot's."""
+    asked = [name for name in MADE_ODOMETRY if getattr(options, name)]
+    if asked:
+        return f"it was made here ({option_name(asked[0])}=true), so it tells nothing of the robot's"
+    noted = any(SYNTHETIC.search(text) for text in (info.name, *info.notes))
+    return (
+        "it was made and not measured, as the header notes, so it tells nothing of the robot's"
+        if noted
+        else ""
+    )
+
+
+SYNTHETIC = re.compile(r"odometry (is synthetic|made from|is not measured|from pictures)", re.I)
 
 
 def odometry_advice(found: Diagnosis) -> tuple[str, ...]:
@@ -269,14 +292,20 @@ def diagnose(
         drive = replace(drive, size_m=max(library.arena.size_m))
     movement_s = movement_apart(drive)
     apart = clocks_apart(drive, movement_s) or truth_apart(drive)
-    checks, without = ["times", "odometry by itself"], list[str]()
-    known = [*_about_reading(found), *units, *apart, *_about_odometry(drive, movement_s, checks, without)]
+    checks, without = ["times"], list[str]()
+    known = [*_about_reading(found), *coarse_times(drive), *units, *apart]
+    if (made := made_odometry(found.info, options)) and drive.odometry.size:
+        without.append(f"odometry: {made}")
+    else:
+        known += _about_odometry(drive, movement_s, checks, without)
     if not len(drive.picture_t_s):
         without.append("pictures: there are none")
     elif library is None or drive.truth.size < 2:
         lacking = "library was given" if library is None else "truth tells where they are from"
         without.append(f"pictures: no {lacking}")
-    elif not any(one.code in WRONG_TRUTH for one in known):
+    elif any(one.code in WRONG_TRUTH for one in known):
+        without.append("pictures: the truth has to be put right first")
+    else:
         looks = look(path, options, library, found.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")
         places = len(np.unique(places_seen(looks, drive.truth)))
@@ -299,14 +328,20 @@ def _about_odometry(
     drive: RecordedDrive, movement_s: float | None, checks: list[str], without: list[str]
 ) -> list[Finding]:
     if drive.truth.size > 1 and drive.odometry.size > 1:
-        checks.append("odometry against truth")
+        checks += ["odometry by itself", "odometry against truth"]
         return compared_with_truth(drive, movement_s)
-    without.append(f"{'truth' if drive.truth.size <= 1 else 'odometry'}: there is none")
+    checks += ["odometry by itself"] if drive.odometry.size else []
+    without += ["odometry: there is none"] if drive.odometry.size <= 1 else []
+    without += ["truth: there is none"] if drive.truth.size <= 1 else []
     return odometry_doubts(drive)
 
 
 def _about_reading(found: Gathered) -> list[Finding]:
-    findings, truth = [], found.drive.truth.poses
+    findings, truth = list[Finding](), found.drive.truth.poses
+    for name, (tilt_rad, height_m) in found.tilts.items():
+        numbers = {"tilt_deg": math.degrees(tilt_rad), "height_m": height_m}
+        evidence = (Evidence("off-plane", {"name": name, **numbers}),)
+        findings.append(Finding("out-of-plane", evidence, numbers, details={"name": name}))
     if found.falls:
         findings.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
     large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))

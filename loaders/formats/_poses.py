@@ -19,8 +19,8 @@ from maurice_mcl.session import SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..files import MOST_T_S, show, time_falls, up_to
 from ..pictures import decode_picture, picture_in
-from ..plane import LEANING_RAD, Plane, Pose, forward_axis, leaning, planar, plane_of, rotation
-from ..recording import OdometryPose, Picture, Record, TruthPose
+from ..plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
+from ..recording import Note, OdometryPose, Picture, Record, TruthPose
 from ..time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 from .cmucam import BEGIN, decode_frame
@@ -47,7 +47,7 @@ class _TimedFile:
     file: Path
     comments: ClassVar[tuple[str, ...]] = ("#",)
 
-    def _records(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose | Picture]:
+    def _records(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose | Picture | Note]:
         raise NotImplementedError
 
     def _words(self, row: Row) -> list[str]:
@@ -86,9 +86,12 @@ class PoseFile(_TimedFile):
     wanted: str | None = None  # the plane; None: detected
     comments: ClassVar[tuple[str, ...]] = COMMENTS
 
-    def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose]:
-        """Yield the poses in the plane, in the file's order; broken rows and times that fall are problems."""
-        last_t_s, steepest = -np.inf, 0.0
+    def poses(self, notes: ReadingNotes) -> Iterator[OdometryPose | TruthPose | Note]:
+        """Yield the poses in the plane, in the file's order; broken rows and times that fall are problems.
+
+        Notes say where a true pose begins to tilt out of the plane.
+        """
+        last_t_s, left = -np.inf, OutOfPlane(self._plane)
         if self._plane.remark:
             notes.warning(f"{self.file}: {self._plane.remark}")
         for row in self._rows():
@@ -99,17 +102,19 @@ class PoseFile(_TimedFile):
             except InputError as problem:
                 notes.problem(problem)
                 continue
-            last_t_s, steepest = t_s, max(steepest, leaning(turned, self._axis))
+            last_t_s, told = t_s, left.add(position, turned)
             yield self.kind(t_s, planar(position, turned, self._axis))
-        if steepest > LEANING_RAD:
-            tilt = f"{np.degrees(steepest):.0f} degrees out of the plane"
-            notes.warning(f"{self.file}: poses point up to {tilt}; only x, y and the heading are used")
+            if told and self.kind is TruthPose:
+                yield Note(t_s, told)
+        if text := str(left):
+            notes.left_plane(str(self.file), left.tilt_rad, left.height_m, text)
 
     _records = poses
 
     def track(self) -> tuple[F64, F64]:
         """Return the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
-        found = list(islice(self.poses(ReadingNotes(keep_going=True)), MOST))
+        poses = self.poses(ReadingNotes(keep_going=True))
+        found = list(islice((one for one in poses if not isinstance(one, Note)), MOST))
         return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
 
     def check(self) -> None:

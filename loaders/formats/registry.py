@@ -148,6 +148,8 @@ def chosen(path: Path, options: ReadingOptions) -> Format:
 def _expect_there(path: Path) -> None:
     if not path.exists():
         raise InputError(path, "found no such file or folder, expected a recording; check the path")
+    if path.is_file() and not path.stat().st_size:
+        raise InputError(path, "found an empty file, expected a recording; was anything written to it?")
     expect_regular(path, "a recording")
 
 

@@ -91,7 +91,9 @@ def _place(values: Values) -> str:
 
 
 WHAT: Mapping[str, Said] = {
+    "out-of-plane": "the motion leaves the plane: pitch, roll or height, which no pose in the plane has",
     "times-fall": "times fall {falls} times",
+    "times-coarse": "times of the {name} have too few digits: {records} records at {times} different times",
     "too-large": "{records} records hold numbers of more than {most:g}",
     "broken": "{records} records cannot be read",
     "time-unit": "times are in {unit}",
@@ -112,7 +114,8 @@ WHAT: Mapping[str, Said] = {
     "odometry-delay": lambda v: f"odometry is {abs(v['delay_s']):.2g} s too {_late(v)} for the truth",
     "picture-delay": _picture_delay,
     "camera-yaw": (
-        "the camera looks {yaw_deg:+d} deg off where the library's pictures look at the same heading"
+        "the camera looks {yaw_deg:+d} deg ({low_deg:+.0f} to {high_deg:+.0f}) off where the library's "
+        "pictures look at the same heading"
     ),
 }
 
@@ -123,6 +126,10 @@ _BY = {
 }
 
 FIX: Mapping[str, Said] = {
+    "out-of-plane": (
+        "use a part of the drive that is level; --reading plane=... if the motion is in another plane"
+    ),
+    "times-coarse": "write times with all their digits where the log is made; what lies between two is lost",
     "times-fall": "sort the records by t; if they are of several clocks, put these on one first",
     "too-large": "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out",
     "broken": "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out",
@@ -191,6 +198,11 @@ def _speed(v: Values, speed_m_s: float) -> str:
 
 
 EVIDENCE: Mapping[str, Said] = {
+    "off-plane": lambda v: (
+        f"{v['name']}: one pose in twenty is tilted by more than {v['tilt_deg']:.0f} deg from the mean; "
+        f"nine in ten are within {_length(v, v['height_m'])} of height"
+    ),
+    "steps": "from one time to the next it is {step_s:.3g} s (median), with {each:.0f} records at one time",
     "falling": "every reader refuses a time that falls",
     "limits": "a session log may not hold them; truth and odometry are at most {most:g} in size",
     "first-problem": "the first: {problem}",

@@ -15,6 +15,7 @@ from maurice_mcl.analysis.failures.kinds import (
     LIGHTING,
     MOTION,
     NUMERIC,
+    OUT_OF_PLANE,
     PROPOSAL,
     RESAMPLING,
     SENSOR,
@@ -29,6 +30,7 @@ TITLES: Mapping[str, str] = {
     DATA: "the recording",
     KIDNAPPED: "kidnapped",
     LEFT_MAP: "off the map",
+    OUT_OF_PLANE: "out of the plane",
     MOTION: "motion beyond the model",
     NUMERIC: "numbers",
     LIBRARY_GAP: "gap in the library",
@@ -45,6 +47,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "driven_m": "odometry says",
     "gap_s": "time without a record",
     "usual_s": "usual time between pictures",
+    "tilt_deg": "tilt out of the plane (deg)",
     "sd": "standard deviations of the motion model",
     "movements": "movements taken together",
     "worst_step": "farthest off",
@@ -175,6 +178,10 @@ def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     return f"no particle was on the map at step {failure.first}{drove}"
 
 
+def _out_of_plane(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    return f"the robot was tilted {e['tilt_deg']:.0f} deg out of the plane from step {failure.first} on"
+
+
 def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     floor = f" on {e['floor']}" if "floor" in e else ""
     several = f"in {e['movements']} movements" if e["movements"] > 1 else ""
@@ -274,6 +281,7 @@ CLAUSES: Mapping[str, Clause] = {
     DATA: _data,
     KIDNAPPED: _kidnapped,
     LEFT_MAP: _left_map,
+    OUT_OF_PLANE: _out_of_plane,
     MOTION: _motion,
     NUMERIC: _numeric,
     LIBRARY_GAP: _library_gap,

@@ -14,6 +14,7 @@ import numpy as np
 from ..arrays import F64, I32, Bool
 from ..filter.localizer import Localizer
 from ..geometry import wrap_angle
+from ..randomness import Domain, stream
 from ..records import Comparison
 from ..sensor.left_out import places_of
 from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding
@@ -29,6 +30,8 @@ FEWEST_PLACES = 8  # pictures of one place err together: fewer places tell nothi
 PLACE_M, OF_MAP = 0.25, 0.05  # pictures nearer than the smaller of this, and of its share, are at one place
 LEAST_NATS, LEAST_SIGMAS = 0.3, 2.5  # mean gain per picture for a finding, and its significance
 LEAST_YAW_RAD = float(np.radians(20))
+WIDEST_YAW_RAD = float(np.radians(40))  # from a value to an end of its interval: a wider one tells too little
+REDRAWN = 400  # times that places are drawn anew for an interval
 MOST_NATS = 3.0  # limit on one picture's gain when computing the significance
 STANDS_S = 3.5  # duration of a stop, during which pictures are the same
 FLAT = 0.15  # share of the gain that counts as equally high
@@ -60,6 +63,8 @@ class Gained:
     nats: float  # mean gain in log-likelihood per picture
     sigmas: float  # of that mean, by the scatter over places
     pictures: int
+    low: float  # of the interval that holds the value 95 times in 100, by drawing places anew
+    high: float
 
 
 def best_yaw(looks: ComparedPictures, track: RecordedTruth) -> Gained | None:
@@ -114,20 +119,37 @@ def _best(found: F64, values: F64, place_of: I32, *, circular: bool) -> Gained |
     gains = np.where(np.isfinite(found), found, floor)[counted] - usual[counted, None]
     mean = gains.mean(axis=0)
     top = int(mean.argmax())
-    if circular:
-        middle, values = len(values) // 2, np.roll(values, len(values) // 2 - top)
-        turned = np.roll(mean, middle - top)
-        around = values[middle] + wrap_angle(values - values[middle])
-        value = float(wrap_angle(np.array(around[_run(turned, middle)].mean())))
-    else:
-        high = values[_run(mean, top)]
-        value = float(high[0] + high[-1]) / 2
+    value = _highest(mean, values, circular=circular)
+    low, high = _interval(gains, groups.astype(np.int32), values, value, circular=circular)
     bounded = np.clip(gains[:, top], -MOST_NATS, MOST_NATS)
     by_place = np.bincount(groups, bounded - bounded.mean())  # pictures of one place err together
     scatter = max(
         float(np.sqrt((by_place**2).sum() * len(by_place) / (len(by_place) - 1))) / len(gains), 1e-9
     )
-    return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains))
+    return Gained(value, float(mean[top]), float(bounded.mean()) / scatter, len(gains), low, high)
+
+
+def _highest(mean: F64, values: F64, *, circular: bool) -> float:
+    """Return the value (k,) of highest mean (k,): the middle of its neighbors that are nearly as high."""
+    top = int(mean.argmax())
+    if not circular:
+        high = values[_run(mean, top)]
+        return float(high[0] + high[-1]) / 2
+    middle, values = len(values) // 2, np.roll(values, len(values) // 2 - top)
+    around = values[middle] + wrap_angle(values - values[middle])
+    return float(wrap_angle(np.array(around[_run(np.roll(mean, middle - top), middle)].mean())))
+
+
+def _interval(gains: F64, groups: I32, values: F64, value: float, *, circular: bool) -> tuple[float, float]:
+    """Return the interval of the value of highest gain (n, k), by drawing the places (n,) anew."""
+    count = int(groups.max()) + 1
+    sums = np.zeros((count, gains.shape[1]))
+    np.add.at(sums, groups, gains)
+    drawn = stream(Domain.CALIBRATE, 0, count).integers(0, count, (REDRAWN, count))
+    off = np.array([_highest(sums[some].sum(axis=0), values, circular=circular) - value for some in drawn])
+    off = wrap_angle(off) if circular else off
+    low, high = np.percentile(off, [2.5, 97.5])
+    return value + min(float(low), 0.0), value + max(float(high), 0.0)
 
 
 def _run(mean: F64, top: int) -> Bool:
@@ -143,7 +165,7 @@ def _run(mean: F64, top: int) -> Bool:
 def seen_with_truth(looks: ComparedPictures, track: RecordedTruth) -> list[Finding]:
     """Return a finding if the camera's direction or the time stamps are wrong: the one that explains more."""
     yaw, delay = best_yaw(looks, track), best_delay(looks, track)
-    elsewhere = yaw is not None and _sure(yaw) and abs(yaw.value) >= LEAST_YAW_RAD
+    elsewhere = yaw is not None and _sure(yaw) and _aside(yaw)
     late = delay is not None and _sure(delay)
     exact = same_moments(looks.t_s, track.t_s)
     if elsewhere and yaw is not None and not (late and delay is not None and delay.nats > yaw.nats):
@@ -159,10 +181,18 @@ def _sure(gained: Gained) -> bool:
     return gained.nats >= LEAST_NATS and gained.sigmas >= LEAST_SIGMAS
 
 
+def _aside(yaw: Gained) -> bool:
+    """Return whether a direction is clearly not forward, and known well enough to be of use."""
+    known = max(yaw.high - yaw.value, yaw.value - yaw.low) <= WIDEST_YAW_RAD
+    return known and abs(yaw.value) >= LEAST_YAW_RAD and not yaw.low <= 0 <= yaw.high
+
+
 def _yaw(yaw: Gained) -> Finding:
     degrees = round(float(np.degrees(yaw.value)) / 5) * 5
     options = {"camera_yaw_rad": float(np.radians(degrees))}
-    return Finding("camera-yaw", (_explained(yaw),), {"yaw_deg": degrees}, options)
+    low, high = (float(np.degrees(end)) for end in (yaw.low, yaw.high))
+    numbers = {"yaw_deg": degrees, "low_deg": min(low, degrees), "high_deg": max(high, degrees)}
+    return Finding("camera-yaw", (_explained(yaw),), numbers, options)
 
 
 def _explained(found: Gained) -> Evidence:

@@ -61,6 +61,30 @@ def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
     return 1 / factor, [found]
 
 
+MOST_AT_ONE = 3.0  # records that move at one time, on average; a robot's clock has one or two
+COARSE_S = 0.5  # between such times
+
+
+def coarse_times(drive: RecordedDrive) -> list[Finding]:
+    """Return a finding where many records share few times: their stamps were written with too few digits."""
+    odometry, truth = drive.odometry, drive.truth
+    moves = np.abs(motions_of(odometry)).sum(axis=1) > 0 if odometry.size else np.zeros(0, bool)
+    went = np.abs(np.diff(truth.poses, axis=0, prepend=truth.poses[:1])).sum(axis=1) > 0
+    kinds = {"odometry": odometry.t_s[moves], "truth": truth.t_s[went], "pictures": drive.picture_t_s}
+    findings = []
+    for name, t_s in kinds.items():
+        times = np.unique(t_s)
+        if len(times) < 2 or len(t_s) < FEWEST or len(t_s) < MOST_AT_ONE * len(times):
+            continue
+        step_s = float(np.median(np.diff(times)))
+        if step_s < COARSE_S:
+            continue
+        seen = Evidence("steps", {"step_s": step_s, "each": len(t_s) / len(times)})
+        details: dict[str, Value] = {"name": name, "records": len(t_s), "times": len(times)}
+        findings.append(Finding("times-coarse", (seen,), {"step_s": step_s}, details=details))
+    return findings
+
+
 def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
     """Return what is wrong with the odometry by its own numbers."""
     odometry = drive.odometry

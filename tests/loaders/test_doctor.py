@@ -32,7 +32,6 @@ from .conftest import WriteLog
 THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 
 
-
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Library]]:
     """Keep one simulated drive of 24 updates and its library for all tests here."""
@@ -162,8 +161,8 @@ def test_broken_lines_are_counted_and_what_is_no_session_is_refused(
 def test_a_motion_model_that_nobody_knows_is_one_line(
     write_log: WriteLog, pixel: dict[str, Any], drive: tuple[Path, Library]
 ) -> None:
-    records = [{"t": t, "odometry": [0.1, 0, 0]} for t in range(3)] + [{"t": 3, "image": pixel}]
-    log = write_log(*records, robot={"motion": {"model": "hover"}})
+    records = [{"t": t, key: [0.1 * t, 0, 0]} for t in range(4) for key in ("odometry", "truth")]
+    log = write_log(*records, {"t": 3, "image": pixel}, robot={"motion": {"model": "hover"}})
     with pytest.raises(InputError, match=r"session.log:1: robot.motion.model is 'hover'; known are"):
         diagnose(log, ReadingOptions(), drive[1])
 

@@ -10,7 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from .drive_rules import beyond_motion, carried, gap_in_log, off_map, slipped_as_told, stuck_pictures
+from .drive_rules import (
+    beyond_motion,
+    carried,
+    gap_in_log,
+    off_map,
+    out_of_plane,
+    slipped_as_told,
+    stuck_pictures,
+)
 from .kinds import LIBRARY_GAP, LIGHTING, MOTION, UNKNOWN, VIEW, Failure
 from .particle_rules import no_particle, unlucky, weights_vanish
 from .picture_rules import ambiguity, another_view, library_gap, lighting, sensor_model
@@ -21,6 +29,7 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
     stuck_pictures,
     carried,
     off_map,
+    out_of_plane,
     beyond_motion,
     weights_vanish,
     library_gap,

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...session import first_word
 from .evidence import UpdateEvidence
-from .kinds import DATA, KIDNAPPED, LEFT_MAP, MOTION, Failure
+from .kinds import DATA, KIDNAPPED, LEFT_MAP, MOTION, OUT_OF_PLANE, Failure
 from .story import Story
 
 LONG_GAP, VERY_LONG_GAP = 3.0, 5.5  # times the usual time between pictures; a robot is carried in less
@@ -81,6 +81,15 @@ def off_map(story: Story) -> Failure | None:
     if len(out) >= OUT_FOR:
         return story.failure(LEFT_MAP, out[0].step, truth="off the map", updates=len(out))
     return None
+
+
+def out_of_plane(story: Story) -> Failure | None:
+    """The robot was tilted out of the plane in most of the updates about the loss, as the log tells."""
+    tilted = story.some(story.window, lambda one: one.tilt_deg is not None)
+    if 2 * len(tilted) <= len(story.window):
+        return None
+    most = max(one.tilt_deg or 0.0 for one in tilted)
+    return story.failure(OUT_OF_PLANE, tilted[0].step, tilt_deg=most, updates=len(tilted))
 
 
 def beyond_motion(story: Story) -> Failure | None:

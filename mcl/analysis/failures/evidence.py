@@ -36,6 +36,7 @@ class UpdateEvidence:
     skipped: int  # numbers of pictures missing before it
     repeated: bool  # whether the robot moved and the picture compared is the one before, to the last pixel
     events: tuple[str, ...]  # of the log
+    tilt_deg: float | None  # out of the plane, as the log told last; None: level, or not told
     floor: str  # that the robot was on when it set off, if the log or the map tells it
     broken: bool  # whether a likelihood was no number
     zero: bool  # whether all weights were zero
@@ -80,6 +81,7 @@ class EvidenceFinder:
     around: Surroundings | None = None
     _before: Moment | None = None
     _floor: str = ""  # that the log told last
+    _tilt_deg: float | None = None
 
     def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
         """Return the evidence of the next update, which `episodes` have seen."""
@@ -88,6 +90,7 @@ class EvidenceFinder:
             self.around = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
         frame, truth = moment.frame, moment.truth
         floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
+        self._tilt_deg = _tilt_told(moment.events, self._tilt_deg)
         comparison = record.sighting.comparison
         cost, likely = comparison.by_channels.cost, comparison.log_likelihood
         compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
@@ -99,6 +102,7 @@ class EvidenceFinder:
             skipped=0 if before is None else max(frame.step - before.frame.step - 1, 0),
             repeated=before is not None and compared and _moved(motions) and _same(frame, before.frame),
             events=moment.events,
+            tilt_deg=self._tilt_deg,
             floor=floor,
             broken=bool(np.isnan(likely).any()),
             zero=ALL_ZERO in record.events,
@@ -141,6 +145,18 @@ def _same(frame: Frame, before: Frame) -> bool:
     if image.shape != before.image.shape or not image.size or (image == image[0, 0]).all():
         return False
     return bool(np.array_equal(image, before.image))
+
+
+def _tilt_told(events: tuple[str, ...], last: float | None) -> float | None:
+    """Return the tilt in degrees after events: "tilted 22 deg out of the plane", "level again"."""
+    for text in events:
+        word, _, rest = text.partition(" ")
+        number = rest.split(" ", 1)[0]
+        if word == "tilted" and number.isdecimal():
+            last = float(number)
+        elif text == "level again":
+            last = None
+    return last
 
 
 def _floor_told(events: tuple[str, ...], last: str) -> str:

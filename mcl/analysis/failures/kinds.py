@@ -13,6 +13,7 @@ from ..episodes import Episode
 SENSOR, AMBIGUITY = "sensor", "ambiguity"
 PROPOSAL, RESAMPLING = "impoverished", "resampling"
 MOTION, KIDNAPPED, LEFT_MAP = "motion", "kidnapped", "left_map"
+OUT_OF_PLANE = "out_of_plane"
 LIBRARY_GAP, LIGHTING, VIEW = "library_gap", "lighting", "changed_view"
 NUMERIC, DATA, UNKNOWN = "numeric", "data", "unknown"
 
@@ -20,6 +21,7 @@ CAUSES: Mapping[str, str] = {
     DATA: "the recording: dropped pictures, clock jumps",
     KIDNAPPED: "the robot was carried to another place, unseen by its odometry",
     LEFT_MAP: "the robot drove, or the cloud was driven, off the map",
+    OUT_OF_PLANE: "the robot pitched or rolled, which a pose in the plane cannot follow",
     MOTION: "the robot moved in a way that the motion model excludes",
     NUMERIC: "all weights were zero, or all but one",
     LIBRARY_GAP: "no reference is near the true place",

@@ -54,6 +54,29 @@ def in_space(world: str, poses: F64, body: str = "robot", bumps: float = 0.3) ->
     return found
 
 
+@pytest.mark.parametrize("kind", ["tum", "bag"])
+def test_motion_that_leaves_the_plane_is_told_and_named(kind: str, tmp_path: Path) -> None:
+    """Pitch and roll out of the plane: a line, events where it begins and ends, and a finding."""
+    rng = np.random.default_rng(0)
+    placed = in_space("robot", drive(), bumps=0.0)
+    tilt = np.radians(25) * np.sin(np.linspace(0, 6 * np.pi, len(placed)))
+    tilted = [
+        (place, turned @ Rotation.from_euler("xy", [0.3 * t, t]).as_matrix())
+        for (place, turned), t in zip(placed, tilt, strict=True)
+    ]
+    for poses, leaves in ((placed, False), (tilted, True)):
+        noisy = [(p, r @ Rotation.from_rotvec(rng.normal(0, 0.01, 3)).as_matrix()) for p, r in poses]
+        folder = tmp_path / str(leaves)
+        folder.mkdir()
+        path = WRITERS[kind](folder, noisy)
+        session = RecordedSession(open_recording(path))
+        found = inspect_recording(session)
+        told = [text for text in found.warnings if "leaves the plane" in text]
+        assert bool(told) == leaves
+        assert any(text.startswith("tilted") for text in found.events) == leaves
+        assert ("out-of-plane" in [one.code for one in doctor(path).findings]) == leaves
+
+
 def quaternion(turned: F64) -> F64:
     """Return x, y, z, w."""
     return np.asarray(Rotation.from_matrix(turned).as_quat())

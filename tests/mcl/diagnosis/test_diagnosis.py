@@ -29,6 +29,7 @@ from maurice_mcl.diagnosis.pictures import ComparedPictures, best_yaw, places_se
 from maurice_mcl.diagnosis.plausibility import (
     aside_share,
     clocks_apart,
+    coarse_times,
     odometry_doubts,
     same_moments,
     time_unit,
@@ -189,6 +190,22 @@ def test_times_of_other_units(unit):
     assert [one.code for one in found] == ["time-unit"]
 
 
+@pytest.mark.parametrize("digits", [0.1, 1.0, 1000.0])
+def test_times_of_too_few_digits(digits):
+    """Stamps written with six digits are alike for many records; those of a clock are not."""
+    drive = dense_drive()
+    offset_s = 976_052_857.0
+    odometry = replace(drive.odometry, t_s=np.round((drive.odometry.t_s + offset_s) / digits) * digits)
+    truth = replace(drive.truth, t_s=drive.truth.t_s + offset_s)
+    found = coarse_times(replace(drive, odometry=odometry, truth=truth))
+    coarse = digits == 1.0  # of two minutes, steps of 1000 s leave one time or two
+    assert [one.details["name"] for one in found] == (["odometry"] if coarse else [])
+    if coarse:
+        assert found[0].numbers["step_s"] == 1.0
+    standing = RecordedOdometry(np.repeat(np.arange(20.0), 10), np.zeros((200, 3)), poses=True)
+    assert coarse_times(replace(drive, odometry=standing)) == []
+
+
 def test_odometry_is_judged_by_itself():
     drive = dense_drive(poses=False)
     motions = drive.odometry.values
@@ -283,3 +300,27 @@ def test_a_camera_is_not_judged_by_few_places_and_errors_are_by_place():
     found = best_yaw(*looks_and_track(15))
     assert np.degrees(found.value) == pytest.approx(-65, abs=10)
     assert found.sigmas > 2.5
+
+
+@pytest.mark.parametrize("scatter_deg", [5, 20, 70])
+def test_the_interval_of_a_camera_s_direction_holds_it(scatter_deg):
+    """However far places disagree: the true direction is within, or nothing is found."""
+    within = []
+    for seed in range(12):
+        looks, track = looks_and_track(15, seed=seed)
+        rng = np.random.default_rng(100 + seed)
+        turned = np.radians(-30) + rng.normal(0, np.radians(scatter_deg), 15)
+        spot = np.arange(45) * 15 // 45
+
+        class Sensor:
+            def at(self, number, local, turned=turned, spot=spot, track=track):
+                apart = local[:, 2] - track.poses[number, 2] - turned[spot[number]]
+                return SimpleNamespace(log_likelihood=4 * np.cos(apart))
+
+        of = SimpleNamespace(sensor=Sensor(), library=looks.localizer.library)
+        found = best_yaw(replace(looks, localizer=of), track)
+        within.append(np.degrees(found.low) - 2.5 <= -30 <= np.degrees(found.high) + 2.5)
+        for one in seen_with_truth(replace(looks, localizer=of), track):
+            assert one.numbers["low_deg"] <= one.numbers["yaw_deg"] <= one.numbers["high_deg"] < 0
+            assert one.numbers["high_deg"] - one.numbers["low_deg"] <= 80
+    assert np.mean(within) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(within))
