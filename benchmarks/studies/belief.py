@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from .lost_signal import said
 
 from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive
@@ -31,6 +30,7 @@ from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.ahead import Compared
 
 from .lost_drives import FILTERS, FITTED, UNSEEN, Course, drive_of, put_arrays
+from .lost_signal import said
 
 SHARPNESS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)  # of `best`, tried on the fitted drives
 CHOSEN = 0.7  # by --fit, before any unseen drive was run with it

@@ -329,9 +329,6 @@ def figures(
 def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
     """Read trials of any kind, with the units in which people read their lengths."""
     if source.is_dir():
-        logs = sorted(source.glob("*.log"))
-        if logs and not is_odometry_folder(source):
-            raise InputError(source, f"found a folder without odometry tables; did you mean {logs[0]}?")
         return trials_from_folder(source), units_named("m")
     if source.suffix.lower() == ".csv":
         return read_trials(source, unit), units_named("in" if unit == "in" else "m")

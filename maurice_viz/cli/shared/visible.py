@@ -47,7 +47,7 @@ class VisibleStream:
 def visible_output() -> Iterator[None]:
     """Let everything that is printed in the block go through `visible`, whoever prints it."""
     streams: tuple[Any, Any] = sys.stdout, sys.stderr
-    sys.stdout, sys.stderr = VisibleStream(streams[0]), VisibleStream(streams[1])  # type: ignore[assignment]
+    sys.stdout, sys.stderr = VisibleStream(streams[0]), VisibleStream(streams[1])
     try:
         yield
     finally:
