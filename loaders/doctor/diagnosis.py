@@ -24,7 +24,7 @@ from maurice_mcl.diagnosis.findings import (
     RecordedTruth,
     joined,
 )
-from maurice_mcl.diagnosis.odometry import compared_with_truth
+from maurice_mcl.diagnosis.odometry import comparable, compared_with_truth
 from maurice_mcl.diagnosis.pictures import (
     FEWEST_PLACES,
     ComparedPictures,
@@ -32,6 +32,7 @@ from maurice_mcl.diagnosis.pictures import (
     seen_with_truth,
 )
 from maurice_mcl.diagnosis.plausibility import (
+    FEWEST,
     clocks_apart,
     coarse_times,
     odometry_doubts,
@@ -328,11 +329,14 @@ def _about_odometry(
     drive: RecordedDrive, movement_s: float | None, checks: list[str], without: list[str]
 ) -> list[Finding]:
     if drive.truth.size > 1 and drive.odometry.size > 1:
-        checks += ["odometry by itself", "odometry against truth"]
-        return compared_with_truth(drive, movement_s)
-    checks += ["odometry by itself"] if drive.odometry.size else []
-    without += ["odometry: there is none"] if drive.odometry.size <= 1 else []
-    without += ["truth: there is none"] if drive.truth.size <= 1 else []
+        few = comparable(drive)
+        if not few:
+            checks.append("odometry against truth")
+            return compared_with_truth(drive, movement_s)
+        without.append(f"odometry against truth: {few}")
+    for name, size in (("odometry", drive.odometry.size), ("truth", drive.truth.size)):
+        without += [f"{name}: there is {'one record' if size else 'none'}"] if size <= 1 else []
+    checks += ["odometry by itself"] if drive.odometry.size >= FEWEST else []
     return odometry_doubts(drive)
 
 

@@ -93,7 +93,7 @@ def _place(values: Values) -> str:
 WHAT: Mapping[str, Said] = {
     "out-of-plane": "the motion leaves the plane: pitch, roll or height, which no pose in the plane has",
     "times-fall": "times fall {falls} times",
-    "times-coarse": "times of the {name} have too few digits: {records} records at {times} different times",
+    "times-coarse": "many records have one time: {records} of the {name} at {times} different times",
     "too-large": "{records} records hold numbers of more than {most:g}",
     "broken": "{records} records cannot be read",
     "time-unit": "times are in {unit}",
@@ -129,7 +129,7 @@ FIX: Mapping[str, Said] = {
     "out-of-plane": (
         "use a part of the drive that is level; --reading plane=... if the motion is in another plane"
     ),
-    "times-coarse": "write times with all their digits where the log is made; what lies between two is lost",
+    "times-coarse": "write times with all their digits where the log is made, by one clock",
     "times-fall": "sort the records by t; if they are of several clocks, put these on one first",
     "too-large": "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out",
     "broken": "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out",

@@ -153,7 +153,8 @@ def _ways(motions: F64, gain: float, begin: I32, end: I32) -> tuple[F64, F64]:
     """Return the displacement over each segment, in the robot's frame at its beginning."""
     turns = motions[:, 2] * gain
     heading = np.cumsum(turns) - turns
-    x, y = rotated(motions[:, 0], motions[:, 1], heading + turns / 2)
+    bent = (turns - motions[:, 2]) / 2  # by which an arc's chord turns further than it was measured
+    x, y = rotated(motions[:, 0], motions[:, 1], heading + bent)
     at = np.append(heading, heading[-1] + turns[-1])[begin]
     return rotated(_sums(x, begin, end), _sums(y, begin, end), -at)
 
@@ -237,6 +238,16 @@ WHOLE_TURN = 6.6  # rad: headings in radians are usually within a full turn
 FAR_OFF = np.radians(25)  # of a direction
 FAR_GAIN = 0.2  # natural log of a ratio of gains
 WORTH_S = 0.15  # a smaller delay is not reported
+
+
+def comparable(drive: RecordedDrive) -> str:
+    """Return why odometry and truth cannot be compared; "" where they can."""
+    movements = min(len(segments_of(drive.truth).end_s), drive.odometry.size)
+    if movements >= FEWEST_SEGMENTS:
+        return ""
+    return (
+        f"there are {movements} movements of {SEGMENT_M:g} m or 11 degrees, and {FEWEST_SEGMENTS} are needed"
+    )
 
 
 def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:

@@ -152,6 +152,19 @@ def test_a_place_on_the_robot_that_truth_is_of_is_found_and_taken_out(ahead_m, l
     assert compared_with_truth(replace(drive, truth=back)) == []
 
 
+@pytest.mark.parametrize("rate_hz", [1.0, 5.0])
+def test_records_far_apart_do_not_look_like_another_place_on_the_robot(rate_hz):
+    """Motions are in the frame at their start, however far the robot turns in each."""
+    t_s = np.arange(0, 240, 1 / rate_hz)
+    heading = 0.6 * t_s
+    poses = np.column_stack([2 * np.sin(heading), -2 * np.cos(heading), heading])
+    poses[:, :2] *= 0.25  # 0.5 m across, which it turns about
+    track = RecordedTruth(t_s, poses, np.zeros(len(t_s), np.int32))
+    for values, is_poses in ((poses, True), (motions_between(poses), False)):
+        drive = RecordedDrive(RecordedOdometry(t_s, values, is_poses), track, t_s)
+        assert compared_with_truth(drive) == []
+
+
 def test_legs_are_not_cut_across_a_kidnapping():
     poses = np.array([[0, 0, 0], [0.2, 0, 0], [5, 5, 1], [5.2, 5, 1], [5.4, 5, 1.0]])
     track = RecordedTruth(np.arange(5.0), poses, np.array([0, 0, 1, 1, 1], np.int32))
