@@ -17,6 +17,7 @@ TOLD_SD = 2.5  # where the log tells that the wheels slipped
 BEYOND_SUM_SD = 5.0  # and of the sum of several
 SUMMED = 3  # movements at least
 OUT_FOR = 2  # updates off the map
+TILTED_SHARE = 1 / 3  # of the updates about a loss
 LEAP = 2.0  # times as far as in any other update: no drive, but a robot that was carried
 
 # What befell the recording.
@@ -84,9 +85,9 @@ def off_map(story: Story) -> Failure | None:
 
 
 def out_of_plane(story: Story) -> Failure | None:
-    """The robot was tilted out of the plane in most of the updates about the loss, as the log tells."""
-    tilted = story.some(story.window, lambda one: one.tilt_deg is not None)
-    if 2 * len(tilted) <= len(story.window):
+    """The robot was tilted out of the plane in a third of the updates about the loss, as the log tells."""
+    tilted = story.some(story.around, lambda one: one.tilt_deg is not None)
+    if not tilted or len(tilted) < TILTED_SHARE * len(story.around):
         return None
     most = max(one.tilt_deg or 0.0 for one in tilted)
     return story.failure(OUT_OF_PLANE, tilted[0].step, tilt_deg=most, updates=len(tilted))
