@@ -13,8 +13,8 @@ COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"
 SIZE = "1200,2560"
 STEPS = (
     ("simulate", "kidnapped", "-o", "drive", "--tier", "hard", "--seed", "3", "--updates", "100"),
-    ("compare", "drive/session.log", "--preset", "thesis", "--preset", "robust", "--run", "both",
-     "--no-recording"),
+    ("compare", "drive/session.log", "--preset", "thesis", "--preset", "robust", "--save-run", "both",
+     "--rrd", "none"),
     ("report", "both", "-o", "report.html"),
 )  # fmt: skip
 

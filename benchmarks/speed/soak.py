@@ -2,7 +2,7 @@
 
     python -m benchmarks.speed.soak [--rate 10] [--hours 2]
 
-The simulated robot speaks over a socket at so many times real time; `maurice-replay tcp://... --record`
+The simulated robot speaks over a socket at so many times real time; `maurice-replay tcp://... --capture`
 follows, drawing into a file and serving viewers, and is stopped by SIGTERM at the end. Prints the megabytes
 that it holds (Linux) forty times. Exit status 1 when memory grew over the second
 half, a line was lost, or the recording is not complete.
@@ -59,8 +59,8 @@ def soak(folder: Path, rate: float, robot_s: float) -> int:
     robot = subprocess.Popen([COMMAND, *serve], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert robot.stdout is not None
     address = robot.stdout.readline().strip()
-    record = ["--library", folder / "survey" / "survey.log", "--record", folder / "drive"]
-    save = ["--save", folder / "live.rrd", "--patience", "30"]
+    record = ["--library", folder / "survey" / "survey.log", "--capture", folder / "drive"]
+    save = ["--rrd", folder / "live.rrd", "--patience", "30"]
     output = (folder / "follower.txt").open("w")
     follower = subprocess.Popen([COMMAND, address, *record, *save], stdout=output, stderr=output)
     held = watch(robot, follower, robot_s / rate / LOOKS)

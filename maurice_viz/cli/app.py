@@ -15,7 +15,6 @@ from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
 from .shared.errors import errors_end_the_command, fail, stop_by_exception
-from .shared.spelling import modern, modern_command
 from .shared.visible import visible_output
 
 GROUPS = (
@@ -122,11 +121,6 @@ OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion
 class PanelCommand(TyperCommand):
     """A command whose help lists its options by panel, and whose errors end in one line."""
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Replace the previous release's spellings; explain options that have moved."""
-        known = {name for one in self.params for name in (*one.opts, *one.secondary_opts)}
-        return super().parse_args(ctx, modern(args, known))
-
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments, then the options of each panel."""
         panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
@@ -176,7 +170,6 @@ class CommandList(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command of the first word. If there is none, a usage error suggests one."""
-        args = modern_command(self.name or "", args)
         if args[0] not in self.list_commands(ctx):
             ctx.fail(f"there is no command {args[0]!r}; {_nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)

@@ -45,6 +45,7 @@ def replay(
     config: opt.Config = None,
     settings: opt.Set = None,
     rrd: opt.Rrd = None,
+    web: opt.Web = False,
     save_run: opt.SaveRun = None,
     layout: opt.Layout = None,
     detail: opt.Detail = DETAILS[0],
@@ -69,7 +70,7 @@ def replay(
     motion = given.pop("motion", None)
     motion = None if motion is None else Path(motion)
     spec = RunSpec(preset, feature, particles, seed, start, config, given, motion)
-    output = output_of(drive_name(session), rrd, save_run, layout, detail, force=force)
+    output = output_of(drive_name(session), rrd, save_run, layout, detail, web=web, force=force)
     with listening(usage=False) as listener, serving(output, listener):
         replay_any(
             session,
@@ -101,6 +102,7 @@ def compare(
     config: opt.Configs = None,
     settings: opt.Set = None,
     rrd: opt.Rrd = None,
+    web: opt.Web = False,
     save_run: opt.SaveRun = None,
     layout: opt.Layout = None,
     detail: opt.Detail = DETAILS[0],
@@ -121,7 +123,7 @@ def compare(
     given: dict[str, Any] = {name: values or () for name, values in {**several, "config": config}.items()}
     given |= _settings(settings or [])
     stem = drive_name(paths[0]) if len(paths) == 1 else SEVERAL
-    output = output_of(stem, rrd, save_run, layout, detail, force=force)
+    output = output_of(stem, rrd, save_run, layout, detail, web=web, force=force)
     how = reading_of(reading, keep_going=keep_going)
     with listening(usage=False) as listener, serving(output, listener):
         report = printed(json_output)
@@ -156,6 +158,7 @@ def demo(
         opt.option("--session-only", "Only write session and survey to this folder.", metavar="DIR"),
     ] = None,
     rrd: opt.Rrd = None,
+    web: opt.Web = False,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
@@ -172,7 +175,7 @@ def demo(
             else:
                 paths, given = kidnapping_paths(listener.progress), {"preset": KIDNAPPING_PRESETS}
             stem = "demo" if story == STORIES[0] else f"demo-{story}"
-            output = replace(output_of(stem, rrd, force=force), fixed_stem=True)
+            output = replace(output_of(stem, rrd, web=web, force=force), fixed_stem=True)
             report = printed(json_output)
             with serving(output, listener):
                 compare_any([paths.session], None, given, output, listener=listener, report=report)

@@ -64,6 +64,7 @@ def what_if(
     ] = 20,
     run_label: opt.RunLabel = None,
     rrd: opt.Rrd = None,
+    web: opt.Web = False,
     layout: opt.Layout = None,
     detail: opt.Detail = DETAILS[0],
     force: opt.Force = False,
@@ -77,13 +78,13 @@ def what_if(
     from ..app.understand.what_if import what_if_any
 
     if remedy:
-        if preset or feature or particles or seed is not None or settings or anywhere or rrd:
+        if preset or feature or particles or seed is not None or settings or anywhere or rrd or web:
             raise typer.BadParameter("--remedy chooses what to change: give only --from, --seeds and --json")
         _remedies(run, from_step, seeds, run_label, json_output)
         return
     change = _change(preset, feature, particles, seed, settings, anywhere)
     stem = run.absolute().name
-    output = output_of(stem, rrd, None, layout or "compare", detail, force=force)
+    output = output_of(stem, rrd, None, layout or "compare", detail, web=web, force=force)
     with listening(usage=False) as listener, serving(output, listener):
         found = what_if_any(run, from_step, change, output, run_label=run_label, listener=listener)
     TO_CONSOLE.end()

@@ -35,7 +35,7 @@ def test_a_session_alone_writes_a_recording_and_a_table(small_session, tmp_path)
 
 
 def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
-    done = run("--json", "--seed", "3", small_session, "--no-recording")
+    done = run("--json", "--seed", "3", small_session, "--rrd", "none")
     (found,) = json.loads(done.stdout)["runs"]
     assert set(found) >= RUN_KEYS
     assert (found["label"], found["updates"]) == ("blended", 14)
@@ -44,7 +44,7 @@ def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
     assert not list(tmp_path.glob("*.rrd"))
 
     def figures(seed: str) -> list[dict[str, object]]:
-        return runs_of(run(small_session, "--json", "--no-recording", "--seed", seed).stdout)
+        return runs_of(run(small_session, "--json", "--rrd", "none", "--seed", seed).stdout)
 
     assert figures("1") == figures("1")
     assert figures("1") != figures("2")
@@ -58,7 +58,7 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path)
         "edges",
         "--feature",
         "edges",
-        "--save",
+        "--rrd",
         "both.rrd",
         "--json",
     ]
@@ -110,9 +110,9 @@ def test_inspect_and_one_picture(small_session):
 
 
 def test_starts_and_motion_are_checked(small_session, tmp_path):
-    run(small_session, "--no-recording", "--start", "global")
-    run(small_session, "--no-recording", "--start", "1.6,0.6,17")
-    wrong = run(small_session, "--no-recording", "--start", "somewhere", expect=2)
+    run(small_session, "--rrd", "none", "--start", "global")
+    run(small_session, "--rrd", "none", "--start", "1.6,0.6,17")
+    wrong = run(small_session, "--rrd", "none", "--start", "somewhere", expect=2)
     assert "X,Y,HEADING in m and degrees" in " ".join(wrong.stderr.replace("│", " ").split())
     lines = small_session.read_text().splitlines(keepends=True)
     header = json.loads(lines[0])
@@ -158,8 +158,8 @@ def test_library_build_show_and_use(small_session, tmp_path):
     assert (facts["entries"], facts["places"]) == (160, 20)
     assert set(facts["channels"]) >= {"color", "edges", "chromaticity"}
     assert "160 pictures" in run("library", "show", "survey.log").stdout
-    kept = run(small_session, "--json", "--no-recording", "--library", "kept")
-    named = run(small_session, "--json", "--no-recording")
+    kept = run(small_session, "--json", "--rrd", "none", "--library", "kept")
+    named = run(small_session, "--json", "--rrd", "none")
     errors = [json.loads(d.stdout)["runs"][0]["position_error_mean_m"] for d in (kept, named)]
     assert errors[0] == errors[1]
 
@@ -168,8 +168,8 @@ def test_keep_going_skips_counts_and_says_so(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     lines[4] = "{broken\n"
     small_session.write_text("".join(lines))
-    assert "session.log:5:" in failure(small_session, "--no-recording")
-    done = run(small_session, "--no-recording", "--keep-going")
+    assert "session.log:5:" in failure(small_session, "--rrd", "none")
+    done = run(small_session, "--rrd", "none", "--keep-going")
     assert "skipped 1 broken record" in done.stderr
 
 
@@ -196,21 +196,23 @@ def test_bad_sessions_give_one_line_and_status_1(make, said, tmp_path):
 def test_mistakes_are_one_line(tmp_path, small_session):
     assert "did you mean the command compare" in failure("compair")
     assert "found a survey log" in failure("survey.log")
+    for word, meant in {"--save": "--save-run", "--particels": "--particles"}.items():
+        assert meant in run(small_session, word, expect=2).stderr
     for option in (
         ["--feature", "smell"],
-        ["--resampler", "fair"],
-        ["--sharpness", "nan"],
+        ["--set", "resampling.scheme=fair"],
+        ["--set", "sensor.sharpness=nan"],
         ["--particles", "0"],
     ):
         run(small_session, *option, expect=2)
     run("compare", small_session, "--feature", "color", expect=2)
-    run(small_session, "--no-recording", "--save", "x.rrd", expect=2)
+    run(small_session, "--web", "-o", "x.rrd", expect=2)
 
 
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, tmp_path, sent, status):
     """Stop a replay that is slow because it has very many particles."""
-    args = [*COMMAND, str(small_session), "--particles", "300000", "--run", "kept", "--json"]
+    args = [*COMMAND, str(small_session), "--particles", "300000", "--save-run", "kept", "--json"]
     with subprocess.Popen(args, env=no_display(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as going:
         while not any((tmp_path / "kept" / "steps").glob("0*.parquet")):  # one a step, as these are large
             assert going.poll() is None, "it should still be running"
@@ -225,7 +227,7 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, 
 
 
 def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
-    args = [small_session, "--no-recording", "--start"]
+    args = [small_session, "--rrd", "none", "--start"]
     assert "outside the map" in failure(*args, "-100,-100,0")
     run(*args, "1e300,0,0", expect=2)
     on_a_wall = run(*args, "0,1,180")
@@ -241,7 +243,7 @@ def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
     info["map"]["obstacles"] = [{"name": "flood", "polygon_m": everywhere}]
     (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
     (tmp_path / "c.toml").write_text(f'recovery.strategy = "{strategy}"\n')
-    args = [small_session, "--no-recording", "--config", "c.toml"]
+    args = [small_session, "--rrd", "none", "--config", "c.toml"]
     assert "has no free space" in failure(*args)
 
 

@@ -21,7 +21,7 @@ from maurice_viz.app.understand.snapshot import draw_saved
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
 
-FEW = ("--particles", "150", "--no-recording", "--json")
+FEW = ("--particles", "150", "--rrd", "none", "--json")
 AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_step"}
 DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_steps", "steps", "better", "worse"}
 
@@ -43,7 +43,10 @@ def labels_of(out: str) -> list[str]:
             ["--seed", "0", "--seed", "12", "--seed", "3", "--seed", "4"],
             ["seed 0", "seed 12", "seed 3", "seed 4"],
         ),
-        (["--resampler", "systematic", "--resampler", "multinomial"], ["systematic", "multinomial"]),
+        (
+            ["--set", "resampling.scheme=systematic", "--set", "resampling.scheme=multinomial"],
+            ["systematic", "multinomial"],
+        ),
         (["--config", "a.toml", "--config", "b/a.toml", "--seed", "2"], ["a", "b a"]),
         (["--config", "a.toml", "--config", "tür.toml", "--feature", "color"], ["a", "tür"]),
     ],
@@ -63,9 +66,12 @@ def test_exactly_one_kind_of_option_differs_and_names_the_runs(small_session, tm
         (["--feature", "color", "--feature", "edges", "--seed", "1", "--seed", "2"], "--feature and --seed"),
         (["--feature", "color"], "found 1"),
         (["--feature", "color", *(["--seed", "1"] * 5)], "found 5"),
-        (["--resampler", "systematic", "--resampler", "fair"], "found 'fair', expected one of"),
+        (
+            ["--set", "resampling.scheme=systematic", "--set", "resampling.scheme=fair"],
+            "found 'fair', expected one of",
+        ),
         (["session.log", "--seed", "1", "--seed", "2"], "give --seed once"),
-        (["session.log", "--run", "both"], "--save-run saves runs of one session"),
+        (["session.log", "--save-run", "both"], "--save-run saves runs of one session"),
         (["session.log"] * 4, "found 5"),
     ],
     ids=str,
@@ -114,14 +120,15 @@ def test_json_says_how_runs_compare(small_session):
 
 
 def test_every_value_reaches_its_run_and_the_table(small_session):
-    out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--no-recording")
+    out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--rrd", "none")
     for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
         assert row in out
-    assert "against" not in maurice(small_session, "--no-recording")[0]
+    assert "against" not in maurice(small_session, "--rrd", "none")[0]
     # What a comparison gives for a run is what the run gives alone
-    for kind, values in {"seed": ("3", "4"), "resampler": ("residual", "multinomial")}.items():
-        together, _ = maurice("compare", small_session, *(f"--{kind}={value}" for value in values), *FEW)
-        alone = [runs_of(maurice(small_session, f"--{kind}", value, *FEW)[0])[0] for value in values]
+    schemes = ["--set=resampling.scheme=residual", "--set=resampling.scheme=multinomial"]
+    for options in (["--seed=3", "--seed=4"], schemes):
+        together, _ = maurice("compare", small_session, *options, *FEW)
+        alone = [runs_of(maurice(small_session, option, *FEW)[0])[0] for option in options]
         for run, lone in zip(runs_of(together), alone, strict=True):
             assert {k: run[k] for k in lone if k != "label"} == {k: lone[k] for k in lone if k != "label"}
         assert alone[0] != alone[1]
@@ -133,18 +140,18 @@ def test_without_truth_only_places_are_compared(small_session, tmp_path):
     against = runs_of(maurice("compare", small_session, *FEW)[0])[1]["against_first"]
     assert against["position_error"] is None
     assert against["apart_mean_m"] > 0
-    maurice("compare", small_session, "--particles", "50", "--save", "no-truth.rrd")
+    maurice("compare", small_session, "--particles", "50", "--rrd", "no-truth.rrd")
 
 
 def test_saved_runs_are_compared_as_if_they_had_gone_together(small_session, monkeypatch):
     together = runs_of(maurice("compare", small_session, *FEW)[0])
     for label in ("color", "blended"):
-        maurice(small_session, "--feature", label, "--run", f"kept {label}", *FEW)
+        maurice(small_session, "--feature", label, "--save-run", f"kept {label}", *FEW)
 
     from maurice_mcl.filter.localizer import Localizer
 
     monkeypatch.delattr(Localizer, "step")  # nothing is filtered again
-    out, err = maurice("compare", "kept color", "kept blended", "--no-recording", "--json")
+    out, err = maurice("compare", "kept color", "kept blended", "--rrd", "none", "--json")
     assert err == ""
     assert labels_of(out) == ["kept color", "kept blended"]
     for run, saved in zip(together, runs_of(out), strict=True):
@@ -152,13 +159,13 @@ def test_saved_runs_are_compared_as_if_they_had_gone_together(small_session, mon
         if saved["against_first"]:
             saved["against_first"]["label"] = "color"
         assert saved == run
-    maurice("compare", "kept color", "kept blended", "--save", "saved.rrd")
+    maurice("compare", "kept color", "kept blended", "--rrd", "saved.rrd")
 
 
 def test_a_saved_comparison_is_shown_with_its_differences(small_session):
-    then, _ = maurice("compare", small_session, "--run", "both", *FEW)
-    assert maurice("compare", "both", "--no-recording", "--json")[0] == then
-    out, _ = maurice("compare", "both/blended", "both/color", "--no-recording", "--json")
+    then, _ = maurice("compare", small_session, "--save-run", "both", *FEW)
+    assert maurice("compare", "both", "--rrd", "none", "--json")[0] == then
+    out, _ = maurice("compare", "both/blended", "both/color", "--rrd", "none", "--json")
     assert labels_of(out) == ["blended", "color"]
     forward, backward = runs_of(then)[1]["against_first"], runs_of(out)[1]["against_first"]
     assert backward["position_error"]["difference_mean_m"] == -forward["position_error"]["difference_mean_m"]
@@ -172,15 +179,15 @@ def test_a_saved_comparison_is_shown_with_its_differences(small_session):
 
 
 def test_saved_runs_with_another_library_or_map_are_refused_in_one_line(small_session, tmp_path):
-    maurice(small_session, "--run", "one", *FEW)
+    maurice(small_session, "--save-run", "one", *FEW)
     header, *rest = (tmp_path / "survey.log").read_text().splitlines(keepends=True)
     (tmp_path / "survey.log").write_text("".join([header, *rest[:-1]]))
-    maurice(small_session, "--run", "two", *FEW)
+    maurice(small_session, "--save-run", "two", *FEW)
     assert "another library than one" in one_line(maurice("compare", "one", "two", expect=1)[1])
     info = json.loads(header)
     info["map"]["bounds_m"] = [0, 0, 3, 3]
     (tmp_path / "survey.log").write_text("".join([json.dumps(info) + "\n", *rest]))
-    maurice(small_session, "--run", "three", *FEW)
+    maurice(small_session, "--save-run", "three", *FEW)
     assert "another map than one" in one_line(maurice("compare", "one", "three", expect=1)[1])
 
 
@@ -213,9 +220,9 @@ def test_two_sessions_go_side_by_side_as_far_as_the_shorter(small_session, tmp_p
 def test_saved_runs_of_two_sessions_are_compared_too(small_session, tmp_path):
     other = second_session(small_session, tmp_path)
     live = runs_of(maurice("compare", small_session, other, *FEW)[0])
-    maurice(small_session, "--run", "session-run", *FEW)
-    maurice(other, "--run", "other-run", *FEW)
-    out, err = maurice("compare", "session-run", "other-run", "--no-recording", "--json")
+    maurice(small_session, "--save-run", "session-run", *FEW)
+    maurice(other, "--save-run", "other-run", *FEW)
+    out, err = maurice("compare", "session-run", "other-run", "--rrd", "none", "--json")
     assert "other-run has no more" in one_line(err)
     assert [run["position_error_mean_m"] for run in runs_of(out)] == [
         run["position_error_mean_m"] for run in live
@@ -257,14 +264,14 @@ def test_a_session_of_one_picture_is_compared(small_session):
     lines = small_session.read_text().splitlines(keepends=True)
     pictures = [number for number, line in enumerate(lines) if '"image"' in line]
     small_session.write_text("".join(lines[: pictures[1]]))
-    out, _ = maurice("compare", small_session, "--particles", "40", "--save", "one.rrd", "--json")
+    out, _ = maurice("compare", small_session, "--particles", "40", "--rrd", "one.rrd", "--json")
     against = runs_of(out)[1]["against_first"]
     assert against["position_error"] is None  # the first three updates are never scored
     assert against["parted_at_step"] is None
 
 
 def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):
-    maurice(small_session, "--run", "whole", *FEW)
+    maurice(small_session, "--save-run", "whole", *FEW)
     add = RunWriter.add
 
     def stop(self: RunWriter, moment: Any, record: Any) -> None:
@@ -273,8 +280,8 @@ def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):
         add(self, moment, record)
 
     monkeypatch.setattr(RunWriter, "add", stop)
-    maurice(small_session, "--run", "stopped", *FEW, expect=130)
-    out, err = maurice("compare", "whole", "stopped", "--no-recording", "--json")
+    maurice(small_session, "--save-run", "stopped", *FEW, expect=130)
+    out, err = maurice("compare", "whole", "stopped", "--rrd", "none", "--json")
     assert "stopped: the run stopped; it holds 6 of 14 steps" in err
     whole, stopped = runs_of(out)
     assert whole["updates"] == stopped["updates"] == 6
@@ -282,7 +289,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):
 
 
 def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(small_session, tmp_path):
-    maurice("compare", small_session, "--particles", "40", "--run", "both", "--no-recording")
+    maurice("compare", small_session, "--particles", "40", "--save-run", "both", "--rrd", "none")
     draw_saved(Path("both"), tmp_path / "both.rrd")
     there = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
     assert {APART, TEXT, RESULT} <= there

@@ -57,7 +57,7 @@ def rows_of(reader: RrdReader) -> int:
 
 def test_results_are_those_of_the_command(small_session):
     printed, _ = maurice(
-        "compare", small_session, "--particles", "150", "--run", "both", "--no-recording", "--json"
+        "compare", small_session, "--particles", "150", "--save-run", "both", "--rrd", "none", "--json"
     )
     frame = mv.results("both")
     assert frame["label"].to_list() == ["color", "blended"]
@@ -69,7 +69,7 @@ def test_results_are_those_of_the_command(small_session):
 
 
 def test_traces_are_those_of_the_run(small_session):
-    maurice(small_session, "--particles", "150", "--run", "kept", "--no-recording")
+    maurice(small_session, "--particles", "150", "--save-run", "kept", "--rrd", "none")
     frame = mv.traces(Path("kept"))
     steps = pl.read_parquet("kept/steps/*.parquet")
     assert frame["step"].to_list() == list(range(1, 15))
@@ -86,7 +86,7 @@ def test_traces_are_those_of_the_run(small_session):
 def test_extras_and_unknown_values(tmp_path, small_session, monkeypatch):
     lines = [line for line in small_session.read_text().splitlines() if '"truth"' not in line]
     small_session.write_text("\n".join(lines) + "\n")
-    maurice(small_session, "--particles", "50", "--run", "kept", "--no-recording")
+    maurice(small_session, "--particles", "50", "--save-run", "kept", "--rrd", "none")
     frame = mv.traces("kept")
     assert frame["position_error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
     assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
@@ -109,7 +109,7 @@ def test_what_cannot_be_shown_is_an_input_error(tmp_path, widget):
 def test_a_recording_is_shown_whole(small_session, tmp_path, widget):
     # not public: a Rerun without it must fail here, not in somebody's notebook
     assert callable(VIEWER._flush_hook)
-    maurice(small_session, "--particles", "50", "--save", "a.rrd")
+    maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
     shown: Any = mv.show("a.rrd", width=800, height=600)
     assert shown.size == (800, 600)
     assert os.environ["RERUN_NOTEBOOK_ASSET"] == "serve-local"
@@ -117,7 +117,7 @@ def test_a_recording_is_shown_whole(small_session, tmp_path, widget):
 
 
 def test_the_verdict_stands_above_the_viewer(small_session, widget, monkeypatch):
-    maurice(small_session, "--particles", "50", "--save", "a.rrd")
+    maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
     lines: list[str] = []
     display = types.ModuleType("IPython.display")
     display.Markdown, display.display = str, lines.append  # type: ignore[attr-defined]
@@ -131,7 +131,7 @@ def test_the_verdict_stands_above_the_viewer(small_session, widget, monkeypatch)
 
 
 def test_a_saved_run_and_a_session_are_drawn_and_shown(small_session, tmp_path, widget, capsys):
-    maurice(small_session, "--particles", "50", "--feature", "color", "--run", "kept", "--no-recording")
+    maurice(small_session, "--particles", "50", "--feature", "color", "--save-run", "kept", "--rrd", "none")
     kept: Any = mv.show("kept", layout="overview")
     live: Any = mv.show(small_session, feature="color", particles=50)
     assert not "".join(capsys.readouterr())

@@ -1,4 +1,4 @@
-"""`--run` of recordings that are no session logs: what is saved is shown and verified as it was read."""
+"""`--save-run` of recordings that are no session logs: what is saved is shown and verified as it was read."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.geometry import compose
 from maurice_viz.app import compare as side_by_side
 
-COMMON = ("--no-recording", "--json", "--particles", 100, "--start", "global")
+COMMON = ("--rrd", "none", "--json", "--particles", 100, "--start", "global")
 
 
 def views(session: Path, folder: Path) -> tuple[Path, Path]:
@@ -39,9 +39,9 @@ def views(session: Path, folder: Path) -> tuple[Path, Path]:
 
 def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[object]) -> None:
     """Save a run, and have it shown, verified and drawn again."""
-    saved, _ = maurice(recording, "--library", survey, *COMMON, *options, "--run", run)
+    saved, _ = maurice(recording, "--library", survey, *COMMON, *options, "--save-run", run)
     assert json.loads(saved)["runs"][0]["updates"] > 0
-    shown, said = maurice(run, "--no-recording", "--json")
+    shown, said = maurice(run, "--rrd", "none", "--json")
     assert shown == saved
     assert "stay empty" not in said
     assert "to the last bit" in maurice("verify", run)[0]
@@ -73,7 +73,7 @@ def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(small_ses
     assert read_manifest(tmp_path / "kept").pictures == 7
     for command in (("explain",), ("events",), ("export", "--tum", tmp_path / "path.tum")):
         words = [command[0], tmp_path / "kept", *command[1:]]
-        words += ["--no-recording"] if command[0] == "explain" else []
+        words += ["--rrd", "none"] if command[0] == "explain" else []
         maurice(*words)
     table.write_text(table.read_text().replace("0.12", "0.13"))
     assert "beside.csv: the table was changed after the run was made" in failure("verify", tmp_path / "kept")
@@ -117,7 +117,7 @@ def test_another_camera_of_a_session_log_is_saved(small_session, tmp_path):
 
 
 def test_a_manifest_of_the_version_before_is_read(small_session, tmp_path):
-    maurice(small_session, *COMMON, "--run", tmp_path / "kept")
+    maurice(small_session, *COMMON, "--save-run", tmp_path / "kept")
     file = tmp_path / "kept" / "manifest.json"
     found = json.loads(file.read_text())
     assert found["version"] == 2

@@ -1,1 +1,1 @@
-"""What all commands share: options, output on the console, errors in one line, older spellings."""
+"""What all commands share: options, output on the console, errors in one line."""

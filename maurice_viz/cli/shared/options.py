@@ -119,14 +119,15 @@ Library = Annotated[Path | None, option("--library", _LIBRARY, FILTER, metavar="
 Rrd = Annotated[
     str | None,
     option(
-        "--rrd",
+        "-o --output --rrd",
         "Write the Rerun recording to this file and open no viewer; auto: name it after what it holds; "
-        "none: write no recording; web, or --web: serve it to a browser, also over ssh, until Ctrl-C. "
-        "[default: the viewer where there is a display, else auto]",
+        "none: write no recording. [default: the viewer where there is a display, else auto]",
         OUTPUT,
-        metavar="OUT.rrd|auto|none|web",
+        metavar="OUT.rrd|auto|none",
     ),
 ]
+_WEB = "Serve the recording to a browser, also over ssh, until Ctrl-C, instead of writing it."
+Web = Annotated[bool, option("--web", _WEB, OUTPUT)]
 _SAVE = "Save every step to this new folder, for `explain`, `report`, `verify` and other commands."
 SaveRun = Annotated[Path | None, option("--save-run", _SAVE, OUTPUT, metavar="DIR")]
 MapFile = Annotated[
@@ -207,20 +208,25 @@ def output_of(
     layout: str | None = None,
     detail: str = DETAILS[0],
     *,
+    web: bool,
     force: bool,
 ) -> OutputOptions:
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
     from ...app.output import OutputOptions
 
+    if web and rrd is not None:
+        raise OptionError("--web serves the recording and -o writes it: give one of them")
     if rrd != "none":
         skip_pandas()
-    file = None if rrd in (None, "auto", "none", "web") else Path(str(rrd))
-    web = None
-    if rrd == "web":
+    file = None if rrd in (None, "auto", "none") else Path(str(rrd))
+    server = None
+    if web:
         from ...viewer.web import WebViewer  # imports Rerun
 
-        web = WebViewer()
-    return OutputOptions(stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail, web=web)
+        server = WebViewer()
+    return OutputOptions(
+        stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail, web=server
+    )
 
 
 def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:

@@ -145,13 +145,13 @@ def test_a_drive_begins_at_its_first_true_pose() -> None:
 def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path) -> None:
     kept = [line for line in small_session.read_text().splitlines() if '"odometry"' not in line]
     small_session.write_text("\n".join(kept) + "\n")
-    typed = "--no-recording --particles 400 --reading odometry_from_truth=true --start truth"
+    typed = "--rrd none --particles 400 --reading odometry_from_truth=true --start truth"
     words = [str(small_session), *typed.split()]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
     assert done.stderr.splitlines()[0].startswith("ODOMETRY IS NOT MEASURED")
     assert NAMED in done.stdout
-    done = CliRunner().invoke(app, [*words, "--json", "--run", str(small_session.with_name("kept"))])
+    done = CliRunner().invoke(app, [*words, "--json", "--save-run", str(small_session.with_name("kept"))])
     found = json.loads(done.stdout)
     assert "ODOMETRY IS NOT MEASURED" in found["notes"][0]
     assert found["runs"][0]["updates"] == 14
@@ -165,7 +165,7 @@ def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path
 def test_starting_where_there_is_no_truth_is_refused(tmp_path: Path, small_session: Path) -> None:
     pictures, survey = sample("pictures", tmp_path / "made"), small_session.with_name("survey.log")
     for start, told in (("truth", "found no truth to start from"), ("tracking", "give --start truth")):
-        words = [str(pictures), "--library", str(survey), "--no-recording", "--start", start]
+        words = [str(pictures), "--library", str(survey), "--rrd", "none", "--start", start]
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 1
         assert told in done.stderr.splitlines()[-1]

@@ -21,7 +21,6 @@ from maurice_loaders.recorded_session import RecordedSession
 from maurice_loaders.recording import OdometryPose, TruthPose
 from maurice_mcl.arrays import F64
 from maurice_viz.app.understand.inspect import doctor
-from maurice_viz.cli.shared.spelling import modern
 
 STEPS = 120
 BEGIN_S = 1_700_000_000.0
@@ -245,11 +244,6 @@ def test_formats_in_the_plane_refuse_another(tmp_path: Path, small_session: Path
     with pytest.raises(InputError, match="plane=xz, which is for poses in space, and the format session-log"):
         open_recording(small_session, ReadingOptions(plane="xz"))
     assert open_recording(small_session, ReadingOptions(plane="auto"))
-
-
-def test_the_option_of_its_own_is_one_of_reading() -> None:
-    assert modern(["a.bag", "--plane", "xz"], ["--reading"]) == ["a.bag", "--reading", "plane=xz"]
-    assert modern(["a.bag", "--plane=yz"], ["--reading"]) == ["a.bag", "--reading", "plane=yz"]
 
 
 def test_a_flat_bag_is_not_read_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -231,23 +231,23 @@ def test_noise_of_a_survey_and_its_figure(small_session, tmp_path):
 
 def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session, tmp_path):
     def error(*args: str | Path) -> float:
-        (found,) = runs_of(run(small_session, "--no-recording", "--json", *args).stdout)
+        (found,) = runs_of(run(small_session, "--rrd", "none", "--json", *args).stdout)
         return float(found["position_error_mean_m"])
 
     right, wrong = tmp_path / "right.toml", tmp_path / "wrong.toml"
     text = '[robot.motion]\nmodel = "maurice"\nturn_gain = {}\nstraight_bias_m = 0.0\nturn_sd_rad = 0.02\n'
     right.write_text(text.format("1.0"))
     wrong.write_text(text.format("0.2"))
-    assert error("--motion", right) < error("--motion", wrong)
+    assert error("--set", f"motion={right}") < error("--set", f"motion={wrong}")
 
 
 def test_bad_motion_files_are_named(small_session, tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text("[robot.motion]\nturn_gian = 1.0\n")
-    words = (small_session, "--no-recording", "--motion", bad)
+    words = (small_session, "--rrd", "none", "--set", f"motion={bad}")
     assert f"{bad}: robot.motion.turn_gian is not known" in failure(*words)
     bad.write_text("turn_gain = 1.0\n")
     assert (
         "expected a table [robot.motion]"
-        in run(small_session, "--no-recording", "--motion", bad, expect=1).stderr
+        in run(small_session, "--rrd", "none", "--set", f"motion={bad}", expect=1).stderr
     )

@@ -31,10 +31,10 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     told(log)
     two = ["--feature", "color", "--feature", "edges"]
     for args in (
-        [log, "--particles", 200, "--run", folder / "kept"],
-        ["compare", log, *two, "--particles", 100, "--run", folder / "both"],
+        [log, "--particles", 200, "--save-run", folder / "kept"],
+        ["compare", log, *two, "--particles", 100, "--save-run", folder / "both"],
     ):
-        maurice(*args, "--no-recording")
+        maurice(*args, "--rrd", "none")
     return folder
 
 
@@ -105,7 +105,7 @@ def test_without_truth_nothing_is_judged(runs, made):
     log = made / "no truth.log"
     lines = (made / "session.log").read_text().splitlines(keepends=True)
     log.write_text("".join(line for line in lines if '"truth"' not in line))
-    maurice(log, "--particles", 50, "--run", "blind", "--no-recording")
+    maurice(log, "--particles", 50, "--save-run", "blind", "--rrd", "none")
     assert {"lost", "localized", "recovered", "beyond-three-sigma"}.isdisjoint(
         str(one["kind"]) for one in listed("blind", "--all")
     )

@@ -59,7 +59,7 @@ def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
 
 @needs_renderer
 def test_pictures_of_a_saved_run(small_session, tmp_path):
-    maurice(small_session, "--particles", "100", "--run", "kept", "--no-recording")
+    maurice(small_session, "--particles", "100", "--save-run", "kept", "--rrd", "none")
     out, err = maurice("snapshot", "kept", "-o", "belief.png", "--step", "7", "--view", "belief",
                        "--size", "900x600")  # fmt: skip
     assert (out, err) == ("belief.png\n", "")
@@ -103,7 +103,7 @@ def test_a_step_that_a_recording_lacks_is_refused_before_a_viewer_starts(small_s
 @pytest.mark.slow
 @needs_renderer
 def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
-    maurice(small_session, "--particles", "100", "--save", "a.rrd")
+    maurice(small_session, "--particles", "100", "--rrd", "a.rrd")
     maurice(
         "snapshot", "a.rrd", "-o", "weight.png", "--step", "7", "--phase", "weight", "--layout", "overview"
     )
