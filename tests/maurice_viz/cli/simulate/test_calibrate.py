@@ -63,11 +63,6 @@ def test_what_is_printed_without_a_file(table):
     calibrate("motion", table, "--unit", "feet", expect=2)
 
 
-def test_the_name_that_tables_of_trials_were_made_by_before(table, tmp_path):
-    calibrate("drive", "-o", tmp_path / "before.csv", "--seed", "3", "--trials", "30")
-    assert (tmp_path / "before.csv").read_bytes() == table.read_bytes()
-
-
 def carmen(file: Path, turns: bool) -> Path:
     """Write a drive in CARMEN's format, without pictures; its odometry errs by known alphas."""
     rng, model = np.random.default_rng(1), OdometryMotion(OdometryParameters(0.05, 0.002, 0.003, 0.0005))
