@@ -54,7 +54,9 @@ def __getattr__(name: str) -> Any:
     """Import a name of the front page when it is asked for."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOME[name], __name__), name)
+    from maurice_mcl.errors import public
+
+    return public(getattr(importlib.import_module(_HOME[name], __name__), name))
 
 
 def __dir__() -> list[str]:

@@ -117,7 +117,9 @@ __all__ = list(_WHERE)
 def __getattr__(name: str) -> Any:
     """Import a function when it is first used."""
     if name in _WHERE:
-        return getattr(import_module(_WHERE[name], __name__), name)
+        from maurice_mcl.errors import public
+
+        return public(getattr(import_module(_WHERE[name], __name__), name))
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

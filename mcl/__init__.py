@@ -77,7 +77,9 @@ __all__ = list(_HOME)
 def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOME[name]}", __name__), name)
+    from .errors import public
+
+    return public(getattr(import_module(f".{_HOME[name]}", __name__), name))
 
 
 def __dir__() -> list[str]:

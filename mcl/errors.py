@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, wraps
+from inspect import isfunction, signature
 from pathlib import Path
 from typing import Any
 
@@ -38,3 +42,57 @@ def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
     made = kind.__new__(kind, *args)
     made.args = args
     return made
+
+
+# The front page of every package: where names and paths enter.
+
+
+def public(value: Any) -> Any:
+    """Return a function of a front page so that names and paths which no system takes are an InputError.
+
+    So are all errors of the system, such as a path that is too long. Other values are returned unchanged.
+    """
+    return _checked(value) if isfunction(value) else value
+
+
+@cache
+def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
+    names = list(signature(function).parameters)
+
+    @wraps(function)
+    def checked(*args: Any, **named: Any) -> Any:
+        for name, given in [*zip(names, args, strict=False), *named.items()]:
+            for text in _texts(given):
+                _expect_usable(name, text)
+        try:
+            return function(*args, **named)
+        except OSError as problem:
+            where = _short(str(problem.filename)) + ": " if problem.filename else ""
+            raise InputError(None, f"{where}{problem.strerror or problem}; check the path") from problem
+
+    return checked
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield a text or path, and those in a list or mapping."""
+    if isinstance(value, (str, Path)):
+        yield str(value)
+    elif isinstance(value, Mapping):
+        yield from (text for pair in value.items() for part in pair for text in _texts(part))
+    elif isinstance(value, (list, tuple, set, frozenset)):
+        yield from (text for part in value for text in _texts(part))
+
+
+def _expect_usable(name: str, text: str) -> None:
+    try:
+        usable = b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:
+        usable = False
+    if not usable:
+        raise InputError(
+            None, f"{name}: found {_short(repr(text))}, expected whole characters, none of them NUL"
+        )
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else f"{text[:57]}..."

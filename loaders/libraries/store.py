@@ -18,7 +18,7 @@ from maurice_mcl.sensor.descriptors.channel import Channel
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
 from maurice_mcl.session import Camera
 
-from ..errors import InputError, ReadingNotes
+from ..errors import FieldError, InputError, ReadingNotes
 from ..maps import check_span, read_map
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
@@ -128,10 +128,10 @@ class _Rows:
 
 
 def chosen_channels(names: Sequence[str] | None) -> dict[str, Channel]:
-    """Return the named channels, or all; ValueError for a name that is none."""
+    """Return the named channels, or all; FieldError for a name that is none."""
     unknown = [name for name in names or () if name not in CHANNELS]
     if unknown:
-        raise ValueError(f"found channel {unknown[0]!r}, expected one of {', '.join(CHANNELS)}")
+        raise FieldError(f"found channel {unknown[0]!r}, expected one of {', '.join(CHANNELS)}")
     return {name: CHANNELS[name] for name in (CHANNELS if names is None else names)}
 
 

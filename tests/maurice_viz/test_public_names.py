@@ -1,0 +1,89 @@
+"""A name or path that no system takes is an InputError of every public function of the four packages."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import maurice_datasets
+import maurice_loaders
+import maurice_mcl
+import maurice_viz
+from helpers.small_session import write_small_session, write_small_survey
+from maurice_mcl.errors import InputError
+
+PACKAGES: tuple[ModuleType, ...] = (maurice_mcl, maurice_loaders, maurice_datasets, maurice_viz)
+BAD = {"long": "x" * 5000, "deep": "/".join(["y" * 100] * 60), "nul": "a\0b", "half": "a\ud800b"}
+NOT_HERE = {"maurice_viz.show"}  # its widget is an extra
+NOT_MADE = {  # they take values that are not made here: rows of trials, a plan, options of reading
+    "maurice_datasets.grouped",
+    "maurice_datasets.paired",
+    "maurice_datasets.run_plan",
+    "maurice_loaders.write_reading",
+}
+
+
+def takes_text(parameter: inspect.Parameter) -> bool:
+    return any(kind in str(parameter.annotation) for kind in ("str", "Path"))
+
+
+CASES = [
+    pytest.param(function, parameter, id=f"{package.__name__}.{name}-{parameter.name}")
+    for package in PACKAGES
+    for name in package.__all__
+    if inspect.isfunction(function := getattr(package, name))
+    and not {f"{package.__name__}.{name}"} & (NOT_HERE | NOT_MADE)
+    for parameter in inspect.signature(function).parameters.values()
+    if takes_text(parameter)
+    and parameter.name != "map_unit"
+    and parameter.kind is not inspect.Parameter.VAR_KEYWORD
+]
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """Return arguments by their names: a drive, its survey, and new places to write to."""
+    folder = tmp_path_factory.mktemp("valid")
+    survey, session = write_small_survey(folder), write_small_session(folder)
+    sources = dict.fromkeys(("session", "source", "recording", "path"), session)
+    return sources | {"survey": survey, "library": survey, "folder": folder}
+
+
+def argument(parameter: inspect.Parameter, bad: str) -> Any:
+    """Return the bad text in the type that the parameter takes."""
+    kind = str(parameter.annotation)
+    if kind.startswith("Mapping"):
+        return {bad: 1.0}
+    if kind.startswith("Sequence"):
+        return [bad]
+    return bad if "str" in kind else Path(bad)
+
+
+@pytest.mark.parametrize("bad", BAD)
+@pytest.mark.parametrize(("function", "parameter"), CASES)
+def test_what_no_system_takes_is_bad_input(function, parameter, bad, valid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    value = argument(parameter, BAD[bad])
+    positional, named = [], {}
+    for other in inspect.signature(function).parameters.values():
+        if other.kind is inspect.Parameter.VAR_POSITIONAL:
+            positional = [value] if other.name == parameter.name else [valid["session"]]
+        elif other.name == parameter.name:
+            named[other.name] = value
+        elif other.default is other.empty and other.kind is not inspect.Parameter.VAR_KEYWORD:
+            named[other.name] = valid.get(other.name, tmp_path / "new")
+    if function is maurice_mcl.make_localizer:
+        named["library"] = maurice_mcl.tiny_library()
+    with pytest.raises(InputError) as caught:
+        function(*positional, **named)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("function", [maurice_loaders.build_library, maurice_loaders.open_library])
+def test_a_channel_that_is_not_known_is_bad_input(function, valid):
+    with pytest.raises(InputError, match="found channel 'smell', expected one of color"):
+        function(valid["survey"], channels=["smell"])
