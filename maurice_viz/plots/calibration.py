@@ -76,8 +76,17 @@ def dress(axes: Axes, title: str, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
+KINDS = {
+    ".png": {"Software": None},
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None},
+}  # left out: dates
+
+
 def save(made: Figure, file: Path, *, force: bool) -> None:
-    """Write a figure as its suffix says. InputError when the file exists (unless `force`)."""
+    """Write a figure as its suffix says. InputError for another one; where it exists, unless `force`."""
+    if file.suffix not in KINDS:
+        raise InputError(file, f"found the ending {file.suffix!r}, expected {', '.join(KINDS)}")
     expect_absent(file, force=force)
     write_whole(file, figure_bytes(made, file.suffix[1:]), force=force)
 
@@ -88,8 +97,7 @@ def figure_bytes(made: Figure, kind: str, dpi: int | None = None) -> bytes:
 
     data = io.BytesIO()
     FigureCanvasAgg(made)
-    dated = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationDate": None}}
-    made.savefig(data, format=kind, dpi=dpi or DPI, metadata=dated[kind], bbox_inches="tight")
+    made.savefig(data, format=kind, dpi=dpi or DPI, metadata=KINDS[f".{kind}"], bbox_inches="tight")
     return data.getvalue()
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import F32, F64, I32, Bool
-from ..geometry import INCH_M
+from ..geometry import INCH_M, wrap_angle
 from ..map import Arena, Grid, crosses, make_grid, place_tree, spacing
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
@@ -96,9 +96,14 @@ class NearestReference:
         return self.entries_at(*self.bins_of(poses, origin))
 
     def bins_of(self, poses: F32, origin: F64) -> tuple[I32, I32]:
-        """Return the cell, -1 outside, and the heading bin of each pose, (N,) each: indexes of the tables."""
+        """Return the cell, -1 outside, and the heading bin of each pose, (N,) each: indexes of the tables.
+
+        Headings of particles are in [-pi, pi); those of a true pose, or of a saved run, may be any.
+        """
         turn = poses[:, 2] + np.float32(np.pi)
         turn *= HEADING_STEP
+        if len(turn) and not (turn.min() >= 0 and turn.max() <= HEADING_BINS):
+            turn = (wrap_angle(poses[:, 2].astype(np.float64)) + np.pi) * HEADING_STEP
         heading = turn.astype(np.int32)
         return self.grid.cells_of(poses[:, :2], origin), np.minimum(heading, HEADING_BINS - 1, out=heading)
 

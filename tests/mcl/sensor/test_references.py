@@ -122,6 +122,18 @@ def test_headings_wrap_and_one_entry_serves():
     assert reference.entries(poses, HERE).tolist() == [0, 0, -1], "behind the wall one walks there"
 
 
+@pytest.mark.parametrize("turns", [1, -3, 1000])
+def test_a_heading_of_any_size_is_that_within_one_turn(turns):
+    reference = nearest_reference(_grid_poses(4, 4), _arena())
+    headings = np.arange(-3.0, 3.0, 0.37)
+    poses = np.column_stack([np.full((len(headings), 2), 1.1), headings])
+    turned = poses + np.array([0, 0, 2 * np.pi * turns])
+    expected = reference.entries(poses.astype(np.float32), HERE)
+    assert np.array_equal(reference.entries(turned.astype(np.float32), HERE), expected)
+    far = np.array([[1.1, 1.1, -1e9], [1.1, 1.1, 1e9]], np.float32)
+    assert (reference.entries(far, HERE) >= 0).all()
+
+
 def test_irregular_libraries():
     rng = np.random.default_rng(7)
     library = np.column_stack([rng.uniform(0, 4, 30), rng.uniform(0, 3, 30), rng.uniform(-np.pi, np.pi, 30)])
