@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, wraps
 from inspect import isfunction, signature
@@ -50,7 +51,8 @@ def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
 def public(value: Any) -> Any:
     """Return a function of a front page so that names and paths which no system takes are an InputError.
 
-    So are all errors of the system, such as a path that is too long. Other values are returned unchanged.
+    So are all errors of the system, such as a path that is too long. Messages, which name options of the
+    command line, name parameters here. Other values are returned unchanged.
     """
     return _checked(value) if isfunction(value) else value
 
@@ -69,8 +71,45 @@ def _checked(function: Callable[..., Any]) -> Callable[..., Any]:
         except OSError as problem:
             where = _short(str(problem.filename)) + ": " if problem.filename else ""
             raise InputError(None, f"{where}{problem.strerror or problem}; check the path") from problem
+        except InputError as problem:
+            problem.message = by_parameters(problem.message)
+            problem.args = tuple(by_parameters(str(text)) for text in problem.args)
+            raise
 
     return checked
+
+
+# Parameters that are called otherwise than their option.
+PARAMETERS = {
+    "from": "from_step",
+    "map": "map_file",
+    "max-error": "max_error_m",
+    "rrd": "to",
+    "save-run": "run",
+    "set": "settings",
+    "t-offset": "t_offset_s",
+    "yaw": "yaw_rad",
+}
+_VALUE = r"(?: (?=truth|tracking|global|none|[A-Z0-9]))?"  # what follows is what the option is set to
+_OPTION = re.compile(rf"maurice-replay [^;]*|--reading (\w+)=([^\s,;]+)|--([a-z][a-z-]*){_VALUE}")
+
+
+def by_parameters(text: str) -> str:
+    """Return a message in which parameters replace options, but in a command to type.
+
+    >>> by_parameters("name one with --library; maurice-replay formats --json")
+    'name one with library=; maurice-replay formats --json'
+    >>> by_parameters("give --reading plane=xz")
+    'give reading=ReadingOptions(plane=xz)'
+    """
+    return _OPTION.sub(_parameter, text)
+
+
+def _parameter(found: re.Match[str]) -> str:
+    key, value, option = found.groups()
+    if key is not None:
+        return f"reading=ReadingOptions({key}={value})"
+    return found[0] if option is None else f"{PARAMETERS.get(option, option.replace('-', '_'))}="
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import json
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,6 +15,7 @@ import maurice_datasets
 import maurice_loaders
 import maurice_mcl
 import maurice_viz
+from helpers.commands import failure
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_mcl.errors import InputError
 
@@ -80,10 +83,29 @@ def test_what_no_system_takes_is_bad_input(function, parameter, bad, valid, tmp_
         named["library"] = maurice_mcl.tiny_library()
     with pytest.raises(InputError) as caught:
         function(*positional, **named)
-    assert len(str(caught.value).splitlines()) == 1
+    text = str(caught.value)
+    assert len(text.splitlines()) == 1
+    assert not re.search(r"--[a-z]", re.sub("maurice-replay [^;]*", "", text)), (
+        "an option of the command line"
+    )
 
 
 @pytest.mark.parametrize("function", [maurice_loaders.build_library, maurice_loaders.open_library])
 def test_a_channel_that_is_not_known_is_bad_input(function, valid):
     with pytest.raises(InputError, match="found channel 'smell', expected one of color"):
         function(valid["survey"], channels=["smell"])
+
+
+def test_an_error_names_what_the_caller_has_options_or_parameters(small_session, tmp_path):
+    alone = tmp_path / "alone.log"
+    header, *lines = small_session.read_text(encoding="utf-8").splitlines()
+    kept = {key: value for key, value in json.loads(header).items() if key not in ("survey", "start")}
+    alone.write_text("\n".join([json.dumps(kept), *lines]), encoding="utf-8")
+    for more, option, parameter in (
+        ({}, "name one with --library.", "name one with library=."),
+        ({"library": tmp_path / "survey.log", "start": "tracking"}, "give --start truth", "give start=truth"),
+    ):
+        with pytest.raises(InputError, match=re.escape(parameter)):
+            maurice_viz.replay(alone, **more)
+        words = [word for name, value in more.items() for word in (f"--{name}", value)]
+        assert option in " ".join(failure("replay", alone, *words, "--rrd", "none").split())
