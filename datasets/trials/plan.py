@@ -41,7 +41,7 @@ KINDS = {
     "variants": list,
 }  # the keys of a plan
 IN_WORDS = {str: "a text", int: "a whole number", list: "a list", bool: "true or false", dict: "a table"}
-WANTED = "a plan has sessions, and settings, a grid or variants (docs/trials.md)"
+WANTED = "a plan has sessions, and settings, a grid or variants"
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "sd_end_m": (_NUMBER, "standard deviation of the cloud, at the last update"),
     "ess_share": (_NUMBER, "effective sample size over the number of particles, mean"),
     "reseeded": (_WHOLE, "updates with fresh particles"),
-    "failure": (_TEXT, "of a run that failed, its cause as `diagnose` names it (docs/diagnose.md)"),
+    "failure": (_TEXT, "of a run that failed, its cause as `diagnose` names it"),
     "took_s": (_NUMBER, "in the filter; of runs stepped together, an equal share; differs from run to run"),
     "off_m": (_LIST, "position error at every update"),
     "sd_m": (_LIST, "standard deviation of the cloud at every update"),

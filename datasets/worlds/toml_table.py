@@ -18,6 +18,7 @@ class Table:
     def __init__(self, file: Path, key: str, values: dict[str, object], inches: float = 1.0) -> None:
         self.file, self.key, self.inches = file, key, inches
         self._left = dict(values)
+        self._known: set[str] = set()  # asked for so far
 
     def named(self, key: str) -> str:
         """Return the full key, like `room[1].rect`."""
@@ -29,12 +30,14 @@ class Table:
 
     def has(self, key: str) -> bool:
         """Return whether a key is there and was not read yet."""
+        self._known.add(key)
         return key in self._left
 
     def take(self, key: str) -> object:
         """Remove and return a value of any type; an error if it is missing."""
+        self._known.add(key)
         if key not in self._left:
-            self.fail(key, "is missing; add it (docs/worlds.md has all keys)")
+            self.fail(key, "is missing; add it")
         return self._left.pop(key)
 
     def text(self, key: str, default: str | None = None) -> str:
@@ -154,4 +157,4 @@ class Table:
         """Raise WorldError for keys that were not read."""
         if self._left:
             first = next(iter(self._left))
-            self.fail(first, "no such key; remove it (docs/worlds.md lists all keys)")
+            self.fail(first, f"no such key; remove it, there are {', '.join(sorted(self._known))}")

@@ -53,7 +53,7 @@ def simulate(
         str, option("--slip-at", "Let the wheels spin at this step, or at a range like 34-37.", DRIVE)
     ] = "",
     lights: Annotated[
-        str, option("--lights", "Changes of light, like dim@40,off@60 (docs/conditions.md).", WORLD)
+        str, option("--lights", "Changes of light, such as dim@40,off@60,daylight@20-100,on@80,drift.", WORLD)
     ] = "",
     moved: Annotated[
         int,

@@ -20,7 +20,16 @@ from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
 from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.statistics import FEW, Interval
-from maurice_datasets.trials.table import DEFAULT, TIMES, Difference, Group, grouped, load_trials, paired
+from maurice_datasets.trials.table import (
+    DEFAULT,
+    NUMBERS,
+    TIMES,
+    Difference,
+    Group,
+    grouped,
+    load_trials,
+    paired,
+)
 from maurice_loaders.writing import expect_absent, write_whole
 
 from ..errors import OptionError
@@ -198,7 +207,7 @@ def trials_table(
     by: Annotated[
         str, option("--by", "Group by these columns or settings.", metavar="COLUMNS", show_default=False)
     ] = "",
-    metric: Annotated[str, option("--metric", "A column of the rows; docs/trials.md lists them.")] = DEFAULT,
+    metric: Annotated[str, option("--metric", f"One of {', '.join(NUMBERS)}.")] = DEFAULT,
     where: Where = None,
     csv: Annotated[Path | None, option("--csv", "Write the groups here.", metavar="FILE")] = None,
     parquet: Annotated[Path | None, option("--parquet", "Write the groups here.", metavar="FILE")] = None,

@@ -71,7 +71,8 @@ def draw_figures(
     for number in wanted:
         if number not in known:
             there = ", ".join(map(str, sorted(known)))
-            raise InputError(None, f"found figure {number}, expected one of {there}; docs/thesis.md says why")
+            why = "the others show what is not here, such as the robot"
+            raise InputError(None, f"found figure {number}, expected one of {there}; {why}")
     for name in formats:
         if name not in FORMATS:
             raise InputError(None, f"found format {name!r}, expected one of {', '.join(FORMATS)}")

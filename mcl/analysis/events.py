@@ -168,7 +168,7 @@ class EventKind:
     is_routine: bool = False  # so frequent that lists of important events leave it out
 
 
-_FAILED = "why the run was lost, at the step at which the cause shows first (docs/diagnose.md)"
+_FAILED = "why the run was lost, at the step at which the cause shows first"
 _DOUBTED = "without truth: it knew where it was, and a second opinion contradicts it now"
 _LEFT = "every particle drove out of free space: the cloud stays where it was"
 _ZERO = "no particle is in free space, or none has a likelihood: weights cannot be updated"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import json
 import re
@@ -109,3 +110,12 @@ def test_an_error_names_what_the_caller_has_options_or_parameters(small_session,
             maurice_viz.replay(alone, **more)
         words = [word for name, value in more.items() for word in (f"--{name}", value)]
         assert option in " ".join(failure("replay", alone, *words, "--rrd", "none").split())
+
+
+def test_no_message_or_help_sends_people_to_pages_that_are_not_installed():
+    for package in PACKAGES:
+        for file in Path(str(package.__file__)).parent.rglob("*.py"):
+            nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+            docstrings = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+            texts = [node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+            assert not [node.value for node in texts if "docs/" in node.value and id(node) not in docstrings]

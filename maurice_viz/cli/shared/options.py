@@ -24,6 +24,7 @@ from .startup import skip_pandas
 if TYPE_CHECKING:
     from ...app.output import OutputOptions
 
+KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # of reading, as typed: angles in degrees
 FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
 MOST_SEED = 2**32 - 1
 
@@ -169,7 +170,7 @@ Reading = Annotated[
     option(
         "--reading",
         "How the recording is read: format, camera, topics, columns, clocks, units, frames, which "
-        "pictures. Repeatable; docs/reading.md lists the keys. [default: detected, printed]",
+        f"pictures. Repeatable. Keys: {', '.join(KEYS)}. [default: detected, printed]",
         READING,
         metavar="FILE.toml|KEY=VALUE",
     ),
@@ -263,7 +264,6 @@ def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000
 # How a recording is read: from a TOML file or as KEY=VALUE; the keys are those of the file.
 
 USUAL = ReadingOptions()
-KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # as they are typed, angles in degrees
 
 
 def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> ReadingOptions:
