@@ -24,7 +24,7 @@ from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.session import Session, SessionInfo
 
@@ -189,21 +189,39 @@ class RunSpec:
 
         InputError for a bad file or environment, OptionError for a setting that is not known or out of range.
         """
-        given = dict(self.settings)
-        if self.particles is not None:
-            given["particles"] = self.particles
-        if self.motion is not None:
-            given["motion"] = read_motion(self.motion)
-        if self.feature is not None:
-            given["sensor.weights"] = dict(FEATURES.get(self.feature, {self.feature: 1.0}))
         check_name(self.preset, PRESETS, "preset")
         check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
+        motion = None if self.motion is None else read_motion(self.motion)
+        given = combined(self.settings, self.feature, self.particles, motion)
         try:
             return configuration_of(self.preset, self.config, os.environ, given)
         except InputError as problem:
             if str(problem.file) == COMMAND_LINE:
                 raise OptionError(problem.message) from None
             raise
+
+
+TWINS = {"sensor.weights": "--feature", "particles": "--particles", "motion": "--motion"}  # by key of --set
+
+
+def combined(
+    settings: Mapping[str, Any],
+    feature: str | None = None,
+    particles: int | None = None,
+    motion: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Return settings by their keys, with those that have options of their own.
+
+    The names are checked already. OptionError for what both give.
+    """
+    weights = None if feature is None else weights_of(feature)
+    named = dict(zip(TWINS, (weights, particles, motion), strict=True))
+    options = {key: value for key, value in named.items() if value is not None}
+    for key in settings:
+        for twin in options:
+            if key == twin or key.startswith(f"{twin}."):
+                raise OptionError(f"{key} is given twice, by {TWINS[twin]} and by --set; give it once")
+    return options | dict(settings)
 
 
 def words_of(specs: Sequence[RunSpec]) -> list[str]:

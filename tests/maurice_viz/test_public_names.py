@@ -16,7 +16,7 @@ import maurice_datasets
 import maurice_loaders
 import maurice_mcl
 import maurice_viz
-from helpers.commands import failure
+from helpers.commands import failure, run
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_mcl.errors import InputError
 
@@ -119,3 +119,29 @@ def test_no_message_or_help_sends_people_to_pages_that_are_not_installed():
             docstrings = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
             texts = [node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
             assert not [node.value for node in texts if "docs/" in node.value and id(node) not in docstrings]
+
+
+@pytest.mark.parametrize(
+    ("option", "setting"),
+    [
+        (("particles", 100), "particles=300"),
+        (("feature", "color"), "sensor.weights={edges=1}"),
+        (("feature", "color"), "sensor.weights.edges=1"),
+    ],
+)
+def test_what_an_option_and_a_setting_both_give_is_refused(small_session, tmp_path, option, setting):
+    name, value = option
+    key, _, text = setting.partition("=")
+    drive = "replay", small_session, "--rrd", "none"
+    err = " ".join(run(*drive, f"--{name}", value, "--set", setting, expect=2).stderr.split())
+    assert f"{key} is given twice, by --{name} and by --set; give it once" in err
+    with pytest.raises(InputError, match=f"{key} is given twice, by {name}= and by settings="):
+        maurice_viz.replay(small_session, settings={key: text}, **{name: value})
+    run("replay", small_session, "--rrd", "none", "--save-run", tmp_path / "kept")
+    err = run(
+        "what-if", tmp_path / "kept", "--from", 3, f"--{name}", value, "--set", setting, expect=2
+    ).stderr
+    assert "is given twice" in " ".join(err.split())
+    assert "--set gives particles twice" in " ".join(
+        run(*drive, "--set", "particles=1", "--set", "particles=1", expect=2).stderr.split()
+    )

@@ -16,13 +16,13 @@ from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
 from maurice_mcl.records import Belief, FilterState, StepRecord
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.session import Moment
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ..convert import chosen_label
-from ..open import AnySession, check_name
+from ..open import AnySession, check_name, combined
 from ..saved import changed_versions, library_of, localizer_of, session_of
 from ..saved_steps import Pictures, Restored, restored_together
 
@@ -85,11 +85,9 @@ class BranchChange:
         """
         check_name(self.preset, PRESETS, "preset")
         check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
-        given = dict(self.settings)
+        given = combined(self.settings, self.feature, self.particles)
         if any(key.startswith("radii.") for key in given):
             raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
-        given |= {} if self.particles is None else {"particles": self.particles}
-        given |= {} if self.feature is None else {"sensor.weights": weights_of(self.feature)}
         kept = {key: value for key, value in saved.values().items() if value is not None}
         if self.preset is not None:
             other = {key: value for key, value in kept.items() if key in ("motion", "particles")}

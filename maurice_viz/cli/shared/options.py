@@ -237,6 +237,8 @@ def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:
         key, equals, value = pair.partition("=")
         if not equals or not key.strip():
             raise OptionError(f"--set takes KEY=VALUE, such as sensor.sharpness=2; found {pair!r}")
+        if key.strip() in found:
+            raise OptionError(f"--set gives {key.strip()} twice; give it once")
         found[key.strip()] = value.strip() if not value.strip().startswith(("{", "[")) else _toml(pair, value)
     return found
 
