@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_loaders.pictures import PictureKind
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_loaders.writing import expect_apart, new_folder
@@ -136,11 +137,13 @@ def write_simulation(
     plan: SimulationPlan,
     *,
     surveyor: Surveyor | None = None,
+    lossless: bool = False,
     force: bool = False,
     progress: Progress | None = None,
 ) -> SimulationPaths:
     """Write a session and its survey (cached without a surveyor) into a new folder, all of it or nothing.
 
+    `lossless` writes the session's pictures as PNG: a replay is then the run of trials, to the last bit.
     InputError when the folder holds something (`force` replaces an earlier simulation), and for worlds and
     recordings that cannot be used.
     """
@@ -155,7 +158,8 @@ def write_simulation(
         else:
             camera = survey_camera(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
             write_survey(filling / SURVEY, set_up.surveyed, camera, surveyor, report)
-        with SessionWriter(filling / SESSION_LOG, session_info(set_up)) as log:
+        pictures: PictureKind = "png" if lossless else "jpeg"
+        with SessionWriter(filling / SESSION_LOG, session_info(set_up), pictures=pictures) as log:
             play(set_up, log, report)
         seal(filling, _key_of(plan))
     return paths_in(folder)

@@ -10,6 +10,8 @@ from pathlib import Path
 import cv2
 
 from maurice_datasets.demos import demo_paths
+from maurice_datasets.robot.motion import TrialPlan, calibration_drive
+from maurice_loaders.calibration import write_trials
 
 OUT = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "calibrate"]
@@ -30,7 +32,7 @@ def keep(drawn: Path, name: str) -> None:
 def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        calibrate("drive", "-o", folder / "trials.csv")
+        write_trials(folder / "trials.csv", calibration_drive(0, TrialPlan(41, 41)))
         calibrate("motion", folder / "trials.csv", "--plots", folder)
         calibrate("noise", demo_paths(0).survey, "--plot", folder / "noise.png")
         for number in ("05", "10"):

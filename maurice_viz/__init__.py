@@ -19,11 +19,10 @@
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
 | `calibrate_belief` | how often the regions of saved runs' clouds hold the truth |
 | `calibrate_drive` | the noise of the odometry, from drives with truth |
-| `calibrate_motion`, `calibrate_noise`, `make_trials` | constants of robot and camera from trials |
+| `calibrate_motion`, `calibrate_noise` | constants of robot and camera from trials |
 | `figures` | the figures of a calibration, for a paper |
 | `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
 | `atlas` | a page that shows on the floor plan where runs of trials go wrong |
-| `trials_view` | the curves of trials beside one of their runs, in the viewer |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
 or exits; remarks, warnings and progress go to the `Listener` that the caller may pass. Each is imported when
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
     from .app.calibrate import calibrate_motion as calibrate_motion
     from .app.calibrate import calibrate_noise as calibrate_noise
     from .app.calibrate import figures as figures
-    from .app.calibrate import make_trials as make_trials
     from .app.compare import compare as compare
     from .app.convert import convert as convert
     from .app.convert import export as export
@@ -51,7 +49,6 @@ if TYPE_CHECKING:
     from .app.replay import replay as replay
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
-    from .app.trials import trials_view as trials_view
     from .app.understand.belief import calibrate_belief as calibrate_belief
     from .app.understand.budget import error_budget as error_budget
     from .app.understand.check import check as check
@@ -96,7 +93,6 @@ _WHERE = {
     "export": ".app.convert",
     "formats": ".app.understand.inspect",
     "inspect": ".app.understand.inspect",
-    "make_trials": ".app.calibrate",
     "movie": ".app.understand.snapshot",
     "remedies": ".app.understand.remedies",
     "replay": ".app.replay",
@@ -106,7 +102,6 @@ _WHERE = {
     "snapshot": ".app.understand.snapshot",
     "traces": ".notebook",
     "trials_report": ".reports.trials_report",
-    "trials_view": ".app.trials",
     "tune": ".app.library",
     "verify": ".app.saved",
     "what_if": ".app.understand.what_if",

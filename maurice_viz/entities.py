@@ -37,10 +37,6 @@ TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 CARRIED = f"{TRUTH}/carried"  # Arrows2D: from where to where a kidnapped robot was carried
 
 # many runs as a chart, beside the one that is shown
-TRIALS_CHART = "/trials/chart"  # EncodedImage: axes, means with intervals
-TRIALS_RUNS = f"{TRIALS_CHART}/runs"  # Points2D: the runs, one entity a series
-TRIALS_CHOSEN = f"{TRIALS_CHART}/chosen"  # Points2D: the one shown
-TRIALS_TEXT = "/trials/text"  # TextDocument: the one shown, and how to show the worst
 
 RESERVED = ("world", "session", "compare", "trials", "_log")
 

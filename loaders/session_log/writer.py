@@ -16,7 +16,7 @@ from maurice_mcl.session import SessionInfo
 
 from ..errors import InputError
 from ..files import MOST, MOST_T_S, up_to
-from ..pictures import encode_jpeg
+from ..pictures import PictureKind, encode_picture
 from ..writing import expect_absent
 from .header import FORMAT, KINDS, Kind, header_to_json
 
@@ -27,9 +27,9 @@ class SessionWriter:
     """A session log or survey log being written; every line is flushed complete. Use it as a context manager.
 
     Times in seconds, meters, radians. Pictures (H, W, 3) uint8 RGB go to `pictures/` beside the log, named
-    after the log and a number, never after a pose. Raises InputError if the log or a picture exists,
-    unless `force`, and ValueError for values that no log may hold (NaN, numbers too large, a time before the
-    last one, a survey's picture without its pose).
+    after the log and a number, never after a pose: as JPEG (quality 95, 4:4:4), or as PNG without loss.
+    Raises InputError if the log or a picture exists, unless `force`, and ValueError for values that no log
+    may hold (NaN, numbers too large, a time before the last one, a survey's picture without its pose).
 
         >>> from maurice_loaders import SessionWriter
         >>> from maurice_mcl.session import SessionInfo
@@ -38,12 +38,18 @@ class SessionWriter:
     """
 
     def __init__(
-        self, path: str | Path, info: SessionInfo, kind: Kind = "session", *, force: bool = False
+        self,
+        path: str | Path,
+        info: SessionInfo,
+        kind: Kind = "session",
+        *,
+        pictures: PictureKind = "jpeg",
+        force: bool = False,
     ) -> None:
         if kind not in KINDS:
             raise ValueError(f"found kind {kind!r}, expected one of {KINDS}")
         path = Path(path)
-        self._path, self._kind, self._force = path, kind, force
+        self._path, self._kind, self._form, self._force = path, kind, pictures, force
         self._last_t_s = -np.inf
         self._pictures = 0
         header = _line(header_to_json(info, kind, path.parent))  # before the file is touched
@@ -72,15 +78,16 @@ class SessionWriter:
         camera: str | None = None,
         name: str | None = None,
     ) -> str:
-        """Save an RGB picture (H, W, 3) as JPEG (quality 95, 4:4:4), then its line; return the relative path.
+        """Save an RGB picture (H, W, 3), then write its line; return its relative path.
 
         `name` is the file's name without folder and ending; by default the log's name and a number.
         """
         record = self._image_record(pose, covered, camera)  # checked before a file is written
         self._pictures += 1
-        relative = f"pictures/{name or f'{self._path.stem}-{self._pictures:05d}'}.jpg"
+        ending = "jpg" if self._form == "jpeg" else "png"
+        relative = f"pictures/{name or f'{self._path.stem}-{self._pictures:05d}'}.{ending}"
         self._check_time(t_s)
-        self._save_picture(relative, encode_jpeg(image_rgb))
+        self._save_picture(relative, encode_picture(image_rgb, self._form))
         self._record(t_s, {"image": relative} | record)
         return relative
 

@@ -18,7 +18,6 @@ from maurice_loaders.calibration import (
     segments_from_folder,
     trials_from_folder,
     trials_from_session,
-    write_trials,
 )
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
@@ -103,8 +102,8 @@ def calibrate_motion(
     and InputError for a source with too few trials or a file that exists (unless `force`).
 
         >>> import maurice_viz as mv
-        >>> fitted = mv.calibrate_motion(mv.make_trials("trials.csv"))
-        >>> round(fitted.fit.turns.gain.value, 2)
+        >>> fitted = mv.calibrate_motion("trials.csv")  # doctest: +SKIP
+        >>> round(fitted.fit.turns.gain.value, 2)  # doctest: +SKIP
         0.73
     """
     path = session_in(Path(source))
@@ -150,24 +149,6 @@ def noise_json(floor: NoiseFloor) -> dict[str, Any]:
         "sd": floor.sd.tolist(),
     }
     return dict(_no_nan(found))
-
-
-def make_trials(to: str | Path, *, trials: int = 41, seed: int = 0, force: bool = False) -> Path:
-    """Write a CSV of calibration trials of the simulated Maurice and return its path.
-
-    So many turns, and so many straights on both floors, in meters and radians. Raises InputError if the
-    file exists (unless `force`).
-
-        >>> import maurice_viz as mv
-        >>> mv.make_trials("trials.csv", trials=5).name
-        'trials.csv'
-    """
-    from maurice_datasets.robot.motion import TrialPlan, calibration_drive
-
-    path = Path(to)
-    expect_absent(path, force=force)
-    write_trials(path, calibration_drive(seed, TrialPlan(trials, trials)), force=force)
-    return path
 
 
 def _stands(constant: MotionConstant) -> str:
@@ -311,8 +292,8 @@ def figures(
     a file exists (unless `force`).
 
         >>> import maurice_viz as mv
-        >>> files = mv.figures(mv.make_trials("trials.csv"), "figures")
-        >>> len(files)
+        >>> files = mv.figures("trials.csv", "figures")  # doctest: +SKIP
+        >>> len(files)  # doctest: +SKIP
         8
     """
     from ..plots.calibration import ShownFit, draw_motion, draw_noise, expect_matplotlib

@@ -10,7 +10,7 @@ import re
 import shlex
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    from ..layouts.registry import Layout
     from ..panels.observer import Observer
     from ..viewer.web import WebViewer
 
@@ -48,21 +47,17 @@ def layout_of(
     first: str | None = None,
     *,
     light: bool = False,
-    extra: Mapping[str, Layout] | None = None,
 ) -> rrb.Blueprint:
-    """Return the layout of runs; `first` names the tab that is open, `light` is for little detail.
-
-    `extra` are tabs before the usual ones.
-    """
+    """Return the layout of runs; `first` names the tab that is open, `light` is for little detail."""
     from ..layouts.registry import runs_blueprint, tabs_of
 
-    names = [*(extra or {}), *tabs_of(runs)[1]]
+    names = tabs_of(runs)[1]
     if first is not None and first not in names:
         raise OptionError(f"--layout: found {first}, expected what these runs have: {', '.join(names)}")
     arena = scene.library.arena
     scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
     shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height, light)
-    return runs_blueprint(runs, shown, first, live=scene.live, extra=extra)
+    return runs_blueprint(runs, shown, first, live=scene.live)
 
 
 @contextmanager

@@ -98,11 +98,9 @@ COMMANDS = {
         Listed(
             "calibrate drive", "calibrate", "Fit the noise of the odometry to drives.", _SIMULATE, "calibrate"
         ),
-        Listed("calibrate trials", "calibrate", "Simulate a table of trials.", _SIMULATE, "calibrate"),
         Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
         Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
         Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS, "thesis"),
-        Listed("trials-view", "trials", "Show curves of trials beside one of their runs.", _TRIALS, "trials"),
         Listed("atlas", "trials", "Show on the floor plan where runs go wrong.", _TRIALS, "trials"),
         Listed("trials-report", "trials", "Write one page about trials.", _TRIALS, "trials"),
         Listed("config show", "config", "Show the effective configuration.", _CONFIGURE, "configuration"),

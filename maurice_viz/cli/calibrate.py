@@ -22,7 +22,6 @@ from ..app.calibrate import (
     calibrate_motion,
     calibrate_noise,
     figures,
-    make_trials,
     noise_json,
 )
 from ..app.understand.belief import CalibratedBelief, calibrate_belief
@@ -30,7 +29,7 @@ from ..plots.calibration import expect_matplotlib
 from ..style import Units
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import MOST_SEED, argument, option
+from .shared.options import argument, option
 
 DEG = 180 / math.pi
 
@@ -167,20 +166,6 @@ def _belief_table(one: CalibratedBelief) -> Table:
         "run again and check"
     )
     return table
-
-
-def trials(
-    output: Annotated[
-        Path, option("-o --output", "The table to write.", metavar="OUT.csv", show_default=False)
-    ],
-    seed: Annotated[int, option("--seed", "The same seed gives the same trials.", min=0, max=MOST_SEED)] = 0,
-    count: Annotated[int, option("--trials", "Number of turns, and of straights.", min=1, max=100_000)] = 41,
-    force: opt.Force = False,
-) -> None:
-    """Make a table of calibration trials with the simulated Maurice: turns, and straights on both floors."""
-    make_trials(output, trials=count, seed=seed, force=force)
-    results.print(f"{output}: {count} turns, {count} straights")
-    note(f"now try: maurice-replay calibrate motion {output}")
 
 
 SEEN_M, SEEN_DEG = 0.001, 0.05  # a smaller noise of the truth is not told

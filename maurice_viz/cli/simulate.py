@@ -104,6 +104,9 @@ def simulate(
     no_truth: Annotated[
         bool, option("--no-truth", "With --serve: send neither truth nor events.", LIVE)
     ] = False,
+    lossless: Annotated[
+        bool, option("--lossless", "Write pictures as PNG: a replay is then the same run as in `trials`.")
+    ] = False,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
@@ -146,7 +149,9 @@ def simulate(
                 progress=listener.progress,
             )
         elif output is not None:
-            made = sessions.write_simulation(output, plan, force=force, progress=listener.progress)
+            made = sessions.write_simulation(
+                output, plan, lossless=lossless, force=force, progress=listener.progress
+            )
             _report(made.session, made.survey, json_output)
 
 

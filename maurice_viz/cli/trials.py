@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
+from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.statistics import FEW, Interval
@@ -34,7 +35,7 @@ from maurice_loaders.writing import expect_absent, write_whole
 
 from ..errors import OptionError
 from ..listener import progress_of
-from ..text.trials import metric_title
+from ..text.trials import metric_title, name_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option
@@ -165,43 +166,6 @@ def atlas(
     results.print(f"{made} written")
 
 
-def trials_view(
-    folder: Folder,
-    metric: Annotated[
-        str, option("--metric", "A column of the rows: what is along y, and what is worst.")
-    ] = DEFAULT,
-    by: Annotated[
-        str | None,
-        option("--by", "The setting along x.", metavar="COLUMN", show_default="particles, or what is varied"),
-    ] = None,
-    run: Annotated[
-        str | None,
-        option(
-            "--run",
-            "The run to show.",
-            metavar="PART/SESSION/VARIANT/SEED",
-            show_default="the worst of the first part",
-        ),
-    ] = None,
-    rrd: Annotated[
-        Path | None,
-        option("-o --rrd", "Write the Rerun recording to this file and open no viewer.", metavar="OUT.rrd"),
-    ] = None,
-    force: opt.Force = False,
-    json_output: opt.Json = False,
-) -> None:
-    """Show the curves of trials beside the run behind one of their points, made again from its row."""
-    from ..app.trials import trials_view as show_trials  # imports Rerun, which the other commands do without
-
-    with listening() as listener:
-        shown = show_trials(folder, metric=metric, by=by, run=run, to=rrd, force=force, listener=listener)
-    if json_output:
-        print_json(asdict(shown) | {"is_same": shown.is_same, "rrd": shown.rrd and str(shown.rrd)})
-        return
-    results.print(f"{shown.run}: made again{', the same error to the last bit' if shown.is_same else ''}")
-    note("the worst of the part are shown by --run " + ", ".join(shown.worst))
-
-
 def trials_table(
     folder: Folder,
     by: Annotated[
@@ -229,6 +193,12 @@ def trials_table(
     if differences:
         results.print(_differences(differences, metric))
     _say_if_few(one.figure for one in groups)
+    worst = rows.filter(pl.col(DEFAULT).is_not_null()).sort(DEFAULT, descending=True)
+    if not worst.is_empty():
+        row = worst.row(0, named=True)
+        commands = TrialsFolder(folder).commands_of(row)
+        shown = f"; to see it: {commands}" if commands else ""
+        note(f"the run with the largest error: {name_of(row)}{shown}")
     if not any(one.figure.count for one in groups):
         note(f"no run holds {metric}: it failed, was left out, or has no truth for it")
 

@@ -72,16 +72,14 @@ def runs_blueprint(
     first: str | None = None,
     *,
     live: bool = False,
-    extra: Mapping[str, Layout] | None = None,
 ) -> rrb.Blueprint:
-    """Return a blueprint with one tab per layout, those of `extra` before ours, the tab `first` open.
+    """Return a blueprint with one tab per layout, the tab `first` open.
 
     `live` makes the viewer follow new updates. Raises ValueError if `first` is not one of the tabs.
     """
     layouts, names = tabs_of(runs)
     if scene.is_light and layouts is LAYOUTS:
         names = [name for name in names if name in LIGHT_NAMES]
-    layouts, names = {**(extra or {}), **layouts}, [*(extra or {}), *names]
     chosen = first or names[0]
     tabs = [_named(layouts[name](runs, scene), name) for name in names]
     for tab in tabs:

@@ -21,7 +21,7 @@ from maurice_mcl.session import Moment
 from . import maps
 from .calibration import ACTUAL, figure, panels
 from .drives import PRESET
-from .material import EXAMPLE, Material, NothingToDraw, ThesisFigure
+from .material import EXAMPLE, Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES
 from .traces import AIDED, BANDS, DEVIATION, LABELS, OFF, STRATEGY
 
@@ -72,7 +72,7 @@ def _turned(localizer: Localizer, drive: Drive) -> F64:
     """Return deviation and error (2, turns), in meters, of a cloud that begins about the truth."""
     start = drive.start
     if start is None:
-        raise NothingToDraw(None, "the drive's start is not known")
+        raise MissingRuns(None, "the drive's start is not known")
     rng = np.random.default_rng(localizer.seed)
     begun = belief_at(start, localizer.particles, localizer.library.origin)
     spread = rng.standard_normal((begun.size, 3)) * (BEGUN_M, BEGUN_M, BEGUN_RAD)
@@ -135,7 +135,7 @@ def fresh_particles(material: Material) -> Figure:
         if found is not None:
             break
     else:
-        raise NothingToDraw(material.folder, f"holds no run with {STRATEGY} = {AIDED} that drew particles")
+        raise MissingRuns(material.folder, f"holds no run with {STRATEGY} = {AIDED} that drew particles")
     moment, record = found
     arena, fresh = material.drive_of(row).bench.library.arena, record.injected
     made, places = panels(1, 2, maps.X, maps.Y)

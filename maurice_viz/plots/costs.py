@@ -11,7 +11,7 @@ import polars as pl
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE
 
 from .calibration import ACTUAL, INK, figure
-from .material import Material, NothingToDraw, ThesisFigure
+from .material import Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def update(material: Material) -> Figure:
 def _timed(material: Material, what: str) -> pl.DataFrame:
     rows = material.timing.filter(pl.col("what") == what)
     if rows.is_empty():
-        raise NothingToDraw(
+        raise MissingRuns(
             material.folder, f"holds no timing of {what}; maurice-replay trials timing makes it"
         )
     return rows

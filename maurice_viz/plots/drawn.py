@@ -20,7 +20,7 @@ from maurice_loaders.writing import check_target, write_whole
 
 from .calibration import INK, expect_matplotlib, figure_bytes
 from .figures import FIGURES, OF_PICTURES
-from .material import Material, NothingToDraw
+from .material import Material, MissingRuns
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -152,7 +152,7 @@ def _render_one(
         if titled:
             _entitle(drawing, f"{number}. {figure.title}")
         return RenderedFigure(number, tuple(figure_bytes(drawing, kind, dpi) for kind in formats))
-    except NothingToDraw as problem:
+    except MissingRuns as problem:
         return RenderedFigure(number, missing=str(problem))
     except Exception as problem:  # of few runs a fit or a scale may not exist, and the others go on
         why = f"cannot be drawn from these runs ({type(problem).__name__}: {problem})"
@@ -164,7 +164,7 @@ def _expect_values(drawing: Figure, folder: Path) -> None:
     shown = [axes for axes in drawing.axes if axes.axison]
     empty = [axes for axes in shown if axes.has_data() and not np.isfinite(axes.dataLim.extents).all()]
     if shown and len(empty) == len(shown):
-        raise NothingToDraw(folder, NO_VALUE)
+        raise MissingRuns(folder, NO_VALUE)
     for axes in empty:
         axes.clear()
         axes.set_axis_off()

@@ -15,7 +15,7 @@ from maurice_mcl.session import Moment
 
 from . import maps
 from .calibration import INK, figure, panels
-from .material import Material, NothingToDraw, ThesisFigure, steps_of
+from .material import Material, MissingRuns, ThesisFigure, steps_of
 from .traces import LABELS, OFF, UPDATE, curve
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def failed_run(material: Material) -> Figure:
     failed = rows.filter(pl.col("failure").is_not_null()).sort("seed")
     if failed.is_empty():
         why = f"none of its {len(rows)} global runs with {MOTION_ONLY} particles failed; --seeds makes more"
-        raise NothingToDraw(material.folder, why)
+        raise MissingRuns(material.folder, why)
     row = failed.row(0, named=True)
     run = list(material.run_of(row))
     arena = material.drive_of(row).bench.library.arena
@@ -173,13 +173,13 @@ def _path_and_error(arena: Arena, run: Run, what: str) -> tuple[Figure, Axes]:
 
 def _start_of(pose: F64 | None) -> F64:
     if pose is None:
-        raise NothingToDraw(None, "the drive's start is not known")
+        raise MissingRuns(None, "the drive's start is not known")
     return pose
 
 
 def _truth_of(moment: Moment) -> F64:
     if moment.truth is None:
-        raise NothingToDraw(None, "the drive's true poses are not known")
+        raise MissingRuns(None, "the drive's true poses are not known")
     return moment.truth
 
 

@@ -16,7 +16,7 @@ from maurice_mcl.geometry import INCH_M
 
 from ..text.trials import metric_title
 from .calibration import ACTUAL, BAND, INK, figure
-from .material import Material, NothingToDraw
+from .material import Material, MissingRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,7 +41,7 @@ def before_loss(material: Material, *, log: bool) -> Figure:
     """
     rows = material.part("position-tracking").filter(pl.col("lost").is_not_null())
     if rows.is_empty():
-        raise NothingToDraw(material.folder, "holds no runs of position-tracking whose truth is known")
+        raise MissingRuns(material.folder, "holds no runs of position-tracking whose truth is known")
     made, axes = figure("", "particles", "driven before it was lost (in)")
     for lost, mark, label in ((True, ".", "lost there"), (False, "^", "not lost: end of the drive")):
         if (some := rows.filter(pl.col("lost") == lost)).is_empty():
@@ -201,7 +201,7 @@ def localized_median(
     rows = rows.filter(pl.col(TIMES[metric]).is_not_null())
     if rows.is_empty():
         why = f"holds no runs of global-localization with {TIMES[metric]}; make them with this version"
-        raise NothingToDraw(material.folder, why)
+        raise MissingRuns(material.folder, why)
     made, axes = figure("", "particles", f"{label}, median")
     factor = metric_title(metric)[1]
     end = float(rows[TIMES[metric]].to_numpy().max()) * factor

@@ -15,7 +15,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 
 from .calibration import INK, panels
-from .material import Material, NothingToDraw, ThesisFigure
+from .material import Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def by_feature(material: Material, part: str, features: Sequence[str]) -> Figure
     """Draw the deviation of the cloud against the update, a line a feature, one panel a session."""
     rows = material.part(part)
     if missing := [name for name in features if name not in rows["feature"].to_list()]:
-        raise NothingToDraw(material.folder, f"holds no runs of {part} with {', '.join(missing)}")
+        raise MissingRuns(material.folder, f"holds no runs of {part} with {', '.join(missing)}")
     sessions = rows["session"].unique(maintain_order=True).to_list()
     made, axes = panels(1, len(sessions), UPDATE, LABELS[DEVIATION])
     for place, session in zip(axes, sessions, strict=True):
@@ -74,7 +74,7 @@ def uncertainty(material: Material, strategy: str) -> Figure:
     both = material.part("recovery").filter(pl.col("label").is_in([NONE, AIDED]))
     rows = both.filter(pl.col("label") == strategy)
     if rows.is_empty():
-        raise NothingToDraw(material.folder, f"holds no runs with {STRATEGY} = {strategy}")
+        raise MissingRuns(material.folder, f"holds no runs with {STRATEGY} = {strategy}")
     made, (axes,) = panels(1, 1, UPDATE, LABELS[DEVIATION])
     for number, values in enumerate(rows[DEVIATION].to_list()):
         told = f"each run, {len(rows)} runs" if number == 0 else None

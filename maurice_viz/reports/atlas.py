@@ -14,7 +14,8 @@ import polars as pl
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from maurice_datasets.trials.atlas import FailureAtlas, failure_atlas
-from maurice_datasets.trials.rows import read_plan_of
+from maurice_datasets.trials.folder import TrialsFolder
+from maurice_datasets.trials.rows import KEY, read_plan_of
 from maurice_datasets.trials.table import load_trials
 from maurice_loaders.errors import InputError
 from maurice_loaders.writing import expect_absent, write_whole
@@ -24,7 +25,6 @@ from maurice_mcl.map import Arena
 
 from ..drawing.canvas import ticks as round_ticks
 from ..errors import OptionError
-from ..plots.material import Material
 from ..text.trials import name_of
 from .charts import Axes, px
 from .map import drawn_walls, floor_axes
@@ -117,7 +117,8 @@ def page_of(folder: Path, spot_m: float | None, where: Sequence[str]) -> str:
     found = failure_atlas(rows, width_m)
     recorded = rows["arena"].null_count() == len(rows)
     unit, per_m = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
-    plans = _plans(Material(folder), rows, found, unit, per_m)
+    trials = TrialsFolder(folder)
+    plans = _plans(trials, rows, found, unit, per_m)
     page = Environment(
         loader=PackageLoader("maurice_viz.reports"), autoescape=True, undefined=StrictUndefined
     )
@@ -134,8 +135,14 @@ def page_of(folder: Path, spot_m: float | None, where: Sequence[str]) -> str:
         spot=f"{found.spot_m * per_m:.3g} {unit}",
         wrong=f"{100 * found.wrong_confident:.1f}",
         bins=[_bin(one) for one in found.reliability],
-        folder=folder.name,
+        commands=json.dumps(_commands(trials, found.runs)).replace("<", "\\u003c"),
     )
+
+
+def _commands(trials: TrialsFolder, runs: pl.DataFrame) -> dict[str, str]:
+    """Return the commands that show the worst runs of the spots, by the runs' names."""
+    rows = runs.unique(KEY, maintain_order=True).iter_rows(named=True)
+    return {name_of(row): trials.commands_of(row) or "" for row in rows}
 
 
 def _filters(labels: list[str]) -> str:
@@ -143,12 +150,12 @@ def _filters(labels: list[str]) -> str:
 
 
 def _plans(
-    material: Material, rows: pl.DataFrame, found: FailureAtlas, unit: str, per_m: float
+    trials: TrialsFolder, rows: pl.DataFrame, found: FailureAtlas, unit: str, per_m: float
 ) -> list[ArenaPlan]:
     plans: list[ArenaPlan] = []
     for (arena,), spots in found.spots.group_by("arena", maintain_order=True):
         some = rows.filter(pl.col("arena").fill_null(0) == arena, pl.col("error").is_null())
-        floor = material.arena_of(some.row(0, named=True))
+        floor = trials.arena_of(some.row(0, named=True))
         axes = floor_axes(floor, LONG_SIDE, LEFT, TOP)
         worst = found.runs.filter(pl.col("arena") == arena)
         shown = [_spot(spot, worst, axes, found.spot_m, per_m) for spot in spots.to_dicts()]

@@ -29,7 +29,7 @@ from maurice_mcl.analysis.failures.kinds import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.analysis.metrics import GOAL_M
 from maurice_mcl.geometry import INCH_M
 
-from ..plots.material import Material, NothingToDraw, over_drives
+from ..plots.material import Material, MissingRuns, over_drives
 
 REPRODUCED, NOT, UNDECIDED = "reproduced", "not reproduced", "undecided"
 UNTESTABLE, BUILT_IN = "not testable", "built in"
@@ -106,7 +106,7 @@ class Claim:
         """Return what the trials show; not testable where they hold no runs for it."""
         try:
             return self.test(material)
-        except NothingToDraw as problem:
+        except MissingRuns as problem:
             return ClaimResult(str(problem).partition(": ")[2] or str(problem), UNTESTABLE)
 
 
@@ -162,7 +162,7 @@ def critical_count(material: Material) -> ClaimResult:
     above = [count for count in counts if CRITICAL <= count <= CRITICAL * AROUND]
     if not below or not above or counts[-1] <= above[-1]:
         why = f"holds no runs with counts below {CRITICAL / AROUND:,.0f}, about {CRITICAL:,}, and above"
-        raise NothingToDraw(material.folder, why)
+        raise MissingRuns(material.folder, why)
     few, many = (_differ(rows, "particles", counts[-1], count, "lost") for count in (below[-1], above[-1]))
     told = [
         f"{said(figure(0.95), 'points', 100, 0)} more lost with {count:,}"
@@ -177,7 +177,7 @@ def error_by_count(material: Material) -> ClaimResult:
     rows = _scored(material)
     good = rows.filter(~pl.col("lost").any().over("session", "seed"))
     if good["particles"].n_unique() < 2:
-        raise NothingToDraw(material.folder, "holds no drive with several particle counts, none of them lost")
+        raise MissingRuns(material.folder, "holds no drive with several particle counts, none of them lost")
     x, y = good["particles"].to_numpy(), good["error_m"].to_numpy() / INCH_M
 
     def slope(level: float) -> Interval:
@@ -193,7 +193,7 @@ def error_a_thousand(material: Material) -> ClaimResult:
     """Tell the mean error at the critical count and above; the arena was made hard enough to give it."""
     rows = _scored(material).filter(pl.col("particles") >= CRITICAL)
     if rows.is_empty():
-        raise NothingToDraw(material.folder, f"holds no runs with {CRITICAL:,} particles or more")
+        raise MissingRuns(material.folder, f"holds no runs with {CRITICAL:,} particles or more")
     figure = mean(rows["error_m"].to_numpy() / INCH_M, clusters_of(rows))
     ours = (
         f"mean error {said(figure, 'in')}; the arena was made so hard that the thesis's filter has about 9 in"
@@ -205,7 +205,7 @@ def hundred_particles(material: Material) -> ClaimResult:
     """Look how many runs with 100 particles get as far as no run of the thesis did."""
     rows = _scored(material, particles=100).filter(pl.col("distance_m") >= GOAL_M)
     if rows.is_empty():
-        raise NothingToDraw(material.folder, "holds no drive of 1,000 in with 100 particles")
+        raise MissingRuns(material.folder, "holds no drive of 1,000 in with 100 particles")
     reached, clusters = rows["reached"].to_numpy(), clusters_of(rows)
 
     figure = partial(share, reached, clusters)
@@ -268,7 +268,7 @@ def _differ(rows: pl.DataFrame, key: str, first: object, other: object, metric: 
     )
     both = after.join(before, on=["session", "seed"], suffix="_first")
     if both.is_empty():
-        raise NothingToDraw(None, f"holds no runs of {first} and {other} on the same drives")
+        raise MissingRuns(None, f"holds no runs of {first} and {other} on the same drives")
     values, others, clusters = both[metric].to_numpy(), both[f"{metric}_first"].to_numpy(), clusters_of(both)
     if rows.schema[metric] == pl.Boolean:
         return partial(rate_difference, others, values, clusters)
@@ -282,7 +282,7 @@ def recovery(material: Material) -> ClaimResult:
         name for name in rows[key].unique(maintain_order=True) if name not in ("none", "expansion", None)
     ]
     if "none" not in rows[key].to_list() or not names:
-        raise NothingToDraw(material.folder, "holds no runs with and without fresh particles")
+        raise MissingRuns(material.folder, "holds no runs with and without fresh particles")
     once = rows.unique(["session", "seed", key], maintain_order=True)  # "threshold" is there twice
     figures = [_differ(once, key, "none", name, "right_at_end") for name in names]
     without = once.filter(pl.col(key) == "none")
@@ -320,7 +320,7 @@ def _scored(material: Material, **wanted: int) -> pl.DataFrame:
     """Return the runs of position tracking whose truth is known."""
     rows = material.part("position-tracking", **wanted).filter(pl.col("lost").is_not_null())
     if rows.is_empty():
-        raise NothingToDraw(material.folder, "holds no runs of position-tracking whose truth is known")
+        raise MissingRuns(material.folder, "holds no runs of position-tracking whose truth is known")
     return rows
 
 

@@ -45,7 +45,6 @@ WORDS: Mapping[str, str] = {
     "calibrate drive": "calibrate drive drive",
     "trials": "trials plan.toml -o trials --workers 1",
     "trials-table": "trials-table made --by particles",
-    "trials-view": "trials-view made -o made.rrd",
     "config show": "config show --origin",
     "simulate": "simulate tracking --updates 2 -o simulated",
     "survey": "survey --spacing 6ft --headings 2 -o surveyed",

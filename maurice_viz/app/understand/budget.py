@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_datasets.trials.budget import BudgetDrive, ErrorBudget, budget_of
+from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.rows import is_trials
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading import ReadingOptions
@@ -15,7 +16,6 @@ from maurice_mcl.library import Library
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener, progress_of
-from ...plots.material import Material
 from ..open import AnySession, RunSpec, make_runs, open_library_for, open_session
 
 MOST_DRIVES = 10  # of a folder of trials
@@ -69,16 +69,16 @@ def error_budget(
 
 
 def _of_trials(folder: Path, listener: Listener) -> ErrorBudget:
-    material = Material(folder)
-    first = material.rows.row(0, named=True)
-    rows = material.part(first["part"], session=first["session"], variant=first["variant"])
+    trials = TrialsFolder(folder)
+    first = trials.rows.row(0, named=True)
+    rows = trials.part(first["part"], session=first["session"], variant=first["variant"])
     chosen = rows.sort("seed").head(MOST_DRIVES)
     seeds = {row["seed"]: [row["seed"]] for row in chosen.iter_rows(named=True)}
     if first["arena"] is None:  # seeds of one recorded drive
         chosen, seeds = chosen.head(1), {chosen["seed"][0]: chosen["seed"].to_list()}
     drives = []
     for row in chosen.iter_rows(named=True):
-        drive, localizer = material.drive_of(row), material.localizer_of(row)
+        drive, localizer = trials.drive_of(row), trials.localizer_of(row)
         moments = list(drive.session.moments())
         drives.append(BudgetDrive(localizer, moments, drive.start, seeds[row["seed"]], row["arena"] or 0))
     label, units = f"{first['part']}, {first['label']}", drive.session.info.display_units

@@ -16,47 +16,20 @@ from benchmarks.studies.planted.places import SETS, Ground, ground_of, part_of, 
 from benchmarks.studies.planted.planting import Planted, planting_of
 from benchmarks.studies.planted.ways import HEALTHY, SEEING, WAYS, Planting
 from benchmarks.studies.remedies import write_planted
+from helpers.small_room import write_small_room
 from maurice_datasets.tasks import FITTING, TEST
 from maurice_loaders import open_library, open_session
 from maurice_mcl.analysis.failures.kinds import CAUSES, OUT_OF_PLANE, UNKNOWN
 from maurice_mcl.filter.batch import compared_once
 
-ROOM = """
-format = 1
-name = "closet"
-units = "cm"
-height = 220
-[library]
-anchor = [20, 20]
-spacing = 40
-headings = 4
-clearance = 12
-[style.any]
-walls = [
-  { texture = "wallpaper", color = "teal", other = "cream", size = 20 },
-  { texture = "brick", color = "terracotta" },
-  { texture = "plaster", color = "mustard" },
-  { texture = "panelling", color = "oak" },
-]
-lamp = { brightness = 1.1, color = "neutral" }
-ambient = 0.4
-[[room]]
-name = "closet"
-rect = [0, 0, 200, 160]
-style = "any"
-[[floor]]
-name = "wood"
-paint = { texture = "planks", color = "oak", size = 12 }
-"""
-
 
 @pytest.fixture(scope="module")
 def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ground]:
     folder = tmp_path_factory.mktemp("planted")
-    (folder / "closet.toml").write_text(ROOM)
+    room = write_small_room(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MAURICE_CACHE", str(folder / "cache"))
-        yield ground_of(str(folder / "closet.toml"), 1)
+        yield ground_of(str(room), 1)
 
 
 def run(kind: str, planting: Planting) -> Planted:

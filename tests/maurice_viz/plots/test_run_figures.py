@@ -19,7 +19,7 @@ from maurice_mcl.geometry import INCH_M
 from maurice_viz.plots import clouds, costs, drawn, drives, traces
 from maurice_viz.plots.drawn import draw_figures
 from maurice_viz.plots.figures import OVER_PARTICLES
-from maurice_viz.plots.material import Material, NothingToDraw
+from maurice_viz.plots.material import Material, MissingRuns
 
 OURS = (*clouds.FIGURES, *costs.FIGURES, *drives.FIGURES, *traces.FIGURES)
 SESSION = 'seeds = 2\n[[sessions]]\ntask = "{task}"\nupdates = 14\narenas = 1\n{more}\n'
@@ -70,7 +70,7 @@ def test_every_figure_is_drawn_and_its_axes_have_labels(
     for one in OURS:
         try:
             made = one.draw(material)
-        except NothingToDraw:
+        except MissingRuns:
             left.add(one.number)
             continue
         labels = {axes.get_xlabel() for axes in made.axes} | {axes.get_ylabel() for axes in made.axes}
@@ -145,7 +145,7 @@ def test_points_of_costs_are_the_medians(tmp_path: Path) -> None:
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     relative = costs.of_color(material, DESCRIBE, "time over that of color (ratio)").axes[0]
     assert relative.get_lines()[0].get_xdata().tolist() == [2.0]
-    with pytest.raises(NothingToDraw, match="trials timing"):
+    with pytest.raises(MissingRuns, match="trials timing"):
         costs.update(Material(tmp_path))
 
 

@@ -39,7 +39,7 @@ def test_a_spot_shows_its_worst_runs(page: Path, tmp_path: Path) -> None:
         tab.value("document.querySelector('.spot').dispatchEvent(new MouseEvent('click'))")
         shown = tab.value("document.getElementById('chosen').innerText")
         assert "Spot at (" in shown
-        assert f"maurice-replay trials-view trials --run 'mine/{page.parent.name}/0/" in shown
+        assert f"maurice-replay {page.parent / 'session.log'} --set particles=50 --seed " in shown
         tab.value("document.querySelector('input[value=rank]').click()")
         assert tab.value("document.querySelector('.spot').getAttribute('fill')").startswith("#")
 

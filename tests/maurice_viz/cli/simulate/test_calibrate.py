@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from helpers.commands import failure, run, runs_of
+from maurice_datasets.robot.motion import TrialPlan, calibration_drive
+from maurice_loaders.calibration import write_trials
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.geometry import compose
@@ -37,7 +39,7 @@ refused = partial(failure, "calibrate")
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
     file = tmp_path / "trials.csv"
-    calibrate("trials", "-o", file, "--seed", "3", "--trials", "30")
+    write_trials(file, calibration_drive(3, TrialPlan(30, 30)))
     return file
 
 

@@ -1,0 +1,144 @@
+"""A folder of trials: its rows, and the run behind a row, made again or as commands that show it."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files import toml_value
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.map import Arena
+from maurice_mcl.records import StepRecord
+from maurice_mcl.session import Moment
+
+from .controls import filter_for
+from .drives import FIRST, Drive, arena_of, open_drive
+from .plan import SPECIAL, SessionSpec, Variant, Variants
+from .rows import read_plan_of
+from .table import load_trials
+
+Row = dict[str, Any]
+SIMULATED = ("world", "tier", "updates", "kidnap_at", "slip_at", "lights", "moved", "people")
+SURVEYED = ("spacing_in", "headings", "camera")  # no options of `simulate`: only their defaults can be shown
+_USUAL = {field.name: field.default for field in fields(SessionSpec)}
+
+
+class MissingRuns(InputError):
+    """The folder does not hold what is asked for; the text says which plan makes it."""
+
+
+@dataclass(frozen=True)
+class TrialsFolder:
+    """A folder that `trials` has made.
+
+    >>> from maurice_datasets.trials.folder import TrialsFolder
+    >>> TrialsFolder(Path("trials")).rows["error_m"].max()  # doctest: +SKIP
+    1.63
+    """
+
+    folder: Path
+
+    @cached_property
+    def rows(self) -> pl.DataFrame:
+        """All rows that did not fail."""
+        return load_trials(self.folder).filter(pl.col("error").is_null())
+
+    @cached_property
+    def parts(self) -> list[dict[str, Any]]:
+        """The parts of the folder's plan, in order, as plain values."""
+        parts: list[dict[str, Any]] = read_plan_of(self.folder)["parts"]
+        return parts
+
+    def part(self, name: str, **wanted: Any) -> pl.DataFrame:
+        """Return the rows of a part in which columns have some values; MissingRuns where there are none."""
+        rows = self.rows.filter(pl.col("part") == name)
+        for column, value in wanted.items():
+            rows = rows.filter(pl.col(column) == value) if column in rows.columns else rows.clear()
+        if rows.is_empty():
+            raise MissingRuns(
+                self.folder, f"holds no runs of {name}; maurice-replay trials {name} makes them"
+            )
+        return rows
+
+    def drive_of(self, row: Row) -> Drive:
+        """Return the drive of the run behind a row."""
+        return _drive(self.spec_of(row), row["seed"])
+
+    def arena_of(self, row: Row) -> Arena:
+        """Return the map of the run behind a row."""
+        return arena_of(self.spec_of(row), row["seed"])
+
+    def localizer_of(self, row: Row) -> Localizer:
+        """Return the filter of the run behind a row."""
+        return filter_for(self.drive_of(row), self.settings_of(row), row["seed"])
+
+    def run_of(self, row: Row) -> Iterator[tuple[Moment, StepRecord]]:
+        """Run again the run behind a row: the same, bit for bit."""
+        return steps_of(self.localizer_of(row), self.drive_of(row))
+
+    def spec_of(self, row: Row) -> SessionSpec:
+        """Return the session that a row is of."""
+        for session in self._part_of(row)["sessions"]:
+            if session["label"] == row["session"]:
+                return SessionSpec(**session)
+        raise MissingRuns(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
+
+    def settings_of(self, row: Row) -> dict[str, Any]:
+        """Return all that the variant of a row sets."""
+        variants = self._part_of(row)["variants"]
+        listed = tuple(Variant(one["label"], one["settings"]) for one in variants["listed"])
+        return dict(Variants(variants["settings"], variants["grid"], listed)[row["variant"]].settings)
+
+    def _part_of(self, row: Row) -> dict[str, Any]:
+        for part in self.parts:
+            if part["name"] == row["part"]:
+                return part
+        raise MissingRuns(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
+
+    def commands_of(self, row: Row) -> str | None:
+        """Return the commands that show the run behind a row: its drive simulated, and its filter on it.
+
+        The replay has the row's error to the last bit. None: no command has words for this drive or filter.
+        """
+        spec, settings, seed = self.spec_of(row), self.settings_of(row), row["seed"]
+        if "control" in settings or any(getattr(spec, name) != _USUAL[name] for name in SURVEYED):
+            return None
+        replay = ["maurice-replay", spec.path or f"drive-{seed}"]
+        replay += ["--library", spec.library] if spec.library else []
+        if "sensor.weights" in settings:
+            settings.pop("feature", None)  # an option that would replace them
+        for key, value in settings.items():
+            text = value if isinstance(value, str) else toml_value(value)
+            replay += [f"--{key}", text] if key in SPECIAL else ["--set", f"{key}={text}"]
+        replay += ["--seed", str(seed), *(["--start", "global"] if spec.start else [])]
+        if spec.path:
+            return shlex.join(replay)
+        arena = FIRST + seed % spec.arenas
+        simulate = ["maurice-replay", "simulate", spec.task]
+        simulate += ["--arena-seed", str(arena), "--seed", str(FIRST + seed)]
+        for name in SIMULATED:
+            if getattr(spec, name) != _USUAL[name]:
+                simulate += [f"--{name.replace('_', '-')}", str(getattr(spec, name))]
+        simulate += ["--lossless", "-o", f"drive-{seed}"]
+        return f"{shlex.join(simulate)} && {shlex.join(replay)}"
+
+
+@lru_cache(2)
+def _drive(spec: SessionSpec, seed: int) -> Drive:
+    """Return a drive; the last two are kept, because their pictures take longer to render than to use."""
+    return open_drive(spec, seed)
+
+
+def steps_of(localizer: Localizer, drive: Drive) -> Iterator[tuple[Moment, StepRecord]]:
+    """Yield every moment of a drive with its record."""
+    state = localizer.initialize(drive.start)
+    for moment in drive.session.moments():
+        state, record = localizer.step(state, moment.frame)
+        yield moment, record
