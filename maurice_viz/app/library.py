@@ -42,14 +42,13 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..text.places import drive_said
 from .drive_check import score_feature
+from .library_check import default_said, scales_said
 from .open import (
     as_recorded_session,
-    default_said,
     library_at,
     open_session,
     remark_open,
     remark_skipped,
-    scales_said,
 )
 
 

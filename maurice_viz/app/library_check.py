@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.reading import ReadingOptions
 from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64
+from maurice_mcl.config.build import adapted
+from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library import Library
 from maurice_mcl.library_advice import Confusion, LibraryAdvice, ProposedReference, advise
 from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
@@ -24,6 +27,7 @@ from maurice_mcl.sensor.references import nearest_reference
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..style import scale_for
+from ..text.places import places_said
 from .drive_check import score_feature
 from .open import as_recorded_session, library_at, open_session
 
@@ -173,3 +177,22 @@ def _checked_map(path: Path, *, force: bool) -> Path:
         raise OptionError(f"--map ends in .png, found {str(path)!r}")
     expect_absent(path, force=force)
     return path
+
+
+def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
+    """Yield what the library's own pictures show about the default filter, with or without its own scales."""
+    if library.size:
+        reference = nearest_reference(library.poses, library.arena)
+        _, found = adapted(configure([]), library, reference)
+        if found is not None and not fitted:
+            found = replace(found, stretched={})
+        yield from places_said(library.name, FEATURES["blended"], found)
+
+
+def scales_said(library: Library) -> Iterator[str]:
+    """Yield what the library's own pictures show about the features that are mostly used with it."""
+    reference = nearest_reference(library.poses, library.arena)
+    for feature in ("blended", "best"):
+        weights = FEATURES[feature]
+        _, found = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
+        yield from places_said(library.name, weights, found)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
@@ -21,7 +21,7 @@ from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, available, build_localizer
-from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.config.parameters import PRESETS, Configuration
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
@@ -349,25 +349,6 @@ def _suited(
     for text in dict.fromkeys(text for _, _, said in found for text in said):
         listener.warning(text)
     return [one for one, _, _ in found], [one for _, one, _ in found]
-
-
-def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
-    """Yield what the library's own pictures show about the default filter, with or without its own scales."""
-    if library.size:
-        reference = nearest_reference(library.poses, library.arena)
-        _, found = adapted(configure([]), library, reference)
-        if found is not None and not fitted:
-            found = replace(found, stretched={})
-        yield from places_said(library.name, FEATURES["blended"], found)
-
-
-def scales_said(library: Library) -> Iterator[str]:
-    """Yield what the library's own pictures show about the features that are mostly used with it."""
-    reference = nearest_reference(library.poses, library.arena)
-    for feature in ("blended", "best"):
-        weights = FEATURES[feature]
-        _, found = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
-        yield from places_said(library.name, weights, found)
 
 
 def _first_truth(session: SourcedSession) -> F64 | None:

@@ -20,7 +20,8 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 
 from ...listener import SILENT, Listener, progress_of
-from ..open import default_said, library_at
+from ..library_check import default_said
+from ..open import library_at
 
 EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
 
