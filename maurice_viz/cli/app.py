@@ -44,18 +44,39 @@ COMMANDS = {
     one.name: one
     for one in (
         Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
+        Listed("open", "replay", "Open a Rerun recording or a saved run in the viewer.", _REPLAY),
         Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "compare"),
         Listed(
             "demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY, "tutorial"
         ),
-        Listed("verify", "replay", "Run a saved run again and compare it bit by bit.", _REPLAY, "saved-runs"),
+        Listed(
+            "verify",
+            "replay",
+            "Run a saved run again: is every step the same to the bit?",
+            _REPLAY,
+            "saved-runs",
+        ),
         Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND, "diagnose"),
         Listed(
             "what-if", "what_if", "Branch a saved run with a change; rank remedies.", _UNDERSTAND, "what-if"
         ),
-        Listed("inspect", "recordings", "Show what a recording holds.", _UNDERSTAND, "formats"),
-        Listed("doctor", "recordings", "Find what is wrong with a recording.", _UNDERSTAND, "doctor"),
-        Listed("check", "check", "Test a filter on drives, for a build server.", _UNDERSTAND, "check"),
+        Listed(
+            "inspect",
+            "recordings",
+            "List what a recording holds: counts, rates, cameras.",
+            _UNDERSTAND,
+            "formats",
+        ),
+        Listed(
+            "doctor",
+            "recordings",
+            "Find wrong units, signs and clocks of a recording, and the fix.",
+            _UNDERSTAND,
+            "doctor",
+        ),
+        Listed(
+            "check", "check", "Test whether a filter meets demands on drives, for CI.", _UNDERSTAND, "check"
+        ),
         Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND, "events"),
         Listed("explain", "runs", "Explain one step of a saved run.", _UNDERSTAND, "explain"),
         Listed(
@@ -113,6 +134,7 @@ FAMILIES = {
     "calibrate": "Calibrate the motion model, the camera's noise and the belief.",
     "config": "Show and check configurations.",
 }
+HELP = "help"  # a command, for who does not know --help
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
 
 
@@ -168,7 +190,7 @@ class CommandList(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command of the first word. If there is none, a usage error suggests one."""
-        if args[0] not in self.list_commands(ctx):
+        if args[0] not in self.list_commands(ctx) and not ctx.resilient_parsing:  # completion asks so
             ctx.fail(f"there is no command {args[0]!r}; {_nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
@@ -183,7 +205,18 @@ class CommandList(TyperGroup):
 
 
 class ReplayByDefault(CommandList):
-    """`maurice-replay SESSION` is `maurice-replay replay SESSION`, with options before or after."""
+    """`maurice-replay SESSION` is `maurice-replay replay SESSION`, with options before or after.
+
+    `maurice-replay help COMMAND` is `maurice-replay COMMAND --help`.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands, and `help`."""
+        return [*super().list_commands(ctx), HELP]
+
+    def get_command(self, ctx: Any, name: str) -> Any:
+        """Import the command of that name; `help` is an empty one, for the completion of its name."""
+        return TyperCommand(HELP) if name == HELP else super().get_command(ctx, name)
 
     def main(self, *args: Any, **how: Any) -> Any:
         """Run; control characters in what is printed, also by a usage error, are shown as marks."""
@@ -192,9 +225,12 @@ class ReplayByDefault(CommandList):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `replay` in front of what is neither a command nor an option of the app's own."""
+        if args[:1] == [HELP]:
+            args = [*args[1:], "--help"]
         if args and args[0] not in OWN_OPTIONS and args[0] not in self.list_commands(ctx):
             word = args[0]  # neither an option, an address nor a file: a mistyped command, probably
-            if not word.startswith("-") and "://" not in word and not Path(word).exists():
+            is_path = word.startswith("-") or "://" in word or Path(word).exists()
+            if not is_path and not ctx.resilient_parsing:
                 nearest = _nearest(word, self.list_commands(ctx))
                 fail(f"{word}: there is no session or command of that name; {nearest}")
             args = ["replay", *args]

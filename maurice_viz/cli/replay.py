@@ -86,6 +86,15 @@ def replay(
         )
 
 
+def open(  # noqa: A001
+    recording: Annotated[Path, opt.argument("FILE.rrd|RUN", "A Rerun recording, or a saved run's folder.")],
+    web: opt.Web = False,
+    layout: opt.Layout = None,
+) -> None:
+    """Open a Rerun recording or a saved run in the viewer, as `maurice-replay FILE.rrd` does."""
+    replay(recording, web=web, layout=layout)
+
+
 def compare(
     paths: Annotated[
         list[Path],
@@ -150,7 +159,7 @@ def demo(
         str,
         typer.Argument(
             help="kidnapped: a kidnapped robot, two presets; features: color and blended on one drive.",
-            callback=opt.one_of(STORIES, "story"),
+            **opt.one_of(STORIES, "story"),
         ),
     ] = STORIES[0],
     session_only: Annotated[

@@ -28,7 +28,12 @@ def events(
     run: opt.Run,
     kinds: Annotated[
         list[str] | None,
-        option("--kind", f"Only this kind; may be repeated: {', '.join(KINDS)}.", metavar="KIND"),
+        option(
+            "--kind",
+            f"Only this kind; may be repeated: {', '.join(KINDS)}.",
+            metavar="KIND",
+            autocompletion=opt.completed(KINDS),
+        ),
     ] = None,
     everything: Annotated[bool, option("--all", "List routine events too: resampling, a new floor.")] = False,
     json_output: opt.Json = False,
@@ -136,7 +141,15 @@ def snapshot(
         Path | None, option("-o --output", "The picture to write.", PICTURE, metavar="OUT.png")
     ] = None,
     step: Annotated[int | None, option("--step", "Which step. [default: the last]", PICTURE, min=1)] = None,
-    phase: Annotated[str | None, option("--phase", f"One phase of it: {PHASES}.", PICTURE)] = None,
+    phase: Annotated[
+        str | None,
+        option(
+            "--phase",
+            f"One phase of it: {PHASES}.",
+            PICTURE,
+            autocompletion=opt.completed(PHASES.split(" | ")),
+        ),
+    ] = None,
     movie: Annotated[
         Path | None,
         option("--movie", "Write a movie of a range of steps instead.", MOVIE, metavar="OUT.mp4|OUT.gif"),

@@ -12,23 +12,33 @@ from maurice_loaders.errors import InputError
 
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import MOST_SEED, argument, option, read_length
+from .shared.options import MOST_SEED, argument, completed, option, read_length
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally
 
 WORLD, DRIVE, LIVE = "World and camera", "Drive", "Live robot"
 LEAST_SPACING_M = 0.02
+TASKS = ("tracking", "global", "kidnapped")
 
-_world = partial(option, "--world", "A world's name, or the path of a TOML file.")
-_tier = partial(option, "--tier", "nominal | dim | hard.")
+
+def _worlds(incomplete: str) -> list[str]:
+    from maurice_datasets.worlds.build import shipped_worlds  # the shell asks only for this option
+
+    return completed(shipped_worlds())(incomplete)
+
+
+_world = partial(option, "--world", "A world's name, or the path of a TOML file.", autocompletion=_worlds)
+_tier = partial(
+    option, "--tier", "nominal | dim | hard.", autocompletion=completed(("nominal", "dim", "hard"))
+)
 _arena_seed = partial(
     option, "--arena-seed", "Seed of textures, furniture, lights and the survey.", min=0, max=MOST_SEED
 )
 
 
 def simulate(
-    task: Annotated[str, argument("TASK", "tracking | global | kidnapped.")],
+    task: Annotated[str, argument("TASK", "tracking | global | kidnapped.", autocompletion=completed(TASKS))],
     output: Annotated[
         Path | None, option("-o --output", "Write session and survey to this folder.", metavar="DIR")
     ] = None,

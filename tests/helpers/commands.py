@@ -28,10 +28,10 @@ def process(*words: object, expect: int = 0, **env: str) -> subprocess.Completed
     return done
 
 
-def run(*words: object, expect: int = 0) -> Result:
+def run(*words: object, expect: int = 0, **how: Any) -> Result:
     """Run the command; a defect is raised, and another exit code than expected fails."""
     done = CliRunner(env={"DISPLAY": None, "WAYLAND_DISPLAY": None}).invoke(
-        app, [str(word) for word in words]
+        app, [str(word) for word in words], **how
     )
     if done.exception is not None and not isinstance(done.exception, SystemExit):
         raise done.exception

@@ -15,6 +15,7 @@ import typer
 from maurice_loaders.files import parse_toml
 from maurice_loaders.reading import FIELDS, ReadingOptions, option_value, read_reading
 from maurice_mcl.config.parameters import PRESETS
+from maurice_mcl.config.rules import RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
 from ...errors import OptionError
@@ -39,8 +40,14 @@ def argument(metavar: str | None, text: str, **more: Any) -> Any:
     return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
 
 
-def one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
-    """Return a callback that checks that an option's value, or each of its values, is a known name."""
+def completed(names: Iterable[str], end: str = "") -> Callable[[str], list[str]]:
+    """Return what a shell asks for the rest of a value: the names that begin so, each with `end`."""
+    choices = [name + end for name in dict.fromkeys(names)]
+    return lambda incomplete: [name for name in choices if name.startswith(incomplete)]
+
+
+def one_of(known: Iterable[str], what: str) -> dict[str, Any]:
+    """Return what an option of known names has: a check of its value or values, and their completion."""
     names = list(dict.fromkeys(known))
 
     def check(typed: Any) -> Any:
@@ -49,7 +56,7 @@ def one_of(known: Iterable[str], what: str) -> Callable[[Any], Any]:
                 raise typer.BadParameter(f"no {what} called {value!r}; there are {', '.join(names)}")
         return typed
 
-    return check
+    return {"callback": check, "autocompletion": completed(names)}
 
 
 Session = Annotated[
@@ -67,14 +74,14 @@ _FEATURE = option(
     f"Feature to compare: {', '.join(FEATURES)}, or any one channel. [default: blended]",
     FILTER,
     metavar="NAME",
-    callback=one_of([*FEATURES, *CHANNELS], "feature"),
+    **one_of([*FEATURES, *CHANNELS], "feature"),
 )
 _PRESET = option(
     "--preset",
     "A complete filter by name.",
     FILTER,
     metavar="|".join(PRESETS),
-    callback=one_of(PRESETS, "preset"),
+    **one_of(PRESETS, "preset"),
 )
 _CONFIG = option("--config", "A configuration file, applied after the preset.", FILTER, metavar="FILE.toml")
 _PARTICLES = option("--particles", "Number of particles. [default: 2000]", FILTER, min=1, max=10_000_000)
@@ -92,6 +99,7 @@ _START = option(
     "pose in display units and degrees. [default: tracking where there is a start pose, else global]",
     FILTER,
     metavar="tracking|truth|global|X,Y,HEADING",
+    autocompletion=completed(("tracking", "truth", "global")),
 )
 Feature = Annotated[str | None, _FEATURE]
 Features = Annotated[list[str] | None, _FEATURE]
@@ -113,6 +121,7 @@ Set = Annotated[
         "motion=FILE.toml takes motion parameters from a file. Repeatable; `config show` lists the keys.",
         FILTER,
         metavar="KEY=VALUE",
+        autocompletion=completed((*RULES, "motion"), "="),
     ),
 ]
 _LIBRARY = "A library folder, survey log or table of surveyed pictures. [default: the one the header names]"
@@ -125,6 +134,7 @@ Rrd = Annotated[
         "none: write no recording. [default: the viewer where there is a display, else auto]",
         OUTPUT,
         metavar="OUT.rrd|auto|none",
+        autocompletion=completed(("auto", "none")),
     ),
 ]
 _WEB = "Serve the recording to a browser, also over ssh, until Ctrl-C, instead of writing it."
@@ -137,7 +147,7 @@ MapFile = Annotated[
 ]
 MapUnit = Annotated[
     str,
-    option("--map-unit", "Unit of wall segments: mm or m.", callback=one_of(("mm", "m"), "unit of a map")),
+    option("--map-unit", "Unit of wall segments: mm or m.", **one_of(("mm", "m"), "unit of a map")),
 ]
 Force = Annotated[bool, option("--force", "Overwrite what exists.", OUTPUT)]
 Json = Annotated[bool, option("--json", "Print JSON instead of a table.", OUTPUT)]
@@ -148,7 +158,7 @@ Layout = Annotated[
         f"The layout (the viewer's tab) to begin with: {', '.join(LAYOUT_NAMES)}. [default: story]",
         OUTPUT,
         metavar="NAME",
-        callback=one_of(LAYOUT_NAMES, "layout"),
+        **one_of(LAYOUT_NAMES, "layout"),
     ),
 ]
 Detail = Annotated[
@@ -158,7 +168,7 @@ Detail = Annotated[
         "Draw every panel at every step, every panel only around events, or few panels throughout.",
         OUTPUT,
         metavar="|".join(DETAILS),
-        callback=one_of(DETAILS, "detail"),
+        **one_of(DETAILS, "detail"),
     ),
 ]
 _KEEP_GOING = "Skip broken lines and pictures, and report how many at the end."
@@ -173,6 +183,7 @@ Reading = Annotated[
         f"pictures. Repeatable. Keys: {', '.join(KEYS)}. [default: detected, printed]",
         READING,
         metavar="FILE.toml|KEY=VALUE",
+        autocompletion=lambda incomplete: completed(KEYS, "=")(incomplete),  # KEYS stands below
     ),
 ]
 _FOLLOW = "SESSION is a file that is still being written: continue as it grows."
