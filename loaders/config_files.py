@@ -38,11 +38,14 @@ def environment_layers(environment: Mapping[str, str]) -> list[Layer]:
 def configuration_of(
     preset: str | None, file: Path | None, environment: Mapping[str, str], typed: Mapping[str, Any]
 ) -> Configuration:
-    """Put together default, preset, file, environment and `typed`, the last one winning. InputError."""
+    """Put together default, preset, file, environment and `typed`, the last one winning. InputError.
+
+    The setting `motion` of `typed` may name a file of motion parameters.
+    """
     layers = [] if preset is None else [Layer(f"preset {preset}", PRESETS[preset])]
     layers += [] if file is None else [read_config(file)]
     layers += environment_layers(environment)
-    layers += [Layer("command line", {key: value}) for key, value in typed.items()]
+    layers += [Layer("command line", {key: value}) for key, value in read_settings(typed).items()]
     try:
         return configure(layers)
     except ValueError as problem:  # its text begins with the origin
@@ -116,3 +119,15 @@ def read_motion(file: Path) -> dict[str, Any]:
 
 def _value(value: Any) -> str:
     return toml_value(value if isinstance(value, str) else float(value))
+
+
+def motion_file(settings: Mapping[str, Any]) -> Path | None:
+    """Return the file of motion parameters that the setting `motion` names; None where it names none."""
+    motion = settings.get("motion")
+    return Path(motion) if isinstance(motion, (str, Path)) else None
+
+
+def read_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings with the motion parameters of the file that they may name. InputError."""
+    file = motion_file(settings)
+    return dict(settings) if file is None else {**settings, "motion": read_motion(file)}

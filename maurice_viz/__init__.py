@@ -19,8 +19,7 @@
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
 | `calibrate_belief` | how often the regions of saved runs' clouds hold the truth |
 | `calibrate_drive` | the noise of the odometry, from drives with truth |
-| `calibrate_motion`, `calibrate_noise` | constants of robot and camera from trials |
-| `figures` | the figures of a calibration, for a paper |
+| `calibrate_motion`, `calibrate_noise` | constants of robot and camera from trials, and their figures |
 | `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
 | `atlas` | a page that shows on the floor plan where runs of trials go wrong |
 
@@ -38,7 +37,6 @@ if TYPE_CHECKING:
     from .app.calibrate import calibrate_drive as calibrate_drive
     from .app.calibrate import calibrate_motion as calibrate_motion
     from .app.calibrate import calibrate_noise as calibrate_noise
-    from .app.calibrate import figures as figures
     from .app.compare import compare as compare
     from .app.convert import convert as convert
     from .app.convert import export as export
@@ -46,6 +44,8 @@ if TYPE_CHECKING:
     from .app.library import build_library as build_library
     from .app.library import tune as tune
     from .app.library_check import check_library as check_library
+    from .app.output import OutputOptions as OutputOptions
+    from .app.replay import LiveOptions as LiveOptions
     from .app.replay import replay as replay
     from .app.run import RunScores as RunScores
     from .app.saved import verify as verify
@@ -72,6 +72,8 @@ if TYPE_CHECKING:
 
 _WHERE = {
     "Listener": ".listener",
+    "LiveOptions": ".app.replay",
+    "OutputOptions": ".app.output",
     "RunScores": ".app.run",
     "atlas": ".reports.atlas",
     "build_library": ".app.library",
@@ -89,7 +91,6 @@ _WHERE = {
     "error_budget": ".app.understand.budget",
     "events": ".app.events",
     "explain": ".app.understand.explain",
-    "figures": ".app.calibrate",
     "export": ".app.convert",
     "formats": ".app.understand.inspect",
     "inspect": ".app.understand.inspect",

@@ -21,7 +21,7 @@ class Listener(Protocol):
     ...         print("warning:", text)
     ...     def progress(self, done: int, total: int, what: str) -> None:
     ...         pass
-    >>> file, _ = mv.convert("session.log", "drive", listener=Printer())
+    >>> converted = mv.convert("session.log", "drive", listener=Printer())
     """
 
     def remark(self, text: str) -> None:

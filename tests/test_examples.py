@@ -27,7 +27,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a session of 14 pictures, its survey, and a saved run of it, "my-run"."""
     folder = tmp_path_factory.mktemp("saved")
     write_small_survey(folder)
-    mv.replay(write_small_session(folder), particles=50, run=folder / "my-run")
+    mv.replay(write_small_session(folder), particles=50, save_run=folder / "my-run")
     return folder
 
 

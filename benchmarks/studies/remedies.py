@@ -92,7 +92,7 @@ def judged(which: str, kind: str, number: int) -> Row:
         try:
             session = write_planted(run, where)
             own = {key: value for key, value in run.planting.settings.items() if key != MOTION}
-            mv.replay(session, where / LIBRARY, settings=own, seed=run.localizer.seed, run=saved)
+            mv.replay(session, where / LIBRARY, settings=own, seed=run.localizer.seed, save_run=saved)
             possible, _ = candidates(open_branch(saved))
             names = [one.name for one in possible if one.name not in SLOW]
             found = mv.remedies(saved, seeds=SEEDS, names=names)

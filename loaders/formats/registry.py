@@ -88,11 +88,11 @@ def open_recording(path: Path, options: ReadingOptions | None = None) -> Recordi
 
 
 def open_session(
-    path: str | Path, options: ReadingOptions | None = None, **changes: Any
+    path: str | Path, reading: ReadingOptions | None = None, **changes: Any
 ) -> SessionLog | RecordedSession:
     """Open a recording of any format as a session, whose `moments()` are what a robot saw and did.
 
-    Keyword arguments are fields of `ReadingOptions`, over those of `options`. Only the header is read; every
+    Keyword arguments are fields of `ReadingOptions`, over those of `reading`. Only the header is read; every
     moment holds a picture (H, W, 3) uint8 RGB, motions (M, 3) in meters and radians, and the true pose (3,)
     or None. Raises InputError for an unknown format, and where reading goes wrong.
 
@@ -101,7 +101,7 @@ def open_session(
         >>> [moment.frame.image.shape for moment in session.moments()]
         [(4, 6, 3), (4, 6, 3)]
     """
-    path, options = Path(path), replace(options or ReadingOptions(), **changes)
+    path, options = Path(path), replace(reading or ReadingOptions(), **changes)
     one = chosen(path, options)
     recording = _opened(one, path, options)
     framed = with_frames(recording) if one.readings else recording

@@ -59,6 +59,16 @@ class MotionCalibration:
         found: dict[str, Any] = _no_nan(asdict(self.fit))
         return found | {"motion": self.fit.motion_header()}
 
+    def figures(self, to: str | Path, *, force: bool = False) -> list[Path]:
+        """Draw the thesis's figures 4 to 11 into a folder and return their paths.
+
+        Raises InputError without matplotlib, and where one exists (unless `force`).
+        """
+        from ..plots.calibration import ShownFit, draw_motion, expect_matplotlib
+
+        expect_matplotlib(Path(to))
+        return draw_motion(ShownFit(self.trials, self.fit, self.units), Path(to), force=force)
+
     @property
     def warnings(self) -> list[str]:
         """What a reader of the constants should know: movements left out, outliers, uneven turns."""
@@ -105,6 +115,8 @@ def calibrate_motion(
         >>> fitted = mv.calibrate_motion("trials.csv")  # doctest: +SKIP
         >>> round(fitted.fit.turns.gain.value, 2)  # doctest: +SKIP
         0.73
+        >>> len(fitted.figures("figures"))  # doctest: +SKIP
+        8
     """
     path = session_in(Path(source))
     if unit not in METERS:
@@ -123,32 +135,51 @@ def calibrate_motion(
     return found
 
 
-def calibrate_noise(source: str | Path, *, listener: Listener = SILENT) -> NoiseFloor:
+@dataclass(frozen=True, slots=True, eq=False)
+class NoiseCalibration:
+    """The noise floor of a camera."""
+
+    source: Path
+    floor: NoiseFloor
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the peaks and the whole histograms."""
+        floor = self.floor
+        found: dict[str, Any] = {
+            "frames": floor.frames,
+            "peaks": [asdict(peak) for peak in floor.peaks()],
+            "level": floor.level.tolist(),
+            "mean": floor.mean.tolist(),
+            "sd": floor.sd.tolist(),
+        }
+        return dict(_no_nan(found))
+
+    def figures(self, to: str | Path, *, force: bool = False) -> list[Path]:
+        """Draw the thesis's figures 13 and 14 into a file (.png) and return its path.
+
+        Raises InputError without matplotlib, and where the file exists (unless `force`).
+        """
+        from ..plots.calibration import draw_noise, expect_matplotlib
+
+        expect_matplotlib(Path(to))
+        draw_noise(self.floor, Path(to), force=force)
+        return [Path(to)]
+
+
+def calibrate_noise(source: str | Path, *, listener: Listener = SILENT) -> NoiseCalibration:
     """Measure the camera's noise floor in pictures taken with the lens covered.
 
     `source` is a survey log or its folder, or a folder of such pictures. Raises InputError if there are
     none.
 
         >>> import maurice_viz as mv
-        >>> mv.calibrate_noise("survey.log").frames
+        >>> mv.calibrate_noise("survey.log").floor.frames
         1
     """
-    found = noise_floor(covered_pictures(Path(source)))
-    if found.lit:
-        listener.warning(f"note: the mean pixel value is {found.level.mean():.0f}; was the lens covered?")
-    return found
-
-
-def noise_json(floor: NoiseFloor) -> dict[str, Any]:
-    """Return the peaks and the whole histograms of a noise floor as JSON."""
-    found: dict[str, Any] = {
-        "frames": floor.frames,
-        "peaks": [asdict(peak) for peak in floor.peaks()],
-        "level": floor.level.tolist(),
-        "mean": floor.mean.tolist(),
-        "sd": floor.sd.tolist(),
-    }
-    return dict(_no_nan(found))
+    floor = noise_floor(covered_pictures(Path(source)))
+    if floor.lit:
+        listener.warning(f"note: the mean pixel value is {floor.level.mean():.0f}; was the lens covered?")
+    return NoiseCalibration(Path(source), floor)
 
 
 def _stands(constant: MotionConstant) -> str:
@@ -276,35 +307,6 @@ def _driven(
 def _of_one_floor(segments: list[MotionSegment], floor_of: FloorOf) -> list[MotionSegment]:
     """Leave out movements from one floor to another, which tell no floor's drift."""
     return [one for one in segments if floor_of(one.before[:2], one.after[:2]) is not None]
-
-
-def figures(
-    source: str | Path | MotionCalibration | NoiseFloor,
-    to: str | Path,
-    *,
-    unit: str = "m",
-    force: bool = False,
-) -> list[Path]:
-    """Draw the figures of the thesis about a calibration and return their paths. Needs matplotlib.
-
-    Figures 4 to 11 of a motion calibration, or of the trials that `source` names, go to the folder `to`;
-    figures 13 and 14 of a noise floor to the file `to` (.png). Raises InputError without matplotlib and where
-    a file exists (unless `force`).
-
-        >>> import maurice_viz as mv
-        >>> files = mv.figures("trials.csv", "figures")  # doctest: +SKIP
-        >>> len(files)  # doctest: +SKIP
-        8
-    """
-    from ..plots.calibration import ShownFit, draw_motion, draw_noise, expect_matplotlib
-
-    target = Path(to)
-    expect_matplotlib(target)
-    if isinstance(source, NoiseFloor):
-        draw_noise(source, target, force=force)
-        return [target]
-    made = source if isinstance(source, MotionCalibration) else calibrate_motion(source, unit=unit)
-    return draw_motion(ShownFit(made.trials, made.fit, made.units), target, force=force)
 
 
 def _trials(source: Path, unit: str) -> tuple[Trials, Units]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_loaders.config_files import motion_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading import ReadingOptions
@@ -20,21 +21,15 @@ from maurice_mcl.map import Arena
 
 from ..entities import RESERVED
 from ..errors import OptionError
+from ..layouts import DETAILS
 from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..scene import RunView
-from .open import (
-    AnySession,
-    RunSpec,
-    make_runs,
-    open_library_for,
-    open_session,
-    remark_skipped,
-    unique_labels,
-)
-from .output import DriveScene, OutputOptions
-from .replay import output_of, replay_session
+from .open import AnySession, make_runs, open_library_for, open_session, remark_skipped, unique_labels
+from .output import DriveScene, OutputOptions, output_of
+from .replay import replay_session
 from .run import Playback, Report, RunScores, play, remark_zeros
+from .run_spec import RunSpec
 from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
 COLOR_AND_BLENDED = ("color", "blended")
@@ -58,11 +53,13 @@ def compare(
     settings: Mapping[str, Any] | Sequence[Mapping[str, Any]] = (),
     reading: ReadingOptions | None = None,
     to: str | Path | None = None,
-    run: str | Path | None = None,
+    save_run: str | Path | None = None,
     layout: str | None = None,
-    detail: str = "full",
+    detail: str = DETAILS[0],
     force: bool = False,
-    listener: Listener | None = None,
+    output: OutputOptions | None = None,
+    report: Report = lambda scores: None,
+    listener: Listener = SILENT,
 ) -> RunScores:
     """Replay two to four runs side by side and return their scores; all after the first are compared with it.
 
@@ -89,26 +86,25 @@ def compare(
     }
     is_one = not isinstance(session, Sequence) or isinstance(session, str)
     sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one
-    output = output_of(sources[0] if len(sources) == 1 else SEVERAL, to, run, layout, detail, force)
-    return compare_any(sources, library, given, output, reading=reading, listener=listener or SILENT)
+    named = sources[0] if len(sources) == 1 else SEVERAL
+    output = output_of(named, output, to, save_run, layout, detail, force=force)
+    return _compared(sources, library, given, output, reading or ReadingOptions(), listener, report)
 
 
 def _several(values: Any) -> Sequence[Any]:
     return list(values) if isinstance(values, Sequence) and not isinstance(values, str) else [values]
 
 
-def compare_any(
+def _compared(
     sources: Sequence[AnySource],
     library: str | Path | Library | None,
     given: Given,
     output: OutputOptions,
-    *,
-    reading: ReadingOptions | None = None,
-    listener: Listener = SILENT,
-    report: Report = lambda scores: None,
+    how: ReadingOptions,
+    listener: Listener,
+    report: Report,
 ) -> RunScores:
-    """Compare whatever is named; the command and the function `compare` both call this."""
-    how = reading or ReadingOptions()
+    """Compare what is named, by the one way that fits it. InputError, OptionError."""
     saved = [isinstance(one, (str, Path)) and is_saved(Path(one)) for one in sources]
     if any(saved):
         if not all(saved):
@@ -191,7 +187,16 @@ def _names(kind: str, values: Sequence[Any]) -> list[str]:
 def _setting_names(values: Sequence[Mapping[str, Any]]) -> list[str]:
     keys = list(dict.fromkeys(key for one in values for key in one))
     differing = [key for key in keys if len({str(one.get(key)) for one in values}) > 1]
-    return [" ".join(str(one.get(key, "default")) for key in differing) or "set" for one in values]
+    words = [
+        {key: _setting_word(key, settings.get(key, "default")) for key in differing} for settings in values
+    ]
+    return [" ".join(run.values()) or "set" for run in words]
+
+
+def _setting_word(key: str, value: Any) -> str:
+    """Return a value as a run's name may hold it: of a file of motion parameters, its stem."""
+    file = motion_file({key: value})
+    return str(value) if file is None else file.stem
 
 
 def names_of(paths: Sequence[Path]) -> list[str]:

@@ -55,17 +55,29 @@ LOG, MCAP = ".log", ".mcap"
 PICTURES = ("png", "jpeg")
 
 
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """A recording written as a log or as MCAP."""
+
+    file: Path
+    counts: Converted  # how many records of each kind it holds
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        return {"file": str(self.file)} | self.counts.to_json()
+
+
 def convert(
     source: str | Path,
     target: str | Path,
     *,
     pictures: PictureKind = "png",
     t_offset_s: float = 0.0,
-    options: ReadingOptions | None = None,
+    reading: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
-) -> tuple[Path, Converted]:
-    """Convert a recording and return the file written and how many records of each kind it holds.
+) -> Conversion:
+    """Convert a recording; return the file written and how many records of each kind it holds.
 
     `target` is a file that ends in .log or .mcap, or a folder, which gets a `session.log`. The file holds
     what a replay of `source` sees, so that replaying either gives the same run to the last bit; a recording
@@ -77,11 +89,11 @@ def convert(
     OptionError for another ending, picture format or a time offset that is not finite.
 
         >>> import maurice_viz as mv
-        >>> file, count = mv.convert("session.log", "drive")
-        >>> file.name
-        'session.log'
+        >>> converted = mv.convert("session.log", "drive")
+        >>> converted.file.name, converted.counts.pictures
+        ('session.log', 14)
     """
-    source, target, options = Path(source), Path(target), options or ReadingOptions()
+    source, target, options = Path(source), Path(target), reading or ReadingOptions()
     if target.suffix not in (LOG, MCAP, ""):
         raise OptionError(f"OUT is a folder, or ends in {LOG} or {MCAP}; found {target.name!r}")
     if pictures not in PICTURES:
@@ -121,7 +133,7 @@ def convert(
     count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:
         listener.warning(f"{session.path}: skipped {count} broken records, the first: {read.problems[0]}")
-    return target, done
+    return Conversion(target, done)
 
 
 def _begin(recording: Recording) -> tuple[float, bool]:

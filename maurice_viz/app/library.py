@@ -52,6 +52,15 @@ from .open import (
 )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class BuiltLibrary:
+    """A library as it was built and saved."""
+
+    library: Library
+    folder: Path
+    coverage: Coverage | None  # how much of the map it covers; None: not built from a drive
+
+
 def build_library(
     survey: str | Path,
     to: str | Path,
@@ -62,10 +71,10 @@ def build_library(
     map_file: str | Path | None = None,
     map_unit: str = "mm",
     landmarks: bool = False,
-    options: ReadingOptions | None = None,
+    reading: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
-) -> tuple[Library, Coverage | None]:
+) -> BuiltLibrary:
     """Build a library from a survey log, or from a drive with truth, and save it to the folder `to`.
 
     `every` is the distance and the angle between entries of a drive, as "0.4m,45deg" (the default of a drive;
@@ -73,16 +82,16 @@ def build_library(
     `check_library` asked for. `yaw_rad` is the yaw of the robot's camera from the survey's camera, in
     radians, counter-clockwise. `map_file` replaces the survey's map: a ROS `map.yaml`, or wall segments
     in `map_unit` ("mm" or "m"). With `landmarks`, those of the pictures are found and stored with it, if
-    there are any (docs/landmarks.md). Returns the library, and for a drive how much of the map it covers.
+    there are any (docs/landmarks.md). `reading` says how a drive is read.
 
     Raises OptionError for a bad `every`, and InputError for a survey without poses or a folder that exists.
 
         >>> import maurice_viz as mv
-        >>> library, _ = mv.build_library("survey.log", "library")
-        >>> library.size
+        >>> built = mv.build_library("survey.log", "library")
+        >>> built.library.size
         160
     """
-    survey, options = Path(survey), options or ReadingOptions()
+    survey, options = Path(survey), reading or ReadingOptions()
     try:
         spaced = None if every is None else read_every(every)
     except ValueError as problem:
@@ -117,7 +126,8 @@ def build_library(
 
             built = with_landmarks(built, progress=listener.progress, warn=listener.warning)
         save_library(built, Path(to), force=force)
-        return built, None if chosen is None else coverage_of(built, chosen.distance_m)
+        coverage = None if chosen is None else coverage_of(built, chosen.distance_m)
+        return BuiltLibrary(built, Path(to), coverage)
 
 
 BEFORE = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with

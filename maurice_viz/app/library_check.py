@@ -123,6 +123,7 @@ def check_library(
     to: str | Path | None = None,
     poses: str | Path | None = None,
     drive: str | Path | None = None,
+    reading: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> LibraryCheck:
@@ -130,6 +131,7 @@ def check_library(
 
     `drive` is a recording with truth whose pictures are compared with the library as well: pictures of one
     survey err alike, so that only a drive shows whether a robot's pictures fit where they were taken.
+    `reading` says how it is read.
 
     `feature` is a feature or a channel by name. `to` also draws the map of expected ambiguity and of
     references to add (.png), `poses` writes these as a table (.csv). Raises
@@ -147,7 +149,7 @@ def check_library(
         expect_absent(Path(poses), force=force)
     opened, recorded = library_at(path, listener), None
     if drive is not None:
-        options = ReadingOptions()
+        options = reading or ReadingOptions()
         recorded = as_recorded_session(open_session(Path(drive), options, listener), options)
     weights = FEATURES.get(feature, {feature: 1.0})
     missing = [name for name in weights if name not in opened.index]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from maurice_loaders.config_files import configuration_of, read_motion, to_toml
+from maurice_loaders.config_files import motion_file, to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
 from maurice_loaders.formats.registry import open_session as open_any
@@ -21,10 +20,9 @@ from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, available, build_localizer
-from maurice_mcl.config.parameters import PRESETS, Configuration
+from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library import Library
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.session import Session, SessionInfo
 
@@ -35,6 +33,7 @@ from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.places import places_said
 from .drive_check import drive_pictures, suited
+from .run_spec import RunSpec
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
@@ -86,7 +85,6 @@ NONE_YET = (
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
 )
 AnySession: TypeAlias = SessionLog | RecordedSession
-COMMAND_LINE = "command line"  # the origin of settings in error messages
 
 
 class SourcedSession(Session, Protocol):
@@ -164,87 +162,6 @@ def remark_open(library: Library, listener: Listener) -> None:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class RunSpec:
-    """One run as it is asked for; what is None is as the configuration or the session has it."""
-
-    preset: str | None = None
-    feature: str | None = None
-    particles: int | None = None
-    seed: int = 0
-    start: str | F64 | None = None  # see `start_pose`
-    config: Path | None = None  # a configuration file, over the preset
-    settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over all others
-    motion: Path | None = None  # a file of motion parameters, in place of the header's
-    name: str = ""  # of the run; empty: after preset and feature, or its configuration file
-
-    @property
-    def label(self) -> str:
-        """The run's name, after what distinguishes it."""
-        named = [part for part in (self.preset, self.feature) if part]
-        return self.name or "-".join(named) or (self.config.stem if self.config else "blended")
-
-    def configuration(self) -> Configuration:
-        """Return the effective values: default, preset, file, environment, then what is given here.
-
-        InputError for a bad file or environment, OptionError for a setting that is not known or out of range.
-        """
-        check_name(self.preset, PRESETS, "preset")
-        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
-        motion = None if self.motion is None else read_motion(self.motion)
-        given = combined(self.settings, self.feature, self.particles, motion)
-        try:
-            return configuration_of(self.preset, self.config, os.environ, given)
-        except InputError as problem:
-            if str(problem.file) == COMMAND_LINE:
-                raise OptionError(problem.message) from None
-            raise
-
-
-TWINS = {"sensor.weights": "--feature", "particles": "--particles", "motion": "--motion"}  # by key of --set
-
-
-def combined(
-    settings: Mapping[str, Any],
-    feature: str | None = None,
-    particles: int | None = None,
-    motion: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
-    """Return settings by their keys, with those that have options of their own.
-
-    The names are checked already. OptionError for what both give.
-    """
-    weights = None if feature is None else weights_of(feature)
-    named = dict(zip(TWINS, (weights, particles, motion), strict=True))
-    options = {key: value for key, value in named.items() if value is not None}
-    for key in settings:
-        for twin in options:
-            if key == twin or key.startswith(f"{twin}."):
-                raise OptionError(f"{key} is given twice, by {TWINS[twin]} and by --set; give it once")
-    return options | dict(settings)
-
-
-def words_of(specs: Sequence[RunSpec]) -> list[str]:
-    """Return what distinguishes runs, to name a recording after; the default run has no words."""
-    if len(specs) > 1:
-        return [spec.label for spec in specs]
-    (spec,) = specs
-    numbers = {"particles": spec.particles, "seed": spec.seed or None}
-    start = "start" if isinstance(spec.start, np.ndarray) else spec.start
-    files = [None if file is None else file.stem for file in (spec.config, spec.motion)]
-    words = [spec.name or None, spec.preset, spec.feature, *files, start]
-    words += [f"{name} {value}" for name, value in numbers.items() if value is not None]
-    words += [f"{key} {value}" for key, value in spec.settings.items()]
-    return [word for word in words if word]
-
-
-def check_name(name: str | None, known: Iterable[str], what: str) -> None:
-    """Refuse a name that is not among the known ones. OptionError."""
-    names = list(dict.fromkeys(known))
-    if name is not None and name not in names:
-        raise OptionError(f"no {what} called {name!r}; there are {', '.join(names)}")
-
-
 def make_runs(
     session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
 ) -> list[FilterRun]:
@@ -271,10 +188,8 @@ def make_runs(
             for one, spec in zip(configurations, specs, strict=True)
         ]
     except ValueError as problem:  # bad motion parameters, in the configuration or in the header
-        motion = next((one.motion for one in specs if one.motion is not None), None)
-        if motion is not None:
-            raise InputError(motion, str(problem)) from None
-        raise InputError(session.path, str(problem), 1) from None
+        file = next(filter(None, (motion_file(spec.settings) for spec in specs)), None)
+        raise InputError(file or session.path, str(problem), None if file else 1) from None
     configurations, localizers = _suited(session, configurations, localizers, starts, listener)
     labels = unique_labels([_label(one, library) for one in specs])
     parts = zip(labels, localizers, starts, configurations, strict=True)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.library import Library
 from maurice_mcl.session import SessionInfo
 
@@ -29,7 +30,7 @@ from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..listener import Listener
 from ..scene import Detail, RunView, SceneInfo
 from ..style import RUN_COLORS, scale_for
-from .open import check_name
+from .run_spec import check_name
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -99,7 +100,16 @@ LARGE = 50_000_000  # bytes of a recording whose size is remarked beforehand
 
 @dataclass(frozen=True, slots=True)
 class OutputOptions:
-    """What is written and shown. OptionError for names that are not known."""
+    """What is written and shown. OptionError for names that are not known.
+
+    The functions make one of their arguments `to`, `save_run`, `layout`, `detail` and `force`; a whole one
+    says more, such as that a viewer may open.
+
+        >>> import maurice_viz as mv
+        >>> nothing_drawn = mv.OutputOptions(no_recording=True)
+        >>> mv.replay("session.log", particles=50, output=nothing_drawn).rrd is None
+        True
+    """
 
     stem: str = "replay"  # of the recording, where `rrd` does not name it
     rrd: Path | None = None  # the Rerun recording to write; then no viewer opens
@@ -110,6 +120,7 @@ class OutputOptions:
     layout: str | None = None  # the one that is open at first
     detail: str = DETAILS[0]  # how much of each step is drawn
     fixed_stem: bool = False  # the stem is the whole name, whatever is drawn
+    alone: bool = True  # draw a drive without a library by itself; else that is an error
     web: WebViewer | None = None  # show it in browsers: no window opens, and only a live source has a file
 
     def __post_init__(self) -> None:
@@ -127,6 +138,31 @@ class OutputOptions:
             return self
         parts = (self.stem, *(re.sub(r"[^\w.+]+", "-", word).strip("-.") for word in words))
         return replace(self, stem="-".join(parts)[:LONGEST_STEM])
+
+
+def output_of(
+    source: object,
+    output: OutputOptions | None,
+    to: str | Path | None = None,
+    save_run: str | Path | None = None,
+    layout: str | None = None,
+    detail: str = DETAILS[0],
+    *,
+    force: bool = False,
+) -> OutputOptions:
+    """Return `output`, or what the other arguments ask for: no viewer, a recording only where it is named.
+
+    OptionError for both.
+    """
+    if output is None:
+        stem = drive_name(Path(source)) if isinstance(source, (str, Path)) else "replay"
+        rrd, folder = None if to is None else Path(to), None if save_run is None else Path(save_run)
+        return OutputOptions(stem, rrd, True, rrd is None, force, folder, layout, detail)
+    if (to, save_run, layout, detail, force) != (None, None, None, DETAILS[0], False):
+        raise OptionError(
+            "`output` says all that `to`, `save_run`, `layout`, `detail` and `force` do; give one"
+        )
+    return output
 
 
 @dataclass(frozen=True, slots=True)

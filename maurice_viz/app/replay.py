@@ -14,7 +14,6 @@ from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading import MADE_ODOMETRY, ReadingOptions
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
-from maurice_loaders.session_log.header import drive_name
 from maurice_loaders.transforms import Gate
 from maurice_mcl.arrays import F64
 from maurice_mcl.library import Library
@@ -24,18 +23,10 @@ from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..scene import RunView
-from .open import (
-    AnySession,
-    RunSpec,
-    as_recorded_session,
-    library_at,
-    make_runs,
-    open_library_for,
-    open_session,
-    words_of,
-)
-from .output import DriveScene, OutputOptions, show_recording
+from .open import AnySession, as_recorded_session, library_at, make_runs, open_library_for, open_session
+from .output import DriveScene, OutputOptions, output_of, show_recording
 from .run import Playback, Report, RunScores, play, remark, remark_zeros
+from .run_spec import RunSpec, words_of
 from .saved import Inputs, open_saved, playback_of, saving
 
 
@@ -51,22 +42,30 @@ def replay(
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
     reading: ReadingOptions | None = None,
+    live: LiveOptions | None = None,
+    as_recorded: bool = False,
     to: str | Path | None = None,
-    run: str | Path | None = None,
+    save_run: str | Path | None = None,
     layout: str | None = None,
     detail: str = DETAILS[0],
     force: bool = False,
-    listener: Listener | None = None,
+    output: OutputOptions | None = None,
+    report: Report = lambda scores: None,
+    listener: Listener = SILENT,
 ) -> RunScores:
     """Replay a session once and return its scores.
 
-    `session` is the path of a session log, of a recording of any format or of a saved run, or a session that
-    `maurice_loaders.open_session` opened. `library` is a library, its folder or a survey log; None: the one
-    that the session's header names. `feature`, `preset`, `config` (a TOML file) and `settings` (values by key
-    of the configuration, such as `{"sensor.sharpness": 2}`) choose the filter, the later over the earlier.
+    `session` is the path of a session log, of a recording of any format or of a saved run, a live source
+    (`live` says how it is listened to), or a session that `maurice_loaders.open_session` opened. `library` is
+    a library, its folder or a survey log; None: the one that the session's header names. `feature`, `preset`,
+    `config` (a TOML file) and `settings` (values by key of the configuration, such as
+    `{"sensor.sharpness": 2}`; `motion` may name a file) choose the filter, the later over the earlier.
     `start` is "tracking", "truth", "global", "X,Y,HEADING" in display units and degrees, or a pose (3,) in
-    meters and radians. `reading` says how a recording is read. `to` is the Rerun recording (.rrd) to write,
-    `run` the folder to save every step to; what exists is an error unless `force`.
+    meters and radians. `reading` says how a recording is read. With `as_recorded` the particles of a
+    localizer in a bag are shown and scored, and no filter runs. `to` is the Rerun recording (.rrd) to write,
+    `save_run` the folder to save every step to; what exists is an error unless `force`. `output` says these
+    at once, and whether a viewer opens. Without a library a recording shows the drive alone, and the scores
+    hold no run. `report` gets the scores as well, also those of a replay that is stopped.
 
     InputError for bad files and arguments. Nothing is printed: remarks and progress go to the listener.
 
@@ -77,46 +76,26 @@ def replay(
     """
     file = None if config is None else Path(config)
     spec = RunSpec(preset, feature, particles, seed, start, file, dict(settings or {}))
-    output = output_of(session, to, run, layout, detail, force)
-    return replay_any(session, library, spec, output, reading=reading, listener=listener or SILENT)
+    output = output_of(session, output, to, save_run, layout, detail, force=force)
+    how, live = reading or ReadingOptions(), live or LiveOptions()
+    return _replayed(session, library, spec, output, how, live, as_recorded, listener, report)
 
 
-def output_of(
-    session: object,
-    to: str | Path | None,
-    run: str | Path | None,
-    layout: str | None,
-    detail: str,
-    force: bool,
-) -> OutputOptions:
-    """Return the output that is asked for in Python: no viewer, and a recording only where it is named."""
-    stem = drive_name(Path(session)) if isinstance(session, (str, Path)) else "replay"
-    rrd, folder = None if to is None else Path(to), None if run is None else Path(run)
-    return OutputOptions(stem, rrd, True, rrd is None, force, folder, layout, detail)
-
-
-def replay_any(
+def _replayed(
     session: str | Path | AnySession,
     library: str | Path | Library | None,
     spec: RunSpec,
     output: OutputOptions,
-    *,
-    reading: ReadingOptions | None = None,
-    live: LiveOptions | None = None,
-    as_recorded: bool = False,
-    alone: bool = True,
-    listener: Listener = SILENT,
-    report: Report = lambda scores: None,
+    how: ReadingOptions,
+    live: LiveOptions,
+    as_recorded: bool,
+    listener: Listener,
+    report: Report,
 ) -> RunScores:
-    """Replay whatever `session` names, with one run; the command and the function `replay` both call this.
-
-    With `alone` a drive without a library is shown by itself where a recording is wanted and nothing else was
-    asked for; its scores hold no run. InputError, OptionError.
-    """
+    """Replay what `session` names, by the one way that fits it. InputError, OptionError."""
     plain = spec == RunSpec() and library is None and output.save_run is None
-    how, live = reading or ReadingOptions(), live or LiveOptions()
     if not isinstance(session, (str, Path)):
-        return replay_session(session, library, [spec], output, how, listener, report, alone)
+        return replay_session(session, library, [spec], output, how, listener, report, alone=True)
     path = Path(session)
     listened = live.follow or is_live(path)
     if path.suffix == ".rrd":
@@ -148,7 +127,7 @@ def replay_any(
         if not plain or how != ReadingOptions():
             raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
         return play(playback_of(open_saved(path, listener), listener), output, listener, report=report)
-    return replay_session(path, library, [spec], output, how, listener, report, alone)
+    return replay_session(path, library, [spec], output, how, listener, report, alone=True)
 
 
 def replay_session(
@@ -158,10 +137,14 @@ def replay_session(
     output: OutputOptions,
     reading: ReadingOptions,
     listener: Listener,
-    report: Report = lambda scores: None,
+    report: Report,
+    *,
     alone: bool = False,
 ) -> RunScores:
-    """Replay a recorded session once for each spec, side by side. InputError, OptionError."""
+    """Replay a recorded session once for each spec, side by side; `alone` where no run may be enough.
+
+    InputError, OptionError.
+    """
     if output.save_run is not None:
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
@@ -169,7 +152,7 @@ def replay_session(
     opened = open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
-    alone = alone and plain and not output.no_recording
+    alone = alone and plain and output.alone and not output.no_recording
     if alone and asked is None and opened.info.survey is None:
         from .drive import show_alone  # imports Rerun
 
@@ -204,7 +187,13 @@ CALENDAR_S = 1e8  # times from here on count from 1970, and do not show when the
 
 @dataclass(frozen=True, slots=True)
 class LiveOptions:
-    """How a live source is listened to; None: the source's default."""
+    """How a live source is listened to; None: the source's default.
+
+    >>> import maurice_viz as mv
+    >>> followed = mv.LiveOptions(follow=True, patience_s=0.1)
+    >>> mv.replay("session.log", particles=50, live=followed, to="live.rrd").runs[0].score.updates
+    14
+    """
 
     follow: bool = False  # the source is a file that is still being written
     capture: Path | None = None  # a folder: write all that comes to its session.log

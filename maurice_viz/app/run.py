@@ -66,7 +66,7 @@ class RunScores:
     """The result of a replay or a comparison; lengths in meters, angles in radians, times in seconds.
 
     >>> import maurice_viz as mv
-    >>> scores = mv.replay("session.log", particles=50, run="saved")
+    >>> scores = mv.replay("session.log", particles=50, save_run="saved")
     >>> scores.name, scores.runs[0].score.updates, scores.saved_run.name
     ('kleine Fahrt', 14, 'saved')
     """

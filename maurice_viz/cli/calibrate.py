@@ -21,8 +21,6 @@ from ..app.calibrate import (
     calibrate_drive,
     calibrate_motion,
     calibrate_noise,
-    figures,
-    noise_json,
 )
 from ..app.understand.belief import CalibratedBelief, calibrate_belief
 from ..plots.calibration import expect_matplotlib
@@ -55,7 +53,7 @@ def motion(
             expect_matplotlib(plots)
         fitted = calibrate_motion(source, unit=unit, to=output, force=force, listener=listener)
         if plots is not None:
-            drawn = figures(fitted, plots, force=force)
+            drawn = fitted.figures(plots, force=force)
             note(f"{len(drawn)} figures written to {plots}")
     if json_output:
         print_json(fitted.to_json())
@@ -87,12 +85,12 @@ def noise(
             expect_absent(plot, force=force)
         found = calibrate_noise(source, listener=listener)
         if plot is not None:
-            figures(found, plot, force=force)
+            found.figures(plot, force=force)
             note(f"{plot} written")
     if json_output:
-        print_json(noise_json(found))
+        print_json(found.to_json())
     else:
-        results.print(_noise_table(found, source.name))
+        results.print(_noise_table(found.floor, source.name))
 
 
 def drive(

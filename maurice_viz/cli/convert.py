@@ -127,15 +127,16 @@ def convert(
     kind: Any = pictures  # checked by the function
     how = reading_of(reading, keep_going=keep_going)
     with listening() as listener:
-        file, done = convert_recording(
-            source, target, pictures=kind, t_offset_s=t_offset, options=how, force=force, listener=listener
+        converted = convert_recording(
+            source, target, pictures=kind, t_offset_s=t_offset, reading=how, force=force, listener=listener
         )
     if json_output:
-        print_json({"file": file} | done.to_json())
+        print_json(converted.to_json())
     else:
+        done = converted.counts
         counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
         others = f"{done.events} events, {done.readings} readings"
-        results.print(f"{file}: {counts}, {others}", soft_wrap=True)
+        results.print(f"{converted.file}: {counts}, {others}", soft_wrap=True)
 
 
 def _file(name: str, text: str) -> Any:

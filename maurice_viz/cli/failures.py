@@ -34,18 +34,25 @@ def diagnose(
     keep_going: opt.KeepGoing = False,
 ) -> None:
     """Say why a filter was lost: one cause for each time, with the step and the numbers that decided."""
-    from ..app.open import RunSpec
-    from ..app.understand.diagnose import diagnosed, draw, expect_drawable
+    from ..app.understand.diagnose import diagnose as diagnose_runs
+    from ..app.understand.diagnose import draw, expect_drawable
 
-    given = settings_of(settings)
-    motion = given.pop("motion", None)
-    spec = RunSpec(
-        preset, feature, particles, seed, start, config, given, None if motion is None else Path(motion)
-    )
     with listening(usage=False) as listener:
         if output is not None:
             expect_drawable(source, output, force=force)
-        found = diagnosed(source, library, spec, reading_of(reading, keep_going=keep_going), listener)
+        found = diagnose_runs(
+            source,
+            library,
+            feature=feature,
+            preset=preset,
+            particles=particles,
+            seed=seed,
+            start=start,
+            config=config,
+            settings=settings_of(settings),
+            reading=reading_of(reading, keep_going=keep_going),
+            listener=listener,
+        )
         if json_output:
             print_json(found.to_json())
         else:

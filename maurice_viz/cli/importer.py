@@ -118,8 +118,9 @@ def _draw(path: Path, recording_id: str | None) -> None:
 
 
 def _usual_run(log: SessionLog) -> Playback:
-    from ..app.open import RunSpec, make_runs, open_library_for
+    from ..app.open import make_runs, open_library_for
     from ..app.replay import playback_of_session
+    from ..app.run_spec import RunSpec
     from .shared.console import TO_CONSOLE
 
     library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)

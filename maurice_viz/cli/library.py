@@ -79,7 +79,7 @@ def build(
     """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
     how, yaw_rad = reading_of(reading, keep_going=keep_going), float(np.radians(yaw))
     with listening() as listener:
-        built, covered = build_library(
+        result = build_library(
             survey,
             output,
             every=every,
@@ -88,10 +88,11 @@ def build(
             map_file=map_file,
             map_unit=map_unit,
             landmarks=landmarks,
-            options=how,
+            reading=how,
             force=force,
             listener=listener,
         )
+    built, covered = result.library, result.coverage
     also = f", {sensor_facts(built)}" if built.sensors else ""
     results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}{also}", soft_wrap=True)
     if covered is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -27,12 +26,13 @@ Options = Sequence[Sequence[str]]  # as typed: what fixes each finding, and last
 
 def inspect(session: opt.Session, json_output: opt.Json = False, reading: opt.Reading = None) -> None:
     """Show what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
-    format_name, found = inspect_recording(session, options=reading_of(reading))
+    inspected = inspect_recording(session, reading=reading_of(reading))
     if json_output:
-        print_json({"format": format_name} | asdict(found))
+        print_json(inspected.to_json())
         return
+    found = inspected.contents
     table = Table(title=f"{found.kind} {found.name}", title_justify="left", show_header=False)
-    for row in (("format", format_name), *_rows(found)):
+    for row in (("format", inspected.format), *_rows(found)):
         table.add_row(*row)
     results.print(table)
     for text in (*found.warnings, *found.problems):
@@ -92,7 +92,7 @@ def doctor(
     opening, to = reading_of(reading), output if fix else None
     with listening() as listener:
         found = diagnose(
-            session, library, pictures=not no_library, options=opening, to=to, force=force, listener=listener
+            session, library, pictures=not no_library, reading=opening, to=to, force=force, listener=listener
         )
     fixing = [*(fixed_options(opening, [one]) for one in found.findings), found.fixed]
     options = [typed(one) if one != opening else [] for one in fixing]

@@ -62,27 +62,29 @@ def replay(
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
     if follow or is_live(session):
         os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
-    from ..app.open import RunSpec
     from ..app.output import serving
-    from ..app.replay import LiveOptions, replay_any
+    from ..app.replay import LiveOptions
+    from ..app.replay import replay as replay_once
 
-    given = settings_of(settings)
-    motion = given.pop("motion", None)
-    motion = None if motion is None else Path(motion)
-    spec = RunSpec(preset, feature, particles, seed, start, config, given, motion)
     output = output_of(drive_name(session), rrd, save_run, layout, detail, web=web, force=force)
+    output = replace(output, alone=not json_output)
     with listening(usage=False) as listener, serving(output, listener):
-        replay_any(
+        replay_once(
             session,
             library,
-            spec,
-            output,
+            feature=feature,
+            preset=preset,
+            particles=particles,
+            seed=seed,
+            start=start,
+            config=config,
+            settings=settings_of(settings),
             reading=reading_of(reading, keep_going=keep_going),
             live=LiveOptions(follow, capture, keep_up, patience),
             as_recorded=as_recorded,
-            alone=not json_output,
-            listener=listener,
+            output=output,
             report=printed(json_output),
+            listener=listener,
         )
 
 
@@ -125,33 +127,42 @@ def compare(
     Of one session, give exactly one option of the filter several times, or one key of --set with several
     values; without any, color and blended are compared.
     """
-    from ..app.compare import SEVERAL, compare_any
+    from ..app.compare import SEVERAL
+    from ..app.compare import compare as compare_runs
     from ..app.output import serving
 
-    several = {"feature": feature, "preset": preset, "particles": particles, "seed": seed, "start": start}
-    given: dict[str, Any] = {name: values or () for name, values in {**several, "config": config}.items()}
-    given |= _settings(settings or [])
     stem = drive_name(paths[0]) if len(paths) == 1 else SEVERAL
     output = output_of(stem, rrd, save_run, layout, detail, web=web, force=force)
-    how = reading_of(reading, keep_going=keep_going)
     with listening(usage=False) as listener, serving(output, listener):
-        report = printed(json_output)
-        compare_any(paths, library, given, output, reading=how, listener=listener, report=report)
+        compare_runs(
+            paths,
+            library,
+            features=feature or (),
+            presets=preset or (),
+            particles=particles or (),
+            seeds=seed or (),
+            starts=start or (),
+            configs=config or (),
+            settings=_settings(settings or []),
+            reading=reading_of(reading, keep_going=keep_going),
+            output=output,
+            report=printed(json_output),
+            listener=listener,
+        )
 
 
-def _settings(pairs: list[str]) -> dict[str, Any]:
+def _settings(pairs: list[str]) -> list[dict[str, Any]]:
     """Return the settings of each run: a key with several values makes one run per value."""
     values: dict[str, list[Any]] = {}
     for pair in pairs:
         for key, value in settings_of([pair]).items():
             values.setdefault(key, []).append(value)
-    motion = [Path(file) for file in values.pop("motion", [])]
     once = {key: value[0] for key, value in values.items() if len(value) == 1}
     several = {key: value for key, value in values.items() if len(value) > 1}
     if len(several) > 1:
         raise typer.BadParameter(f"--set gives {' and '.join(several)} several times; vary one key")
     varied = [once | {key: value} for key, some in several.items() for value in some]
-    return {"settings": varied or ([once] if once else []), "motion": motion}
+    return varied or ([once] if once else [])
 
 
 def demo(
@@ -174,20 +185,25 @@ def demo(
     """Replay a drive through a simulated two-room arena: a kidnapping, or two features side by side."""
     from maurice_datasets.demos import demo_paths, kidnapping_paths
 
-    from ..app.compare import COLOR_AND_BLENDED, compare_any
+    from ..app.compare import COLOR_AND_BLENDED
+    from ..app.compare import compare as compare_runs
     from ..app.output import serving
 
     with listening(usage=False) as listener:
         if session_only is None:
-            if story == FEATURES:
-                paths, given = demo_paths(progress=listener.progress), {"feature": COLOR_AND_BLENDED}
-            else:
-                paths, given = kidnapping_paths(listener.progress), {"preset": KIDNAPPING_PRESETS}
+            features = story == FEATURES
+            paths = (demo_paths if features else kidnapping_paths)(progress=listener.progress)
             stem = "demo" if story == STORIES[0] else f"demo-{story}"
             output = replace(output_of(stem, rrd, web=web, force=force), fixed_stem=True)
-            report = printed(json_output)
             with serving(output, listener):
-                compare_any([paths.session], None, given, output, listener=listener, report=report)
+                compare_runs(
+                    paths.session,
+                    features=COLOR_AND_BLENDED if features else (),
+                    presets=() if features else KIDNAPPING_PRESETS,
+                    output=output,
+                    report=printed(json_output),
+                    listener=listener,
+                )
             return
         from maurice_datasets.sessions import kidnapping_plan, write_demo, write_simulation
 

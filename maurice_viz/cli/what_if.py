@@ -20,7 +20,6 @@ from .shared.console import TO_CONSOLE, listening, note, print_json, results
 from .shared.options import option, output_of, settings_of
 
 if TYPE_CHECKING:
-    from ..app.understand.branch import BranchChange
     from ..app.understand.remedies import Remedies
     from ..app.understand.what_if import WhatIf
 
@@ -75,18 +74,29 @@ def what_if(
     The branch draws the same random numbers as the run, so whatever differs comes from the change.
     """
     from ..app.output import serving
-    from ..app.understand.what_if import what_if_any
+    from ..app.understand.what_if import what_if as branch
 
     if remedy:
         if preset or feature or particles or seed is not None or settings or anywhere or rrd or web:
             raise typer.BadParameter("--remedy chooses what to change: give only --from, --seeds and --json")
         _remedies(run, from_step, seeds, run_label, json_output)
         return
-    change = _change(preset, feature, particles, seed, settings, anywhere)
     stem = run.absolute().name
     output = output_of(stem, rrd, None, layout or "compare", detail, web=web, force=force)
     with listening(usage=False) as listener, serving(output, listener):
-        found = what_if_any(run, from_step, change, output, run_label=run_label, listener=listener)
+        found = branch(
+            run,
+            from_step,
+            preset=preset,
+            feature=feature,
+            particles=particles,
+            seed=seed,
+            settings=settings_of(settings),
+            anywhere=anywhere,
+            run_label=run_label,
+            output=output,
+            listener=listener,
+        )
     TO_CONSOLE.end()
     if json_output:
         print_json(found.to_json())
@@ -128,24 +138,6 @@ def _remedy_table(found: Remedies) -> Table:
         against = "" if one is found.as_it_was else one.verdict
         table.add_row(one.name, *cells, against, end_section=one is found.as_it_was)
     return table
-
-
-def _change(
-    preset: str | None,
-    feature: str | None,
-    particles: int | None,
-    seed: int | None,
-    settings: list[str] | None,
-    anywhere: bool,
-) -> BranchChange:
-    from maurice_loaders.config_files import read_motion
-
-    from ..app.understand.branch import BranchChange
-
-    given = settings_of(settings)
-    if "motion" in given:
-        given["motion"] = read_motion(Path(given["motion"]))
-    return BranchChange(preset, feature, particles, seed, given, anywhere)
 
 
 def _print(found: WhatIf) -> None:

@@ -85,7 +85,7 @@ def test_converting_keeps_readings_with_pictures_and_without(tmp_path: Path) -> 
 
     for pictures in (False, True):
         log = a_log(tmp_path / f"{pictures}.log", pictures=pictures)
-        target, _ = mv.convert(log, tmp_path / f"to-{pictures}.log")
+        target = mv.convert(log, tmp_path / f"to-{pictures}.log").file
         for one, other in zip(open_session(log).moments(), open_session(target).moments(), strict=True):
             assert dict(one.frame.readings) == dict(other.frame.readings)
         lines = [json.loads(line) for line in target.read_text().splitlines()[1:]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import pkgutil
 import subprocess
@@ -15,6 +16,7 @@ import maurice_loaders as ml
 import maurice_viz as mv
 from maurice_loaders.errors import InputError
 from maurice_viz.cli.app import COMMANDS, app, load
+from maurice_viz.listener import SILENT
 
 HEAVY = ("numpy", "scipy", "polars", "cv2", "rerun")
 
@@ -57,7 +59,7 @@ def test_a_comparison_in_python_gives_the_numbers_of_the_command(small_session, 
 
 def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session, tmp_path):
     settings = {"sensor.sharpness": 2, "resampling.scheme": "residual"}
-    found = mv.replay(small_session, particles=50, seed=3, settings=settings, run=tmp_path / "kept")
+    found = mv.replay(small_session, particles=50, seed=3, settings=settings, save_run=tmp_path / "kept")
     assert found.saved_run == tmp_path / "kept"
     again = mv.replay(tmp_path / "kept")
     assert again.runs[0].score == found.runs[0].score
@@ -67,6 +69,52 @@ def test_a_replay_is_saved_and_bad_input_is_an_input_error(small_session, tmp_pa
             mv.replay(wrong)
     with pytest.raises(InputError, match=r"did you mean sensor\.sharpness"):
         mv.replay(small_session, settings={"sensor.sharpnes": 1})
+
+
+def test_motion_is_a_setting_a_file_or_its_values(small_session, tmp_path):
+    scores = {}
+    for name, gain in (("tight", 1.0), ("loose", 1.3)):
+        values = {"model": "odometry", "turn_from_turn": gain}
+        file = tmp_path / f"{name}.toml"
+        file.write_text(f'[robot.motion]\nmodel = "odometry"\nturn_from_turn = {gain}\n')
+        by_file, by_value = (
+            mv.replay(small_session, particles=50, settings={"motion": motion})
+            for motion in (str(file), values)
+        )
+        assert by_file.runs[0].score == by_value.runs[0].score
+        scores[name] = by_file.runs[0].score
+    assert scores["tight"] != scores["loose"]
+    both = [{"motion": tmp_path / f"{name}.toml"} for name in scores]
+    together = mv.compare(small_session, particles=50, settings=both)
+    assert [run.label for run in together.runs] == list(scores)
+    assert [run.score for run in together.runs] == list(scores.values())
+
+
+def test_an_output_says_all_or_nothing(small_session, tmp_path):
+    output = mv.OutputOptions(rrd=tmp_path / "a.rrd", headless=True)
+    assert mv.replay(small_session, particles=50, output=output).rrd == tmp_path / "a.rrd"
+    with pytest.raises(InputError, match="give one"):
+        mv.replay(small_session, output=output, to=tmp_path / "b.rrd")
+    assert not (tmp_path / "b.rrd").exists()
+
+
+FUNCTIONS = [name for name in mv.__all__ if inspect.isfunction(getattr(mv, name))]
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_the_public_functions_say_the_same_thing_the_same_way(name):
+    signature = inspect.signature(getattr(mv, name))
+    given = signature.parameters
+    assert not str(signature.return_annotation).startswith("tuple"), "a result has names"
+    assert "options" not in given, "how a recording is read is called `reading`"
+    if "reading" in given:
+        assert (given["reading"].annotation, given["reading"].default) == ("ReadingOptions | None", None)
+    if "listener" in given:
+        assert (given["listener"].annotation, given["listener"].default) == ("Listener", SILENT)
+    for path in ("to", "save_run"):
+        assert path not in given or "str | Path" in given[path].annotation
+    if "run" in given:
+        assert next(iter(given)) == "run", "a run is what a function reads; what it writes is `save_run`"
 
 
 def test_little_is_imported_for_help_and_replay():

@@ -16,7 +16,8 @@ from helpers.commands import maurice, one_line, runs_of
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app.compare import names_of
-from maurice_viz.app.open import RunSpec, make_runs, open_library_for
+from maurice_viz.app.open import make_runs, open_library_for
+from maurice_viz.app.run_spec import RunSpec
 from maurice_viz.app.understand.snapshot import draw_saved
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together

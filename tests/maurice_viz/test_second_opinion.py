@@ -24,7 +24,7 @@ def test_it_changes_nothing_of_the_filter():
 
 def test_a_saved_run_keeps_it_and_one_saved_before_can_be_read(small_session, tmp_path):
     folder, columns = tmp_path / "run", ["not_lost", "not_lost_alarm"]
-    mv.replay(small_session, run=folder)
+    mv.replay(small_session, save_run=folder)
     kept = pl.read_parquet(folder / "steps" / "*.parquet")
     assert kept["not_lost"].is_between(0, 1).all()
     assert mv.traces(folder)["knows_where_it_is"].to_list() == kept["not_lost"].to_list()

@@ -27,10 +27,15 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("what-if")
     write_small_survey(folder)
     session = write_small_session(folder, updates=24)
-    mv.replay(session, preset="robust", particles=200, seed=3, run=folder / "kept")
+    mv.replay(session, preset="robust", particles=200, seed=3, save_run=folder / "kept")
     settings = {"recovery.strategy": "none"}
     mv.replay(
-        session, feature="color", particles=200, start="0.4,1.8,180", settings=settings, run=folder / "lost"
+        session,
+        feature="color",
+        particles=200,
+        start="0.4,1.8,180",
+        settings=settings,
+        save_run=folder / "lost",
     )
     return folder
 
@@ -197,7 +202,7 @@ def test_a_branch_with_another_feature_gets_new_scales_and_keeps_chosen_ones(fol
     monkeypatch.setattr(left_out, "FITTED_SPACING_M", 0.1)  # so that half a meter is far apart
     session = folder / "session.log"
     for name, settings in {"fitted": {}, "chosen": {"sensor.scales": {"edges": 0.1}}}.items():
-        mv.replay(session, feature="edges", particles=50, settings=settings, run=folder / name)
+        mv.replay(session, feature="edges", particles=50, settings=settings, save_run=folder / name)
         point = open_branch(folder / name)
         assert point.run.configuration.parameters.sensor.scales
         branch = point.localizer_with(BranchChange(feature="color"))

@@ -22,7 +22,8 @@ from maurice_mcl.session import Moment
 from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ..convert import chosen_label
-from ..open import AnySession, check_name, combined
+from ..open import AnySession
+from ..run_spec import check_name, combined
 from ..saved import changed_versions, library_of, localizer_of, session_of
 from ..saved_steps import Pictures, Restored, restored_together
 

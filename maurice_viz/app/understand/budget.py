@@ -16,7 +16,8 @@ from maurice_mcl.library import Library
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener, progress_of
-from ..open import AnySession, RunSpec, make_runs, open_library_for, open_session
+from ..open import AnySession, make_runs, open_library_for, open_session
+from ..run_spec import RunSpec
 
 MOST_DRIVES = 10  # of a folder of trials
 WORKING = "error budget"

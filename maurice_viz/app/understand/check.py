@@ -19,7 +19,8 @@ from maurice_mcl.library import Library
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener
-from ..open import AnySession, RunSpec
+from ..open import AnySession
+from ..run_spec import RunSpec
 from .gate.baseline import baseline_bytes, read_baseline
 from .gate.drive import CheckedFilter, DriveCheck, check_drive
 from .gate.failure import expect_new_artifacts
@@ -104,7 +105,7 @@ def check(
     junit: str | Path | None = None,
     artifacts: str | Path | None = None,
     force: bool = False,
-    listener: Listener | None = None,
+    listener: Listener = SILENT,
 ) -> CheckResult:
     """Test whether a filter does on a drive, or on several, what is demanded of it, with seeds 0, 1, 2, ...
 
@@ -132,7 +133,7 @@ def check(
     how = reading or ReadingOptions()
     asked = CheckedFilter(spec, at, demands, seeds, baseline, files.artifacts, how)
     drives = [session] if isinstance(session, (str, Path, SessionLog, RecordedSession)) else session
-    result = CheckResult(_checked(asked, drives, listener or SILENT))
+    result = CheckResult(_checked(asked, drives, listener))
     files.write(result)
     return result
 

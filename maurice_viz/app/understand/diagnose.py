@@ -22,9 +22,7 @@ from ...style import Scale, units_named
 from ...text.failure import say_evidence, say_failure, title
 from ...text.score_json import failure_json
 from ...text.verdict import said
-from ..open import RunSpec
-from ..output import OutputOptions
-from ..replay import replay_any
+from ..replay import replay
 
 NEVER_LOST = "No failure: it was never lost."
 IN_TIME = "No failure: it was localized again in time."
@@ -141,19 +139,22 @@ def diagnose(
         >>> [failure.kind for failure in found.runs[0].failures]
         []
     """
-    file = None if config is None else Path(config)
-    spec = RunSpec(preset, feature, particles, seed, start, file, dict(settings or {}))
-    return diagnosed(Path(source), library, spec, reading or ReadingOptions(), listener)
-
-
-def diagnosed(
-    source: Path, library: str | Path | None, spec: RunSpec, reading: ReadingOptions, listener: Listener
-) -> Diagnoses:
-    """Run or open a source, and say why it failed; the command and `diagnose` both call this."""
+    source = Path(source)
     if source.suffix == ".rrd":
         raise OptionError(f"{source} is a recording of the viewer; diagnose a saved run or a session")
-    output = OutputOptions("diagnose", no_recording=True)
-    scores = replay_any(source, library, spec, output, reading=reading, alone=False, listener=listener)
+    scores = replay(
+        source,
+        library,
+        feature=feature,
+        preset=preset,
+        particles=particles,
+        seed=seed,
+        start=start,
+        config=config,
+        settings=settings,
+        reading=reading,
+        listener=listener,
+    )
     saved = is_saved(source)
     several = len(scores.runs) > 1
     return Diagnoses(

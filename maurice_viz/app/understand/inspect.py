@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from maurice_loaders.doctor.diagnosis import Diagnosis, diagnose
 from maurice_loaders.doctor.inspection import Inspection, inspect_recording, inspect_session
@@ -58,25 +59,39 @@ def formats(path: str | Path | None = None) -> list[FormatInfo]:
     ]
 
 
-def inspect(session: str | Path, *, options: ReadingOptions | None = None) -> tuple[str, Inspection]:
-    """Return the name of a recording's format, and what it holds: counts, rates, distances, problems.
+@dataclass(frozen=True, slots=True)
+class InspectedRecording:
+    """What is in a recording."""
+
+    format: str  # its name
+    contents: Inspection
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        return {"format": self.format} | asdict(self.contents)
+
+
+def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> InspectedRecording:
+    """Return a recording's format and what it holds: counts, rates, distances, problems.
 
     Distances are in meters, rates in Hz; broken records are counted, not raised. Raises InputError if the
     recording cannot be read at all.
 
         >>> import maurice_viz as mv
-        >>> format_name, found = mv.inspect("session.log")
-        >>> found.records["image"]
+        >>> inspected = mv.inspect("session.log")
+        >>> inspected.contents.records["image"]
         14
     """
-    path, options = Path(session), replace(options or ReadingOptions(), keep_going=True)
+    path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
     one = chosen(path, options)
     if one.name == NATIVE and options.as_it_is:
         found = inspect_session(session_in(path), outside=options.pictures_outside)
     else:
         recording = open_recording(path, replace(options, format=one.name))
         found = inspect_recording(RecordedSession(recording, options))
-    return one.name, replace(found, warnings=(*_about_places(path, found), *found.warnings))
+    return InspectedRecording(
+        one.name, replace(found, warnings=(*_about_places(path, found), *found.warnings))
+    )
 
 
 def _about_places(path: Path, found: Inspection) -> list[str]:
@@ -96,7 +111,7 @@ def doctor(
     library: str | Path | None = None,
     *,
     pictures: bool = True,
-    options: ReadingOptions | None = None,
+    reading: ReadingOptions | None = None,
     to: str | Path | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -113,7 +128,7 @@ def doctor(
         >>> len(diagnosis.findings)
         0
     """
-    path, options = Path(session), options or ReadingOptions()
+    path, options = Path(session), reading or ReadingOptions()
     if to is not None:
         expect_absent(Path(to), force=force)
     references = _library(path, library, options, listener) if pictures else None

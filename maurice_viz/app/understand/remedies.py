@@ -96,7 +96,7 @@ def remedies(
     seeds: int | Sequence[int] = SEEDS,
     names: Iterable[str] = (),
     run_label: str | None = None,
-    listener: Listener | None = None,
+    listener: Listener = SILENT,
 ) -> Remedies:
     """Try what might have kept a saved run localized, from a step on, and rank it.
 
@@ -113,7 +113,6 @@ def remedies(
         >>> found.tried[0].verdict, found.proposed
         ('no difference seen', None)
     """
-    listener = listener or SILENT
     point = open_branch(run, run_label, listener)
     step = point.step_or_default(from_step)
     tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_loaders.config_files import read_settings
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
 from maurice_loaders.runs.writer import OPINION, RECOVERY, StepRows, rows_of
@@ -29,9 +30,8 @@ from ...scene import RunView
 from ...style import scale_for
 from ...text.what_if import BRANCH, what_if_line
 from ..open import unique_labels
-from ..output import DriveScene, OutputOptions
-from ..replay import output_of
-from ..run import Playback, Report, RunScores, play
+from ..output import DriveScene, OutputOptions, output_of
+from ..run import Playback, RunScores, play
 from ..saved import remark_saved, view_of
 from .branch import BranchChange, BranchPoint, open_branch
 
@@ -89,7 +89,8 @@ def what_if(
     layout: str | None = None,
     detail: str = DETAILS[0],
     force: bool = False,
-    listener: Listener | None = None,
+    output: OutputOptions | None = None,
+    listener: Listener = SILENT,
 ) -> WhatIf:
     """Branch a saved run after a step, with something changed, and compare the branch with the run.
 
@@ -97,7 +98,8 @@ def what_if(
     to the one before the first loss). From there on, `preset`, `feature`, `particles` and `settings` choose
     the filter as in `replay`; what is not given stays. With `anywhere` the branch begins with particles over
     all free space. The random numbers are those that the run drew, unless a `seed` is given. `run_label`
-    chooses a run of a comparison. `to` is the Rerun recording (.rrd) to write, of both side by side.
+    chooses a run of a comparison. `to` is the Rerun recording (.rrd) to write, of both side by side; `output`
+    also says whether a viewer opens.
 
     InputError for bad files, and where the session or library is gone; OptionError for bad arguments.
 
@@ -107,22 +109,19 @@ def what_if(
         >>> mv.what_if("my-run", 5, particles=100).same_until
         5
     """
-    change = BranchChange(preset, feature, particles, seed, dict(settings or {}), anywhere)
-    output = output_of(Path(run), to, None, layout, detail, force)
-    return what_if_any(run, from_step, change, output, run_label=run_label, listener=listener or SILENT)
+    change = BranchChange(preset, feature, particles, seed, read_settings(settings or {}), anywhere)
+    output = output_of(Path(run), output, to, None, layout, detail, force=force)
+    return _branched(Path(run), from_step, change, output, run_label, listener)
 
 
-def what_if_any(
-    run: str | Path,
+def _branched(
+    run: Path,
     from_step: int | None,
     change: BranchChange,
     output: OutputOptions,
-    *,
-    run_label: str | None = None,
-    listener: Listener = SILENT,
-    report: Report = lambda scores: None,
+    run_label: str | None,
+    listener: Listener,
 ) -> WhatIf:
-    """Branch a saved run; the command and the function `what_if` both call this. InputError, OptionError."""
     point = open_branch(run, run_label, listener)
     from_step = point.step_or_default(from_step)
     pair = _Pair(point, from_step, change, point.localizer_with(change))
@@ -131,7 +130,7 @@ def what_if_any(
         listener.remark(
             f"the belief after step {from_step} is resampled to {pair.localizer.particles} particles"
         )
-    scores = play(pair.playback(listener), output.named([f"what if {pair.label}"]), listener, report=report)
+    scores = play(pair.playback(listener), output.named([f"what if {pair.label}"]), listener)
     if not pair.run_errors:
         raise InputError(point.run.folder, f"holds no step after {from_step}; give an earlier --from")
     paired = scores.runs[1].paired

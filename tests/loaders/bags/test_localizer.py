@@ -38,9 +38,8 @@ from maurice_viz.app.drive import (
     playback_as_recorded,
     together,
 )
-from maurice_viz.app.open import RunSpec
-from maurice_viz.app.output import OutputOptions, layout_of
-from maurice_viz.app.replay import replay_any
+from maurice_viz.app.output import layout_of
+from maurice_viz.app.replay import replay
 from maurice_viz.cli.app import app
 from maurice_viz.entities import Phase
 from maurice_viz.panels.belief import ellipse_of
@@ -134,7 +133,7 @@ def test_poses_with_covariance_are_shown_without_a_cloud(tmp_path: Path) -> None
         ellipse = ellipse_of(record.weighted, scale_for("m", ARENA))
         np.testing.assert_allclose(np.ptp(ellipse, axis=0), (0.8, 1.2), rtol=1e-3)
     file = tmp_path / "out.rrd"
-    replay_any(path, None, RunSpec(), OutputOptions("out", file), as_recorded=True)
+    replay(path, to=file, as_recorded=True)
     assert file.stat().st_size > 10_000
 
 
@@ -148,7 +147,7 @@ def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
     path = making.write_ros2(tmp_path / "bag", sorted(said, key=lambda one: one.log_ns))
     asked = ReadingOptions(localizer_topic="/amcl_pose, /orb_slam/pose,/particle_cloud")
     file = tmp_path / "out.rrd"
-    scores = replay_any(path, None, RunSpec(), OutputOptions("out", file), reading=asked, as_recorded=True)
+    scores = replay(path, to=file, reading=asked, as_recorded=True)
     assert [run.label for run in scores.runs] == ["amcl_pose", "orb_slam-pose", "particle_cloud"]
     assert [run.score.updates for run in scores.runs] == [4, 4, 4]
     off = [run.score.position_error_mean_m for run in scores.runs]
@@ -195,8 +194,7 @@ def test_a_localizer_is_not_lost_by_a_camera_that_it_does_not_use(
     pictures = [one for one in said if "camera" in one.topic]
     kept = pictures[:1] if camera == "slow" else []
     path = making.write_ros2(tmp_path / "bag", [one for one in said if one not in pictures or one in kept])
-    none = OutputOptions("out", None, headless=True, no_recording=True)
-    [run] = replay_any(path, None, RunSpec(), none, as_recorded=True).runs
+    [run] = replay(path, as_recorded=True).runs
     assert run.score.updates == 12
     assert run.verdict.failures == ()
     assert not run.verdict.causes
@@ -215,7 +213,7 @@ def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("detail", ["full", "events", "light"])
 def test_all_views_are_drawn(detail: str, nav2: Path, tmp_path: Path) -> None:
     file = tmp_path / "out.rrd"
-    replay_any(nav2, None, RunSpec(), OutputOptions("out", file, detail=detail), as_recorded=True)
+    replay(nav2, to=file, detail=detail, as_recorded=True)
     assert file.stat().st_size > 10_000
 
 

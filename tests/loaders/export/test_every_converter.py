@@ -59,7 +59,8 @@ def assert_same(before: Moment, after: Moment) -> None:
 def test_every_kind_of_record_survives(target: str, without: tuple[str, ...], tmp_path: Path) -> None:
     kinds = tuple(kind for kind in KINDS if kind not in without)
     log = a_log(tmp_path / "session.log", kinds)
-    file, done = mv.convert(log, tmp_path / target)
+    converted = mv.convert(log, tmp_path / target)
+    file, done = converted.file, converted.counts
     assert done.left_out == {}
     counts = {"motion": 4, "truth": 4, "event": 2, "reading": 4, "picture": 4}
     found = (done.motions, done.truths, done.events, done.readings, done.pictures)
@@ -119,7 +120,8 @@ def test_what_has_no_place_in_a_file_is_named(target: str, left_out: dict[str, i
                 log.image(0.6, picture(1), covered=True)
         log.event(3, "done")
     said = Said([])
-    file, done = mv.convert(tmp_path / "session.log", tmp_path / target, listener=said)
+    converted = mv.convert(tmp_path / "session.log", tmp_path / target, listener=said)
+    file, done = converted.file, converted.counts
     assert done.left_out == left_out
     for what, count in left_out.items():
         assert any(f"{file}: left out: " in text and f"{count} {what}" in text for text in said.texts)
@@ -139,7 +141,7 @@ def test_a_saved_run_keeps_events_and_readings_where_a_file_can_hold_them(
     session = small_session.with_name("with-readings.log")
     session.write_text("".join(changed))
     kept, said = tmp_path / "kept", Said([])
-    mv.replay(session, particles=50, run=kept, to=tmp_path / "a.rrd", detail="light")
+    mv.replay(session, particles=50, save_run=kept, to=tmp_path / "a.rrd", detail="light")
     names = {name: tmp_path / f"a.{name}" for name in ("tum", "mcap", "csv")}
     mv.export(kept, **names, listener=said)
     assert any(text.startswith(f"{names['tum']}: left out: ") and "events" in text for text in said.texts)
@@ -150,7 +152,7 @@ def test_a_saved_run_keeps_events_and_readings_where_a_file_can_hold_them(
 
 
 def test_damaged_readings_in_an_mcap_are_one_line(tmp_path: Path) -> None:
-    file, _ = mv.convert(a_log(tmp_path / "session.log", KINDS), tmp_path / "drive.mcap")
+    file = mv.convert(a_log(tmp_path / "session.log", KINDS), tmp_path / "drive.mcap").file
     file.write_bytes(file.read_bytes().replace(b'"b": -0.', b'"b": -x.'))
     with pytest.raises(InputError, match=r"session/readings|checksum|damaged|CRC"):
         list(open_session(file).moments())

@@ -32,7 +32,8 @@ from maurice_mcl.session import Moment
 from ....listener import Listener
 from ....playback import FilterRun
 from ....style import Scale, scale_for
-from ...open import AnySession, RunSpec, make_runs, open_library_for, open_session, remark_skipped
+from ...open import AnySession, make_runs, open_library_for, open_session, remark_skipped
+from ...run_spec import RunSpec
 from .baseline import BaselineRuns, DriveRuns
 from .failure import FailedRun, Replayed, failed_run
 from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, said

@@ -44,7 +44,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("diagnosed")
     write_small_survey(folder)
     log = write_small_session(folder)
-    mv.replay(carried(log, 6), particles=200, run=folder / "kept")
+    mv.replay(carried(log, 6), particles=200, save_run=folder / "kept")
     return folder
 
 
@@ -105,7 +105,7 @@ def test_every_place_tells_the_same_failures(made: Path) -> None:
 
 
 def test_a_run_without_failure_has_none_anywhere(small_session: Path, tmp_path: Path) -> None:
-    scores = mv.replay(small_session, particles=200, run=tmp_path / "kept")
+    scores = mv.replay(small_session, particles=200, save_run=tmp_path / "kept")
     assert open_run(tmp_path / "kept").manifest.failures == scores.runs[0].verdict.failures == ()
     assert not mv.events(tmp_path / "kept", kinds=["failure"]).runs[0].events
     assert mv.diagnose(tmp_path / "kept").runs[0].failures == ()
