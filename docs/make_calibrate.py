@@ -34,7 +34,7 @@ def main() -> None:
         folder = Path(temporary)
         write_trials(folder / "trials.csv", calibration_drive(0, TrialPlan(41, 41)))
         calibrate("motion", folder / "trials.csv", "--plots", folder)
-        calibrate("noise", demo_paths(0).survey, "--plot", folder / "noise.png")
+        calibrate("noise", demo_paths(0).survey, "-o", folder / "noise.png")
         for number in ("05", "10"):
             (drawn,) = folder.glob(f"figure-{number}-*.png")
             keep(drawn, f"calibrate-figure-{number}.png")

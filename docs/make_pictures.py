@@ -91,7 +91,7 @@ def ambiguity(folder: Path) -> Path:
     drive, library, drawn = folder / "survey-drive", folder / "library", folder / "ambiguity.png"
     maurice("simulate", "tracking", "--updates", "400", "--seed", "5", "-o", str(drive))
     maurice("library", "build", str(drive / "session.log"), "-o", str(library), "--every", "0.4m,45deg")
-    maurice("library", "check", str(library), "--map", str(drawn))
+    maurice("library", "check", str(library), "-o", str(drawn))
     return drawn
 
 

@@ -196,7 +196,7 @@ def read_reading(path: str | Path) -> ReadingOptions:
     found = read_toml(path, "options of reading")
     if list(found) != [TABLE]:
         names = ", ".join(found) or "nothing"
-        raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor --fix writes it")
+        raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor -o writes it")
     try:
         return _options_of(found[TABLE], path.parent)
     except FieldError as problem:

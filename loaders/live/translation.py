@@ -282,7 +282,9 @@ class Translator:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
         pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
         if pose is None and self._has_odometry:
-            raise FieldError(f"found no odometry within {self._max_dt_s:g} s of a picture; see --max-dt")
+            raise FieldError(
+                f"found no odometry within {self._max_dt_s:g} s of a picture; see --reading max_dt_s"
+            )
         image = {"base64": picture.encoded()}
         self._last_s = t_s
         if pose is not None:

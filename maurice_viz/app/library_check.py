@@ -176,7 +176,7 @@ def _pose(pose: F64) -> dict[str, float]:
 
 def _checked_map(path: Path, *, force: bool) -> Path:
     if path.suffix != ".png":
-        raise OptionError(f"--map ends in .png, found {str(path)!r}")
+        raise OptionError(f"-o ends in .png, found {str(path)!r}")
     expect_absent(path, force=force)
     return path
 

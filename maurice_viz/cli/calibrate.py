@@ -72,21 +72,21 @@ def noise(
             "SOURCE", "A survey log or its folder, or a folder of pictures taken with the lens covered."
         ),
     ],
-    plot: Annotated[
-        Path | None, option("--plot", "Draw the thesis's figures 13 and 14.", metavar="OUT.png")
+    output: Annotated[
+        Path | None, option("-o --output", "Draw the thesis's figures 13 and 14.", metavar="OUT.png")
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Measure the camera's noise floor in pictures taken with the lens covered."""
     with listening() as listener:
-        if plot is not None:
-            expect_matplotlib(plot)
-            expect_absent(plot, force=force)
+        if output is not None:
+            expect_matplotlib(output)
+            expect_absent(output, force=force)
         found = calibrate_noise(source, listener=listener)
-        if plot is not None:
-            found.figures(plot, force=force)
-            note(f"{plot} written")
+        if output is not None:
+            found.figures(output, force=force)
+            note(f"{output} written")
     if json_output:
         print_json(found.to_json())
     else:

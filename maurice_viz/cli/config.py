@@ -15,18 +15,16 @@ from .shared.console import print_json, results
 
 
 def show(
-    origin: Annotated[bool, opt.option("--origin", "Show where each value comes from.")] = False,
     preset: opt.Preset = None,
     file: opt.Config = None,
     json_output: opt.Json = False,
 ) -> None:
-    """Print the effective configuration as TOML that --config can read."""
+    """Print the effective configuration, each value with its origin, as TOML that --config can read."""
     found = configuration_of(preset, file, os.environ, {})
     if json_output:
-        both = {one.key: {"value": one.value, "origin": one.origin} for one in found.settings}
-        print_json(both if origin else {key: one["value"] for key, one in both.items()})
+        print_json({one.key: {"value": one.value, "origin": one.origin} for one in found.settings})
     else:
-        typer.echo(to_toml(found, origins=origin), nl=False)
+        typer.echo(to_toml(found, origins=True), nl=False)
 
 
 def check(file: Annotated[Path, opt.argument("FILE", "A configuration file.")]) -> None:

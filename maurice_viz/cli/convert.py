@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +12,6 @@ from rich.table import Table
 
 from maurice_loaders.export.tables import PATHS
 from maurice_loaders.importing import ImportOptions, ImportSummary, import_pictures
-from maurice_loaders.reading import MAX_DT_S, ReadingOptions
 
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
@@ -24,9 +23,6 @@ if TYPE_CHECKING:
 
 FILES = "Files to write"
 DEFAULTS = ImportOptions()
-KNOWN = "[default: known by its name]"
-
-Topic = Annotated[str | None, typer.Option(help="With ws://: the topic to use. [default: detected, printed]")]
 
 
 def record(
@@ -43,12 +39,6 @@ def record(
         Path | None,
         option("--library", "Name this survey or library in the recorded header. [default: its own]"),
     ] = None,
-    image_topic: Topic = None,
-    odometry_topic: Topic = None,
-    truth_topic: Topic = None,
-    max_dt: Annotated[
-        float, option("--max-dt", "With ws://: most seconds from a picture to its odometry.", min=0.0)
-    ] = MAX_DT_S,
     patience: Annotated[
         float | None,
         option(
@@ -61,6 +51,7 @@ def record(
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
+    reading: opt.Reading = None,
 ) -> None:
     """Record a live source into a session log, until it ends or you press Ctrl-C."""
     from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
@@ -68,13 +59,10 @@ def record(
 
     from ..app.replay import patience_of
 
-    topics = ReadingOptions(
-        image_topic=image_topic, odometry_topic=odometry_topic, truth_topic=truth_topic, max_dt_s=max_dt
-    )
     stopped: KeyboardInterrupt | None = None
     listen = ListenOptions(patience=patience_of(patience), only_record=True, library=library)
     recorder = LiveRecorder(output, force=force)
-    session = LiveSession(live_source(source, topics), listen, recorder, note)
+    session = LiveSession(live_source(source, reading_of(reading)), listen, recorder, note)
     try:
         with session, listening(usage=False) as listener:
             session.listen(lambda counts: listener.progress(counts.records, 0, "record"))
@@ -215,19 +203,6 @@ def pictures(
     folder: Annotated[str, typer.Argument(help="The folder that the table's picture names are relative to.")],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, option("-o --output", "The folder to write.", metavar="DIR")],
-    image_column: Annotated[
-        str | None, option("--image-column", f"Column of picture names. {KNOWN}", metavar="NAME")
-    ] = None,
-    x_column: Annotated[str | None, option("--x-column", f"Column of x. {KNOWN}", metavar="NAME")] = None,
-    y_column: Annotated[str | None, option("--y-column", f"Column of y. {KNOWN}", metavar="NAME")] = None,
-    heading_column: Annotated[
-        str | None,
-        option("--heading-column", f"Column of headings, counter-clockwise from +x. {KNOWN}", metavar="NAME"),
-    ] = None,
-    heading_unit: Annotated[
-        str | None,
-        option("--heading-unit", "deg or rad. [default: by the suffix of the column's name]", metavar="UNIT"),
-    ] = None,
     reading: opt.Reading = None,
     map_lines: opt.MapFile = None,
     map_unit: opt.MapUnit = DEFAULTS.map_unit,
@@ -253,12 +228,6 @@ def pictures(
             min=0.0,
         ),
     ] = None,
-    session_pictures: Annotated[
-        int, option("--session-pictures", "Maximum number of pictures of a run in the session.", min=1)
-    ] = DEFAULTS.session_pictures,
-    library_pictures: Annotated[
-        int, option("--library-pictures", "Maximum number of pictures of a run in the library.", min=1)
-    ] = DEFAULTS.library_pictures,
     seed: Annotated[
         int, option("--seed", "Seed of the odometry's noise.", min=0, max=MOST_SEED)
     ] = DEFAULTS.seed,
@@ -269,22 +238,13 @@ def pictures(
 
     The odometry is made from the steps between poses plus noise; the session's header notes this.
     """
-    if heading_unit not in (None, "deg", "rad"):
-        raise typer.BadParameter(f"--heading-unit is deg or rad, found {heading_unit!r}")
-    heading = heading_column or ("heading_deg" if heading_unit else None)
-    unit = f":{heading_unit}" if heading_unit else ""
-    columns = {"image": image_column, "x": x_column, "y": y_column, "heading": heading and f"{heading}{unit}"}
-    how = reading_of(reading)
-    named = {role: column for role, column in columns.items() if column}
     options = ImportOptions(
-        reading=replace(how, columns={**how.columns, **named}),
+        reading=reading_of(reading),
         name=name,
         map_lines=map_lines,
         map_unit=map_unit,
         camera_fov_rad=None if camera_fov is None else math.radians(camera_fov),
         session_every=every,
-        session_pictures=session_pictures,
-        library_pictures=library_pictures,
         guard_m=guard,
         seed=seed,
     )

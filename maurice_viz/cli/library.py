@@ -179,8 +179,8 @@ def _table_of(name: str) -> Table:
 def check(
     library: LibraryArgument,
     feature: opt.Feature = None,
-    draw: Annotated[
-        Path | None, option("--map", "Draw the map of expected ambiguity.", metavar="OUT.png")
+    output: Annotated[
+        Path | None, option("-o --output", "Draw the map of expected ambiguity.", metavar="OUT.png")
     ] = None,
     poses: Annotated[
         Path | None,
@@ -198,7 +198,7 @@ def check(
         found = check_library(
             library,
             feature=feature or "blended",
-            to=draw,
+            to=output,
             poses=poses,
             drive=drive,
             force=force,

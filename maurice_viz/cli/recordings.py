@@ -77,10 +77,12 @@ def doctor(
     no_library: Annotated[
         bool, option("--no-library", "Do not look at the pictures: quicker, but finds less.")
     ] = False,
-    fix: Annotated[bool, option("--fix", "Write the options that fix everything to a reading file.")] = False,
     output: Annotated[
-        Path, option("-o --output", "With --fix: the file to write.", metavar="READING.toml")
-    ] = Path("reading.toml"),
+        Path | None,
+        option(
+            "-o --output", "Write the options that fix everything, for --reading.", metavar="READING.toml"
+        ),
+    ] = None,
     force: opt.Force = False,
     strict: Annotated[
         bool, option("--strict", "Exit with status 1 when something is wrong, for CI.")
@@ -89,10 +91,16 @@ def doctor(
     reading: opt.Reading = None,
 ) -> None:
     """Find wrong signs, units, frames, clocks and cameras in a recording, with the reason and the fix."""
-    opening, to = reading_of(reading), output if fix else None
+    opening = reading_of(reading)
     with listening() as listener:
         found = diagnose(
-            session, library, pictures=not no_library, reading=opening, to=to, force=force, listener=listener
+            session,
+            library,
+            pictures=not no_library,
+            reading=opening,
+            to=output,
+            force=force,
+            listener=listener,
         )
     fixing = [*(fixed_options(opening, [one]) for one in found.findings), found.fixed]
     options = [typed(one) if one != opening else [] for one in fixing]
@@ -101,10 +109,10 @@ def doctor(
     else:
         beside = [] if library is None else ["--library", str(library)]
         results.print("\n".join(_lines(found, options, beside)), soft_wrap=True)
-    if fix and found.fixed != opening:
+    if output is not None and found.fixed != opening:
         words = shlex.join([str(session), "--reading", str(output)])
         note(f"{output} written; now try: maurice-replay {words}")
-    elif fix:
+    elif output is not None:
         note("there is nothing that options fix; no file was written")
     if strict and found.findings:
         raise typer.Exit(1)

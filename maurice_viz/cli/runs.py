@@ -138,8 +138,14 @@ def report(
 def snapshot(
     source: Annotated[Path, argument("RUN|FILE.rrd", "A saved run's folder, or a Rerun recording.")],
     output: Annotated[
-        Path | None, option("-o --output", "The picture to write.", PICTURE, metavar="OUT.png")
-    ] = None,
+        Path,
+        option(
+            "-o --output",
+            "The picture or movie to write.",
+            metavar="OUT.png|OUT.mp4|OUT.gif",
+            show_default=False,
+        ),
+    ],
     step: Annotated[int | None, option("--step", "Which step. [default: the last]", PICTURE, min=1)] = None,
     phase: Annotated[
         str | None,
@@ -149,10 +155,6 @@ def snapshot(
             PICTURE,
             autocompletion=opt.completed(PHASES.split(" | ")),
         ),
-    ] = None,
-    movie: Annotated[
-        Path | None,
-        option("--movie", "Write a movie of a range of steps instead.", MOVIE, metavar="OUT.mp4|OUT.gif"),
     ] = None,
     first: Annotated[
         int | None, option("--from", "Its first step. [default: the first]", MOVIE, min=1)
@@ -170,24 +172,28 @@ def snapshot(
     force: opt.Force = False,
 ) -> None:
     """Write a picture or a movie of the viewer with a saved run or a recording; no screen is needed."""
-    if output is not None and (first is not None or last is not None or phases):
-        raise typer.BadParameter("--from, --to and --phases go with --movie")
-    if movie is not None and (step is not None or phase is not None):
-        raise typer.BadParameter("--step and --phase go with -o; a movie has --from, --to and --phases")
+    from ..app.understand import snapshot as app
+    from ..viewer.movie import SUFFIXES
+
+    is_movie = output.suffix in SUFFIXES
+    if not is_movie and output.suffix != ".png":
+        raise typer.BadParameter(f"-o ends in .png, {' or '.join(SUFFIXES)}, found {str(output)!r}")
+    if not is_movie and (first is not None or last is not None or phases):
+        raise typer.BadParameter("--from, --to and --phases go with a movie: -o OUT.mp4")
+    if is_movie and (step is not None or phase is not None):
+        raise typer.BadParameter(
+            "--step and --phase go with a picture; a movie has --from, --to and --phases"
+        )
     window = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", size)  # the functions check its limits
     if window is None:
         raise typer.BadParameter(f"--size is like 1600x1000, found {size!r}")
-    from ..app.understand import snapshot as app
-
     shown: dict[str, Any] = {"view": view, "layout": layout, "size": (int(window[1]), int(window[2]))}
     with listening() as listener:
         shown |= {"force": force, "listener": listener}
-        if output is not None and movie is None:
-            made = app.snapshot(source, to=output, step=step, phase=phase, **shown)
-        elif movie is not None and output is None:
-            made = app.movie(source, to=movie, first=first, last=last, phases=phases, fps=fps, **shown)
+        if is_movie:
+            made = app.movie(source, to=output, first=first, last=last, phases=phases, fps=fps, **shown)
         else:
-            raise typer.BadParameter("give either -o OUT.png or --movie OUT.mp4")
+            made = app.snapshot(source, to=output, step=step, phase=phase, **shown)
     results.print(str(made), soft_wrap=True)
 
 

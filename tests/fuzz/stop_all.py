@@ -61,7 +61,7 @@ COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "build": (("library", "build", "survey.log", "-o", "library"), ("library",)),
     "report": (("report", "saved", "-o", "a.html"), ("a.html",)),
     "snapshot": (("snapshot", "saved", "-o", "a.png", "--step", "3"), ("a.png",)),
-    "movie": (("snapshot", "saved", "--movie", "a.mp4", "--from", "2", "--to", "4"), ("a.mp4",)),
+    "movie": (("snapshot", "saved", "-o", "a.mp4", "--from", "2", "--to", "4"), ("a.mp4",)),
 }
 DRAWN = ("snapshot", "movie")  # need a Vulkan driver
 

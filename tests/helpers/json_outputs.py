@@ -45,7 +45,7 @@ WORDS: Mapping[str, str] = {
     "calibrate drive": "calibrate drive drive",
     "trials": "trials plan.toml -o trials --workers 1",
     "trials-table": "trials-table made --by particles",
-    "config show": "config show --origin",
+    "config show": "config show",
     "simulate": "simulate tracking --updates 2 -o simulated",
     "survey": "survey --spacing 6ft --headings 2 -o surveyed",
     "demo": "demo --session-only demo",

@@ -43,7 +43,7 @@ def gap(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_it_asks_for_fills_the_gap_and_lowers_the_error(gap, tmp_path):
     table, more, built = tmp_path / "add.csv", tmp_path / "more.log", tmp_path / "library"
-    out, _ = maurice("library", "check", gap, "--poses", table, "--map", tmp_path / "map.png")
+    out, _ = maurice("library", "check", gap, "--poses", table, "-o", tmp_path / "map.png")
     assert "in gaps" in out
     assert "add: (" in out
     asked = read_poses(table)

@@ -159,7 +159,7 @@ def test_notes_tell_of_slips_and_events(tmp_path):
 def test_a_missing_extra_is_one_line_with_the_command(table, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert "pip install 'maurice-replay[plots]'" in refused("motion", table, "--plots", tmp_path / "f")
-    assert "pip install 'maurice-replay[plots]'" in refused("noise", tmp_path, "--plot", tmp_path / "n.png")
+    assert "pip install 'maurice-replay[plots]'" in refused("noise", tmp_path, "-o", tmp_path / "n.png")
     calibrate("motion", table)
 
 
@@ -210,7 +210,7 @@ def test_other_bad_sources_end_in_one_line(small_session, tmp_path):
 
 def test_noise_of_a_survey_and_its_figure(small_session, tmp_path):
     survey = tmp_path / "survey.log"
-    done = calibrate("noise", survey, "--plot", tmp_path / "noise.png")
+    done = calibrate("noise", survey, "-o", tmp_path / "noise.png")
     assert "16 to 23" in done.stdout
     figure = cv2.imread(str(tmp_path / "noise.png"))
     assert figure.std() > 10
@@ -220,7 +220,7 @@ def test_noise_of_a_survey_and_its_figure(small_session, tmp_path):
         "color": "red", "count": 255.0, "sd": None, "first_value": 16, "last_value": 23,
         "largest_bin_sd": None,
     }  # fmt: skip
-    assert "--force" in refused("noise", survey, "--plot", tmp_path / "noise.png")
+    assert "--force" in refused("noise", survey, "-o", tmp_path / "noise.png")
     (tmp_path / "lit").mkdir()
     cv2.imwrite(str(tmp_path / "lit" / "bright.png"), np.full((8, 8, 3), 180, np.uint8))
     assert "was the lens covered?" in calibrate("noise", tmp_path / "lit").stderr

@@ -109,7 +109,7 @@ def test_options_that_were_given_are_kept_and_corrected(small_session):
 
 def test_fix_writes_a_reading_file(small_session, tmp_path):
     wrong, out = in_millimeters(small_session), tmp_path / "reading.toml"
-    words = ["--no-library", "--fix", "-o", out]
+    words = ["--no-library", "-o", out]
     run("doctor", small_session, *words)
     assert not out.exists()
     done = run("doctor", wrong, *words)
@@ -163,12 +163,12 @@ def test_no_session_is_one_line(content, tmp_path):
 
 def test_library_check_prints_and_draws(small_session, tmp_path):
     survey, out = small_session.parent / "survey.log", tmp_path / "map.png"
-    done = run("library", "check", survey, "--map", out)
+    done = run("library", "check", survey, "-o", out)
     assert "160 at 20 places; neighbors of one heading are 0.50 m apart" in done.stdout
     assert "100% of" in done.stdout
     image = cv2.imread(out)
     assert image.std() > 10
-    assert "--force" in failure("library", "check", survey, "--map", out)
+    assert "--force" in failure("library", "check", survey, "-o", out)
     found = json.loads(run("library", "check", survey, "--json").stdout)
     assert (found["entries"], found["places"]) == (160, 20)
     assert found["covered_share"] == 1

@@ -28,13 +28,12 @@ def shape(file: Path) -> tuple[int, ...]:
     "words",
     [
         (),
-        ("-o", "a.png", "--movie", "a.mp4"),
         ("-o", "a.jpg"),
-        ("--movie", "a.avi"),
+        ("-o", "a.avi"),
         ("-o", "a.png", "--phases"),
         ("-o", "a.png", "--from", "2"),
-        ("--movie", "a.mp4", "--step", "2"),
-        ("--movie", "a.mp4", "--from", "5", "--to", "2"),
+        ("-o", "a.mp4", "--step", "2"),
+        ("-o", "a.mp4", "--from", "5", "--to", "2"),
         ("-o", "a.png", "--phase", "think"),
         ("-o", "a.png", "--size", "16x9"),
         ("-o", "a.png", "--size", "big"),
@@ -48,7 +47,7 @@ def test_what_contradicts_itself_is_a_usage_error(words):
 def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
-    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "--movie", "a.gif", expect=1)[1])
+    assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.gif", expect=1)[1])
     monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))
     assert "no such recording" in one_line(maurice("snapshot", "no.rrd", "-o", "a.png", expect=1)[1])
     assert "found no such folder" in one_line(maurice("snapshot", "no", "-o", "a.png", expect=1)[1])
@@ -73,8 +72,8 @@ def test_pictures_of_a_saved_run(small_session, tmp_path):
     "asked",
     [
         ["-o", "x.png", "--step", "500"],
-        ["--movie", "m.gif", "--to", "500"],
-        ["--movie", "m.gif", "--from", "500"],
+        ["-o", "m.gif", "--to", "500"],
+        ["-o", "m.gif", "--from", "500"],
     ],
 )
 def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small_session, monkeypatch, asked):
@@ -89,7 +88,7 @@ def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small
     "asked",
     [
         ["-o", "x.png", "--step", "500"],
-        ["--movie", "m.gif", "--from", "3", "--to", "500"],
+        ["-o", "m.gif", "--from", "3", "--to", "500"],
     ],
 )
 def test_a_step_that_a_recording_lacks_is_refused_before_a_viewer_starts(small_session, monkeypatch, asked):
@@ -111,7 +110,7 @@ def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
     assert "'Camera (px)'" in one_line(
         maurice("snapshot", "a.rrd", "-o", "x.png", "--view", "?", expect=1)[1]
     )
-    maurice("snapshot", "a.rrd", "--movie", "m.gif", "--from", "3", "--to", "4", "--view", "belief",
+    maurice("snapshot", "a.rrd", "-o", "m.gif", "--from", "3", "--to", "4", "--view", "belief",
             "--size", "400x300")  # fmt: skip
     with Image.open(tmp_path / "m.gif") as movie:
         assert (movie.size, getattr(movie, "n_frames", 1)) == ((400, 300), 2)
