@@ -107,7 +107,7 @@ def test_rerun_itself_opens_a_session_through_it(small_session, tmp_path):
         "-m",
         "rerun",
         small_session,
-        "--rrd",
+        "--save",
         "out.rrd",
         "--bind",
         "127.0.0.1",
