@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import polars as pl
 
@@ -22,13 +22,9 @@ from .app.output import verdict_of
 from .app.replay import replay
 from .app.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
 from .app.understand.snapshot import draw_saved
-from .listener import SILENT
+from .listener import SILENT, Listener
 from .style import Scale, scale_for, units_named
 from .text.score_json import to_json
-
-if TYPE_CHECKING:
-    from rerun.notebook import Viewer
-
 
 Place: TypeAlias = str | Path
 Side: TypeAlias = int | Literal["auto"]
@@ -51,24 +47,26 @@ def show(
     preset: str | None = None,
     particles: int | None = None,
     seed: int = 0,
-) -> Viewer:
-    """Show a saved run, a recording (.rrd) or a session log in a widget; return it at the end of a cell.
+    listener: Listener = SILENT,
+) -> None:
+    """Show a saved run, a recording (.rrd) or a session log in Rerun's widget, below the cell.
 
     The verdict, one line that says what happened, stands above the viewer. `layout` names the tab to begin
-    with, for all but a recording, which has its own. The last four are for a session log, which is replayed.
-    ImportError without the extra `notebook`; InputError for bad files.
+    with, for all but a recording, which has its own. `feature`, `preset`, `particles` and `seed` are for a
+    session log, which is replayed. ImportError without the extra `notebook`; InputError for bad files.
 
         >>> import maurice_viz as mv
-        >>> viewer = mv.show("my-run", layout="traces")  # doctest: +SKIP
+        >>> mv.show("my-run", layout="traces")  # doctest: +SKIP
     """
     expect_widget()
     path = Path(source)
     if path.suffix == ".rrd":
-        return _widget(path, width, height)
+        _display(path, width, height)
+        return
     with temporary_folder("maurice-notebook") as folder:
         recording = folder / "shown.rrd"
         if path.is_dir() and session_in(path) == path:
-            draw_saved(path, recording, layout)
+            draw_saved(path, recording, layout, listener)
         else:
             replay(
                 path,
@@ -78,8 +76,9 @@ def show(
                 seed=seed,
                 layout=layout,
                 to=recording,
+                listener=listener,
             )
-        return _widget(recording, width, height)
+        _display(recording, width, height)
 
 
 def results(run: Place) -> pl.DataFrame:
@@ -121,35 +120,22 @@ def expect_widget() -> None:
     os.environ.setdefault(ASSETS, SERVED_HERE)
 
 
-def _widget(recording: Path, width: Side, height: Side) -> Viewer:
-    from rerun.notebook import Viewer
+def _display(recording: Path, width: Side, height: Side) -> None:
+    from IPython.display import Markdown, display  # type: ignore[import-not-found]  # with the extra
+    from rerun_notebook import Viewer  # type: ignore[import-not-found]
 
     if not recording.is_file():
         raise InputError(
             recording, "found no such recording; replay a session with `to=` or --rrd to make one"
         )
     # our colors are made for a dark ground, whatever the notebook's is
-    viewer = Viewer(width=width, height=height, use_global_recording=False, theme="dark")
+    viewer = Viewer(width=width, height=height, theme="dark")
     # the file as it is: it begins with its layout. Through a recording stream, whose first message names
     # a recording, the widget would have chosen a layout of its own before
-    viewer._flush_hook(recording.read_bytes())
+    viewer.send_rrd(recording.read_bytes())
     if verdict := verdict_of(recording):
-        _put_above(viewer, verdict)
-    return viewer
-
-
-def _put_above(viewer: Viewer, markdown: str) -> None:
-    """Let a viewer show a text above itself whenever it is displayed."""
-    alone = viewer.display
-
-    def display(block_until_ready: bool = False) -> None:
-        from IPython.display import Markdown  # type: ignore[import-not-found]  # notebooks have it
-        from IPython.display import display as show_here
-
-        show_here(Markdown(markdown))
-        alone(block_until_ready)
-
-    viewer.display = display  # type: ignore[method-assign]  # of this viewer alone
+        display(Markdown(verdict))
+    display(viewer)
 
 
 def _collected(run: SavedRun) -> Collected:
