@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from hashlib import sha256
 from importlib.metadata import version
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from maurice_mcl.analysis.failures.kinds import Failure
 from maurice_mcl.library import Library
 from maurice_mcl.radii import NAMES, USUAL, Radii
+from maurice_mcl.sensor.outside import package_of
 
 from ..errors import FieldError, InputError
 from ..files import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
@@ -73,6 +74,7 @@ class RunManifest:
     steps: int | None = None  # written when it ended; None while writing
     reading: ReadingOptions = field(default_factory=ReadingOptions)  # all but its `table` and `keep_going`
     table: Source | None = None  # the file of `table` among the options of reading
+    sensors: Mapping[str, str] = field(default_factory=dict)  # of other packages, to what has a version
     failures: tuple[Failure, ...] | None = None  # written when it ended; None: of an earlier version
 
 
@@ -93,11 +95,12 @@ def library_hash(library: Library, channels: Sequence[str]) -> str:
     return digest.hexdigest()
 
 
-def versions_now() -> dict[str, str]:
-    """Name what a run depends on beside its inputs."""
+def versions_now(sensors: Iterable[str] = ()) -> dict[str, str]:
+    """Name what a run depends on beside its inputs; `sensors` are those of other packages."""
     named = {"maurice-replay": version("maurice-replay"), "python": platform.python_version()}
     named |= {"numpy": np.__version__, "opencv": cv2.__version__, "scipy": scipy.__version__}
-    return named | {"polars": pl.__version__, "machine": platform.machine()}
+    named |= {"polars": pl.__version__, "machine": platform.machine()}
+    return named | dict(map(package_of, sensors))
 
 
 def write_manifest(folder: Path, manifest: RunManifest) -> None:
@@ -178,6 +181,7 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         radii=_radii(found.get("radii")),
         steps=None if steps is None else whole(steps, "steps"),
         reading=reading_from_json(found.get("reading", READING_1)),
+        sensors={k: text(v, k) for k, v in mapping(found.get("sensors", {}), "sensors").items()},
         table=None if found.get("table") is None else _source(found["table"], "table"),
         failures=None if found.get("failures") is None else failures_from_json(found["failures"], steps),
     )

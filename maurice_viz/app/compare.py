@@ -29,7 +29,7 @@ from .open import AnySession, make_runs, open_library_for, open_session, remark_
 from .output import DriveScene, OutputOptions, output_of
 from .replay import replay_session
 from .run import Playback, Report, RunScores, play, remark_zeros
-from .run_spec import RunSpec
+from .run_spec import RunSpec, settings_with
 from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
 COLOR_AND_BLENDED = ("color", "blended")
@@ -51,6 +51,7 @@ def compare(
     starts: str | Sequence[str | F64] = (),
     configs: Sequence[str | Path] = (),
     settings: Mapping[str, Any] | Sequence[Mapping[str, Any]] = (),
+    sensors: Sequence[str] = (),
     reading: ReadingOptions | None = None,
     to: str | Path | None = None,
     save_run: str | Path | None = None,
@@ -82,7 +83,7 @@ def compare(
         "seed": _several(seeds),
         "start": _several(starts),
         "config": [Path(one) for one in _several(configs)],
-        "settings": _several(settings),
+        "settings": [settings_with(one, sensors) for one in _several(settings) or [{}] * bool(sensors)],
     }
     is_one = not isinstance(session, Sequence) or isinstance(session, str)
     sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one

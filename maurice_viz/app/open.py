@@ -191,7 +191,7 @@ def make_runs(
         file = next(filter(None, (motion_file(spec.settings) for spec in specs)), None)
         raise InputError(file or session.path, str(problem), None if file else 1) from None
     configurations, localizers = _suited(session, configurations, localizers, starts, listener)
-    labels = unique_labels([_label(one, library) for one in specs])
+    labels = unique_labels([_label(*one, library) for one in zip(specs, configurations, strict=True)])
     parts = zip(labels, localizers, starts, configurations, strict=True)
     return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
 
@@ -208,10 +208,10 @@ def landmarked(
     return with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
 
 
-def _label(spec: RunSpec, library: Library) -> str:
+def _label(spec: RunSpec, configuration: Configuration, library: Library) -> str:
     """Return a run's name; without a camera the default run is named after its sensors."""
-    blind = not library.index and library.sensors and not (spec.name or spec.preset or spec.config)
-    return "-".join(library.sensors) if blind and spec.feature is None else spec.label
+    is_chosen = spec.name or spec.preset or spec.config or spec.feature
+    return spec.label if library.index or is_chosen else "-".join(configuration.parameters.sensor.weights)
 
 
 def _available(

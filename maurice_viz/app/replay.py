@@ -26,7 +26,7 @@ from ..scene import RunView
 from .open import AnySession, as_recorded_session, library_at, make_runs, open_library_for, open_session
 from .output import DriveScene, OutputOptions, output_of, show_recording
 from .run import Playback, Report, RunScores, play, remark, remark_zeros
-from .run_spec import RunSpec, words_of
+from .run_spec import RunSpec, settings_with, words_of
 from .saved import Inputs, open_saved, playback_of, saving
 
 
@@ -41,6 +41,7 @@ def replay(
     start: str | F64 | None = None,
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
+    sensors: Sequence[str] = (),
     reading: ReadingOptions | None = None,
     live: LiveOptions | None = None,
     as_recorded: bool = False,
@@ -60,6 +61,7 @@ def replay(
     a library, its folder or a survey log; None: the one that the session's header names. `feature`, `preset`,
     `config` (a TOML file) and `settings` (values by key of the configuration, such as
     `{"sensor.sharpness": 2}`; `motion` may name a file) choose the filter, the later over the earlier.
+    `sensors` are pose sensors of other packages by name, such as "beacon" or "module:Class".
     `start` is "tracking", "truth", "global", "X,Y,HEADING" in display units and degrees, or a pose (3,) in
     meters and radians. `reading` says how a recording is read. With `as_recorded` the particles of a
     localizer in a bag are shown and scored, and no filter runs. `to` is the Rerun recording (.rrd) to write,
@@ -75,7 +77,7 @@ def replay(
         0.02
     """
     file = None if config is None else Path(config)
-    spec = RunSpec(preset, feature, particles, seed, start, file, dict(settings or {}))
+    spec = RunSpec(preset, feature, particles, seed, start, file, settings_with(settings, sensors))
     output = output_of(session, output, to, save_run, layout, detail, force=force)
     how, live = reading or ReadingOptions(), live or LiveOptions()
     return _replayed(session, library, spec, output, how, live, as_recorded, listener, report)

@@ -56,6 +56,11 @@ class RunSpec:
             raise
 
 
+def settings_with(settings: Mapping[str, Any] | None, sensors: Sequence[str]) -> dict[str, Any]:
+    """Return the settings of a run, with the sensors of other packages that it uses."""
+    return dict(settings or {}) | ({"sensor.outside": ",".join(sensors)} if sensors else {})
+
+
 TWINS = {"sensor.weights": "--feature", "particles": "--particles"}  # by key of --set
 
 

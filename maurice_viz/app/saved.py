@@ -35,6 +35,7 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.localizer import run as run_filter
 from maurice_mcl.library import Library
 from maurice_mcl.records import StepRecord
+from maurice_mcl.sensor.outside import NOT_THERE, load_sensor, package_of
 from maurice_mcl.session import Moment, SessionInfo
 
 from ..errors import SinkError
@@ -88,11 +89,26 @@ def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
 def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
     """Build the filter of a run again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
+    for spelled, package in run.manifest.sensors.items():
+        _check_sensor(run, spelled, package)
     library = landmarked([run.configuration], session.info, library)
     try:
         return build_localizer(library, session, parameters, seed=run.manifest.seed, radii=run.manifest.radii)
     except (ValueError, KeyError) as problem:
         raise InputError(run.folder, f"its filter cannot be built here: {problem.args[0]}") from None
+
+
+def _check_sensor(run: SavedRun, spelled: str, package: str) -> None:
+    """Raise InputError, with what to install, where a sensor of another package cannot be loaded."""
+    try:
+        load_sensor(spelled)
+    except InputError as problem:
+        what = problem.message
+        gone = versions_now([spelled]).get(package, NOT_THERE) == NOT_THERE
+        if gone and (package != spelled or ":" not in spelled):
+            wanted = f"{package}=={run.manifest.versions.get(package)}"
+            what = f"its sensor {spelled} is not installed here: pip install {wanted}"
+        raise InputError(run.folder, what) from None
 
 
 def _localizers_of(runs: Sequence[SavedRun], session: AnySession, library: Library) -> list[Localizer]:
@@ -121,6 +137,8 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     """Open a saved run's folder, or a comparison's. Warnings name what is gone; InputError."""
     runs = open_runs(folder)
     run, first = runs[0], runs[0].manifest
+    for text in changed_sensors(run):
+        listener.warning(f"{run.folder}: {text}: comparisons may differ from those of the run")
     for other in runs[1:]:
         if other.manifest.session.sha256 != first.session.sha256:
             raise InputError(other.folder, f"is a run of another session than {run.folder}; replay it alone")
@@ -255,6 +273,7 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
     """Return the manifest of a run before its first step: what it is made from."""
     localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
     channels, path = tuple(localizer.sensor.distances), inputs.session.path
+    outside = localizer.sensor.parameters.outside
     form = chosen(path, opening)
     return RunManifest(
         label=run.label,
@@ -271,7 +290,8 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         library=source_of(inputs.library, folder),
         library_content=library_hash(localizer.library, channels),
         configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
-        versions=versions_now(),
+        versions=versions_now(outside),
+        sensors={spelled: package_of(spelled)[0] for spelled in outside},
         radii=localizer.radii,
         reading=replace(opening, format=form.name),
         table=None if opening.table is None else source_of(opening.table, folder),
@@ -356,8 +376,18 @@ def _verified(run: SavedRun, listener: Listener) -> Verdict:
     return Verdict(manifest.label, steps, manifest.pictures, None, changed)
 
 
+def changed_sensors(run: SavedRun) -> tuple[str, ...]:
+    """Name the packages of its sensors that are here in another version than the run was made with."""
+    now, then = versions_now(run.manifest.sensors), run.manifest.versions
+    return tuple(
+        f"{name} was {then.get(name, 'unknown')}, is {now[name]}"
+        for name in run.manifest.sensors.values()
+        if now.get(name, NOT_THERE) not in (then.get(name), NOT_THERE)
+    )
+
+
 def changed_versions(run: SavedRun) -> tuple[str, ...]:
     """Name the packages whose version differs from the one that the run was made with."""
-    then, now = run.manifest.versions, versions_now()
+    then, now = run.manifest.versions, versions_now(run.manifest.sensors)
     names = [name for name in {**then, **now} if then.get(name) != now.get(name)]
     return tuple(f"{name} was {then.get(name, 'unknown')}, is {now.get(name, 'not there')}" for name in names)

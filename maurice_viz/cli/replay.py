@@ -23,7 +23,7 @@ from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
-from .shared.options import output_of, reading_of, settings_of
+from .shared.options import output_of, reading_of, sensor_pairs, settings_of
 
 if TYPE_CHECKING:
     from ..app.run import Report, RunScores
@@ -44,6 +44,7 @@ def replay(
     start: opt.Start = None,
     config: opt.Config = None,
     settings: opt.Set = None,
+    sensor: opt.Sensors = None,
     rrd: opt.Rrd = None,
     web: opt.Web = False,
     save_run: opt.SaveRun = None,
@@ -78,7 +79,7 @@ def replay(
             seed=seed,
             start=start,
             config=config,
-            settings=settings_of(settings),
+            settings=settings_of([*(settings or ()), *sensor_pairs(sensor)]),
             reading=reading_of(reading, keep_going=keep_going),
             live=LiveOptions(follow, capture, keep_up, patience),
             as_recorded=as_recorded,
@@ -112,6 +113,7 @@ def compare(
     start: opt.Starts = None,
     config: opt.Configs = None,
     settings: opt.Set = None,
+    sensor: opt.Sensors = None,
     rrd: opt.Rrd = None,
     web: opt.Web = False,
     save_run: opt.SaveRun = None,
@@ -143,7 +145,7 @@ def compare(
             seeds=seed or (),
             starts=start or (),
             configs=config or (),
-            settings=_settings(settings or []),
+            settings=_settings([*(settings or ()), *sensor_pairs(sensor)]),
             reading=reading_of(reading, keep_going=keep_going),
             output=output,
             report=printed(json_output),

@@ -23,6 +23,7 @@ from ..radii import Radii, radii_of
 from ..sensor.descriptors.registry import CHANNELS, weights_of
 from ..sensor.left_out import PlaceScore, is_sparse, score_places
 from ..sensor.model import SensorModel
+from ..sensor.outside import with_sensors
 from ..sensor.references import (
     NearestReference,
     interpolated_reference,
@@ -52,7 +53,7 @@ def make_localizer(
     seed: int = 0,
     motion: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
-    sensors: Sequence[PoseSensor] = (),
+    sensors: Sequence[PoseSensor | str] = (),
 ) -> Localizer:
     """Make a filter over a library, with the same defaults as the command line.
 
@@ -61,8 +62,9 @@ def make_localizer(
     bit for bit. `motion` holds motion parameters as under robot.motion in a session's header; with None, the
     motion model is that of the session which `run` is given. `settings` maps any key of
     docs/configuration.md to a value; it overrides the preset, and the other arguments override it.
-    `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`); each is used, with
-    weight 1 unless "sensor.weights" has another. Environment variables are not read. The scales of a library
+    `sensors` are pose sensors besides those of the library (`maurice_mcl.PoseSensor`), or names of those that
+    packages provide ("beacon", "module:Class"); each is used, with weight 1 unless "sensor.weights" has
+    another. Environment variables are not read. The scales of a library
     with few places are widened (`adapted`), and a library without landmarks is used without them
     (`available`), with a warning.
 
@@ -77,10 +79,12 @@ def make_localizer(
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
     weights = None if feature is None else weights_of(feature)
-    for name in (sensor.name for sensor in sensors if sensor.name in CHANNELS):
+    objects = {sensor.name: sensor for sensor in sensors if not isinstance(sensor, str)}
+    outside = tuple(sensor for sensor in sensors if isinstance(sensor, str)) or None
+    for name in (name for name in objects if name in CHANNELS):
         raise InputError(None, f"sensors: found the name of a channel, {name!r}, expected another")
-    library = replace(library, sensors={**library.sensors, **{one.name: one for one in sensors}})
-    given = {"sensor.weights": weights, "particles": particles, "motion": motion}
+    library = replace(library, sensors={**library.sensors, **objects})
+    given = {"sensor.weights": weights, "particles": particles, "motion": motion, "sensor.outside": outside}
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
     layers += [Layer("settings", settings or {})]
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
@@ -93,8 +97,9 @@ def make_localizer(
         raise InputError(None, str(problem)) from None
     if missing:
         warnings.warn(_without(library, missing), stacklevel=2)
-    added = {one.name: one for one in sensors}
-    return replace(localizer, sensor=replace(localizer.sensor, sensors={**localizer.sensor.sensors, **added}))
+    return replace(
+        localizer, sensor=replace(localizer.sensor, sensors={**localizer.sensor.sensors, **objects})
+    )
 
 
 def _without(library: Library, missing: Sequence[str]) -> str:
@@ -111,6 +116,7 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
     asked for, or nothing of what is asked for is there.
     """
     weights = configuration.parameters.sensor.weights
+    library = with_sensors(library, configuration.parameters.sensor.outside)
     origins = {setting.key: setting.origin for setting in configuration.settings}
     if not library.index and library.sensors and origins["sensor.weights"] == "default":
         return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
@@ -159,6 +165,7 @@ def build_localizer(
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
+    library = with_sensors(library, p.sensor.outside)
     arena = library.arena.trusted(p.map.obstacles)
     shared = reference if arena is library.arena else None
     nearest = shared or nearest_reference(library.poses, arena)
@@ -200,6 +207,7 @@ def adapted(
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
     """
     sensor = configuration.parameters.sensor
+    library = with_sensors(library, sensor.outside)
     model = SensorModel(library, nearest, sensor)
     if sensor.sharpness == 0 or not model.weights or any(name not in library.index for name in model.weights):
         return configuration, None

@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from ..filter.guided_motion import GuidedMotionParameters
@@ -21,6 +21,7 @@ from ..map import SOLID
 from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import FEATURES, weights_of
 from ..sensor.model import SensorParameters
+from ..sensor.outside import load_sensor
 from ..sensor.references import InterpolationParameters
 from .rules import RENAMED_KEYS, RENAMED_WORDS, RULES, check_channel
 
@@ -187,18 +188,24 @@ def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> 
     """Merge layers, later ones over earlier ones; names of earlier versions are translated.
 
     `sensors` are pose sensors besides ours that may have a weight; None: any, as in a saved run whose sensors
-    are not at hand. Raises ValueError in one line with the origin, the key, the value and its range.
+    are not at hand. Those of `sensor.outside` are loaded, and have weight 1 where no weight names them.
+    Raises ValueError in one line with the origin, the key, the value and its range; InputError for a sensor
+    that cannot be loaded.
     """
     found = {key: Setting(key, value, "default") for key, value in defaults().items()}
     for layer in layers:
         for name, value in layer.values.items():
             key = RENAMED_KEYS.get(name, name)
             found[key] = Setting(key, _checked(key, value, layer.origin), layer.origin)
-    values = {key: setting.value for key, setting in found.items()}
     if sensors is not None:
-        weights = found["sensor.weights"]
+        outside, weights = found["sensor.outside"], found["sensor.weights"]
+        names = [load_sensor(spelled).name for spelled in outside.value]
         for name in weights.value:
-            _in_layer(weights.origin, check_channel, weights.key, name, sensors)
+            _in_layer(weights.origin, check_channel, weights.key, name, (*sensors, *names))
+        if names:
+            added = {name: 1.0 for name in names if name not in weights.value}
+            found["sensor.weights"] = replace(weights, value={**weights.value, **added})
+    values = {key: setting.value for key, setting in found.items()}
     if values["resampling.kld.least"] > values["resampling.kld.most"]:
         least, most = values["resampling.kld.least"], values["resampling.kld.most"]
         origin = found["resampling.kld.least"].origin

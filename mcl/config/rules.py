@@ -102,6 +102,14 @@ def check_channel(key: str, name: str, sensors: Collection[str] = ()) -> None:
         raise ValueError(f"{key}: no channel called {name!r}; there are {', '.join(known)}")
 
 
+def texts(key: str, value: Any) -> tuple[str, ...]:
+    """Take a list of texts; as text: "beacon,my_module:Sonar"."""
+    given = [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
+    if not isinstance(given, (list, tuple)) or not all(isinstance(entry, str) and entry for entry in given):
+        raise ValueError(f"{key}: found {value!r}, expected a list of texts")
+    return tuple(dict.fromkeys(given))
+
+
 def _table(key: str, value: Any) -> Mapping[str, Any]:
     given = _pairs(key, value) if isinstance(value, str) else value
     if not isinstance(given, Mapping):
@@ -146,6 +154,7 @@ RULES: Mapping[str, Rule] = {
     "sensor.scales": channels(number(1e-9, 1e9)),
     "sensor.widening": number(1, 1e6),
     "sensor.outlier_cost": number(0, 1e6),
+    "sensor.outside": texts,
     "references.method": choice("nearest", "interpolated"),
     "references.interpolation.virtual": truth,
     "references.interpolation.places": whole(1, 64),

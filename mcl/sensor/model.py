@@ -119,6 +119,7 @@ class SensorParameters:
     widening: float = 1.0  # multiplies the scales of SCALES: above 1 where a library has few places
     # nats that a pose costs at most, as a picture may show what no reference does; 0: no bound
     outlier_cost: float = 0.0
+    outside: tuple[str, ...] = ()  # sensors of other packages: names of entry points, or module:Class
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""

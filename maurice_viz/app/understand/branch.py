@@ -81,8 +81,9 @@ class BranchChange:
     def configuration(self, saved: Configuration, fitted: Sequence[str] = ()) -> Configuration:
         """Return the settings from the branch on. OptionError for what is not known or out of range.
 
-        A preset is a whole filter: of the run's settings only motion parameters and particles stay. Keys that
-        the library `fitted` to the run's own channels are left out where the branch has another sensor.
+        A preset is a whole filter: of the run's settings only motion, particles and sensors of other packages
+        stay. Keys that the library `fitted` to the run's own channels are left out where the branch has
+        another sensor.
         """
         check_name(self.preset, PRESETS, "preset")
         check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
@@ -91,7 +92,7 @@ class BranchChange:
             raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
         kept = {key: value for key, value in saved.values().items() if value is not None}
         if self.preset is not None:
-            other = {key: value for key, value in kept.items() if key in ("motion", "particles")}
+            other = {key: value for key, value in kept.items() if key in OF_THE_ROBOT}
             kept = dict(PRESETS[self.preset]) | other
         if self.has_other_sensor:
             kept = {key: value for key, value in kept.items() if key not in fitted}
@@ -100,6 +101,9 @@ class BranchChange:
             return configure([Layer("run", kept), Layer("command line", given)], own)
         except ValueError as problem:
             raise OptionError(str(problem)) from None
+
+
+OF_THE_ROBOT = ("motion", "particles", "sensor.outside")  # keys that a preset leaves as they are
 
 
 def _short(value: Any) -> Any:

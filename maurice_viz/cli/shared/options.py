@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -124,6 +125,15 @@ Set = Annotated[
         autocompletion=completed((*RULES, "motion"), "="),
     ),
 ]
+Sensors = Annotated[
+    list[str] | None,
+    option(
+        "--sensor",
+        "Also weigh particles by a sensor of another package: its name, or module:Class. Repeatable.",
+        FILTER,
+        metavar="NAME|MODULE:CLASS",
+    ),
+]
 _LIBRARY = "A library folder, survey log or table of surveyed pictures. [default: the one the header names]"
 Library = Annotated[Path | None, option("--library", _LIBRARY, FILTER, metavar="PATH")]
 Rrd = Annotated[
@@ -197,6 +207,7 @@ KeepUp = Annotated[
         "For a live source: skip and count the oldest of more than four waiting pictures, or "
         "use every one, however late. [default: --keep-up for tcp:// and ws://]",
         LIVE,
+        hidden=True,  # docs/live.md: `replay` shows twenty options
     ),
 ]
 Patience = Annotated[
@@ -250,8 +261,16 @@ def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:
             raise OptionError(f"--set takes KEY=VALUE, such as sensor.sharpness=2; found {pair!r}")
         if key.strip() in found:
             raise OptionError(f"--set gives {key.strip()} twice; give it once")
+        if key.strip() == "sensor.outside" and ":" in value and "" not in sys.path:
+            sys.path.append("")  # a module that is typed may be in the current folder, as with `python -m`
         found[key.strip()] = value.strip() if not value.strip().startswith(("{", "[")) else _toml(pair, value)
     return found
+
+
+def sensor_pairs(sensors: Iterable[str] | None) -> list[str]:
+    """Return `--sensor` as a pair of `--set`."""
+    names = ",".join(sensors or ())
+    return [f"sensor.outside={names}"] if names else []
 
 
 def _toml(pair: str, value: str) -> Any:

@@ -1,0 +1,155 @@
+"""Pose sensors of other packages: loaded by the name of an entry point, or by `module:Class`.
+
+A package provides one by an entry point in the group "maurice_replay.sensors" (docs/sensors.md).
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from hashlib import sha256
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import F32, F64
+from ..errors import InputError
+from ..library import Library
+from ..pose_sensor import EXACT, POSE_SENSORS, PoseProposal, PoseSensor, PoseSpread, Shown
+from ..session import Frame
+from .descriptors.registry import CHANNELS, NAME
+
+GROUP = "maurice_replay.sensors"
+NOT_THERE = "not there"  # as a version
+METHODS = ("read", "log_likelihood", "propose", "shown")  # of `PoseSensor`
+
+
+class OutsideSensor:
+    """A sensor of another package: what it raises or gives wrongly is an InputError of one line."""
+
+    def __init__(self, spelled: str, sensor: PoseSensor) -> None:
+        """Take the sensor, and how it was asked for: the name of an entry point, or `module:Class`."""
+        self.spelled = spelled
+        self.name = sensor.name
+        self._sensor = sensor
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what a sensor may leave out: `pictures`, `in_space`, `proposes`, `summary`, `shown_with`."""
+        if name.startswith("_"):  # asked for while it is copied or unpickled
+            raise AttributeError(name)
+        value = getattr(self._sensor, name)
+        return (lambda *given: self._call(name, *given)) if callable(value) else value
+
+    def read(self, frame: Frame) -> Any | None:
+        """Return what a frame holds for the sensor."""
+        return self._call("read", frame)
+
+    def log_likelihood(self, reading: Any, poses: F32, origin: F64, spread: PoseSpread = EXACT) -> F32:
+        """Return nats (N,) for poses (N, 3). InputError for another shape, and for what is not finite."""
+        nats = np.asarray(self._call("log_likelihood", reading, poses, origin, spread))
+        if nats.shape != (len(poses),) or nats.dtype.kind != "f" or not np.isfinite(nats).all():
+            what = f"{nats.dtype} {nats.shape}" if nats.shape != (len(poses),) else "no finite numbers"
+            expected = f"finite numbers ({len(poses)},), one per pose"
+            raise InputError(None, f"sensor {self.spelled}: log_likelihood gave {what}, expected {expected}")
+        return nats.astype(np.float32, copy=False)
+
+    def propose(self, reading: Any) -> PoseProposal | None:
+        """Return where this reading alone would put the robot."""
+        proposal: PoseProposal | None = self._call("propose", reading)
+        return proposal
+
+    def shown(self, reading: Any, poses: Mapping[str, F64]) -> Shown:
+        """Return what to show of a reading. InputError for anything but a `Shown`."""
+        shown = self._call("shown", reading, poses)
+        if not isinstance(shown, Shown):
+            gave = f"shown gave {type(shown).__name__}, expected a maurice_mcl.Shown"
+            raise InputError(None, f"sensor {self.spelled}: {gave}")
+        return shown
+
+    def _call(self, method: str, *given: Any) -> Any:
+        try:
+            return getattr(self._sensor, method)(*given)
+        except Exception as problem:  # other people's code may raise anything
+            raise InputError(None, f"sensor {self.spelled}: {method} raised {_named(problem)}") from problem
+
+
+@lru_cache
+def load_sensor(spelled: str) -> OutsideSensor:
+    """Return the sensor of an entry point's name or of `module:Class`, made without arguments.
+
+    All runs of a process share it. InputError where nothing of that name is installed, and for what is no
+    `PoseSensor`.
+    """
+    point = _point(spelled)
+    if point is None:
+        names = ", ".join(sorted({point.name for point in entry_points(group=GROUP)})) or "none"
+        advice = f"install its package (sensors installed: {names}), or name a class as module:Class"
+        raise InputError(None, f"sensor {spelled!r}: no installed package has it; {advice}")
+    try:
+        module = import_module(point.module)
+    except ModuleNotFoundError as problem:
+        advice = "install its package, or put its folder on PYTHONPATH"
+        raise InputError(None, f"sensor {spelled}: no module named {problem.name!r}; {advice}") from problem
+    except Exception as problem:
+        raise InputError(None, f"sensor {spelled}: its module raised {_named(problem)}") from problem
+    kind = getattr(module, point.attr, None)
+    if not isinstance(kind, type):
+        raise InputError(None, f"sensor {spelled}: found no class {point.attr} in the module {point.module}")
+    missing = [name for name in METHODS if not callable(getattr(kind, name, None))]
+    if missing:
+        advice = f"a sensor has {', '.join(('name', *METHODS))} (docs/sensors.md)"
+        raise InputError(None, f"sensor {spelled}: the class {point.attr} has no {missing[0]}; {advice}")
+    try:
+        sensor = kind()
+        name = sensor.name
+    except Exception as problem:
+        raise InputError(None, f"sensor {spelled}: making it raised {_named(problem)}") from problem
+    if not isinstance(name, str) or not NAME.fullmatch(name) or name in (*CHANNELS, *POSE_SENSORS):
+        expected = "expected a lower-case word like beacon that names no channel and no sensor of ours"
+        raise InputError(None, f"sensor {spelled}: its name is {name!r}, {expected}")
+    return OutsideSensor(spelled, sensor)
+
+
+def with_sensors(library: Library, spelled: Sequence[str]) -> Library:
+    """Return a library whose sensors include those of other packages. InputError as of `load_sensor`."""
+    if not spelled:
+        return library
+    sensors = {sensor.name: sensor for sensor in map(load_sensor, spelled)}
+    return replace(library, sensors={**library.sensors, **sensors})
+
+
+def package_of(spelled: str) -> tuple[str, str]:
+    """Return the name and the version of a sensor's package.
+
+    For a module of no package these are `spelled` and the start of the hash of its file; the version of what
+    is gone is NOT_THERE.
+    """
+    point = _point(spelled)
+    if point is None:
+        return spelled, NOT_THERE
+    if point.dist is not None:
+        return point.dist.name, point.dist.version
+    for package in packages_distributions().get(point.module.split(".")[0], ()):
+        return package, version(package)
+    try:
+        file = inspect.getsourcefile(import_module(point.module))
+        return spelled, "file " + sha256(Path(file or "").read_bytes()).hexdigest()[:12]
+    except Exception:  # of a module that is gone or broken, or one that was typed
+        return spelled, NOT_THERE
+
+
+def _point(spelled: str) -> EntryPoint | None:
+    module, colon, name = spelled.partition(":")
+    if colon:
+        valid = all(part.isidentifier() for part in (*module.split("."), name))
+        return EntryPoint(spelled, spelled, GROUP) if valid else None
+    return next(iter(entry_points(group=GROUP, name=spelled)), None)
+
+
+def _named(problem: Exception) -> str:
+    return f"{type(problem).__name__}: {problem}"
