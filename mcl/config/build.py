@@ -96,7 +96,9 @@ def make_localizer(
     except ValueError as problem:
         raise InputError(None, str(problem)) from None
     if missing:
-        warnings.warn(_without(library, missing), stacklevel=2)
+        warnings.warn(
+            _without(library, missing), stacklevel=3
+        )  # of the caller: between is the check of the front page
     return replace(
         localizer, sensor=replace(localizer.sensor, sensors={**localizer.sensor.sensors, **objects})
     )
