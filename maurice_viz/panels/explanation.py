@@ -39,13 +39,12 @@ from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scal
 from ..entities import Phase, RunPaths
 from ..scene import SceneInfo
 from ..style import GROUND, MISSING, PALE, RANK, RGB
-from ..text.explanation import say_step
+from ..text.explanation import REFERENCES, say_step
 from ..text.explanation_table import brief_table, winner_first
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
 from .views import MAP, map_view, picture_view
 
-NAMES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner"}
 OUTSIDE = "outside free space"
 NOT_KNOWN = "truth not known here"
 
@@ -72,12 +71,7 @@ CARD_GAP_PX = 4  # between picture and edges
 CARD_QUALITY = 60  # 3.8 kB a card; edges are most of it
 CARD_TEXT_PX = 9.0
 CAMERA_CARD = "camera"
-CARD_TITLES = {
-    CAMERA_CARD: "Camera, edges",
-    WINNER: "Best match (winner)",
-    TRUTH: "Truth's reference",
-    ESTIMATE: "Estimate's reference",
-}
+CAMERA_TITLE = "Camera, edges"
 
 
 class ExplanationPanel(Panel):
@@ -217,7 +211,7 @@ def _stacked(picture: U8, edges: U8) -> U8:
 def labels_on_map(shown: Sequence[Column], side_m: float = 0.0) -> list[str]:
     """Return the arrows' labels; those that would overlap on a map of this size share one: "all" for all."""
     poses = {k: e.entry.pose for k, (_, e) in enumerate(shown) if e is not None and e.entry is not None}
-    labels = [NAMES[who] if k in poses else "" for k, (who, _) in enumerate(shown)]
+    labels = [REFERENCES[who].label if k in poses else "" for k, (who, _) in enumerate(shown)]
     groups = [[k] for k in poses]
     joined = True
     while joined:
@@ -230,7 +224,7 @@ def labels_on_map(shown: Sequence[Column], side_m: float = 0.0) -> list[str]:
                 last = groups[-1][-1]
                 for k in groups[-1]:
                     labels[k] = ""
-                labels[last] = ", ".join(NAMES[shown[k][0]] for k in groups[-1])
+                labels[last] = ", ".join(REFERENCES[shown[k][0]].label for k in groups[-1])
                 joined = True
                 break
     everything = len(groups) == 1 and len(groups[0]) == len(shown) > 1
@@ -244,7 +238,7 @@ def headline(step: StepExplanation) -> str:
     rival = step.of(TRUTH) or step.of(ESTIMATE)
     if rival is None or rival.entry is None:
         return f"{first}."
-    of = "truth" if rival.who == TRUTH else "estimate"
+    of = rival.who
     if rival.entry.entry == winner.entry:
         return f"{first}, which is also the reference nearest to the {of}."
     most, costs = rival.entry.costliest(winner), rival.entry.lost_to(winner)
@@ -266,7 +260,7 @@ def column_view(paths: RunPaths, who: str) -> rrb.Vertical:
     is_camera = who == CAMERA_CARD
     chart = paths.explain("key") if is_camera else paths.explain("chart", who)
     return rrb.Vertical(
-        picture_view(CARD_TITLES[who], paths.explain("card", who)),
+        picture_view(CAMERA_TITLE if is_camera else REFERENCES[who].title, paths.explain("card", who)),
         picture_view("Key of the charts" if is_camera else "What it loses (nats)", chart),
         row_shares=[1.25, 1],
     )

@@ -5,5 +5,6 @@
 - `charts`, `map`: where lines and marks lie in the drawings
 - `linked`: the numbers of each step, for the script that links map and traces
 - `shots`: pictures of a step
+- `pages`: the templates, and what they share
 - `templates/`: the page, its drawings, its style and its script
 """

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import polars as pl
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from maurice_datasets.trials.atlas import FailureAtlas, failure_atlas
 from maurice_datasets.trials.folder import TrialsFolder
@@ -26,8 +25,9 @@ from maurice_mcl.map import Arena
 from ..drawing.canvas import ticks as round_ticks
 from ..errors import OptionError
 from ..text.trials import name_of
-from .charts import Axes, px
+from .charts import Axes
 from .map import drawn_walls, floor_axes
+from .pages import page_of_template
 
 LONG_SIDE = 420.0  # of a floor plan, in px
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 12.0, 14.0, 36.0
@@ -119,11 +119,8 @@ def page_of(folder: Path, spot_m: float | None, where: Sequence[str]) -> str:
     unit, per_m = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
     trials = TrialsFolder(folder)
     plans = _plans(trials, rows, found, unit, per_m)
-    page = Environment(
-        loader=PackageLoader("maurice_viz.reports"), autoescape=True, undefined=StrictUndefined
-    )
-    page.filters["px"] = px
-    return page.get_template("atlas.html").render(
+    return page_of_template(
+        "atlas.html",
         title=f"Where runs go wrong: {read_plan_of(folder)['title']}",
         unit=unit,
         plans=plans,

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from maurice_loaders.errors import InputError
@@ -27,10 +25,10 @@ from ..app.saved_steps import Collected, Pictures, collect, restored_together
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..playback import RunResult
-from ..style import LUT, RGB, RUN_COLORS, TRUTH, Scale, scale_for
+from ..style import RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line
-from .charts import DASHES, Chart, ChartLine, DrawnChart, Mark, px
+from .charts import Chart, ChartLine, DrawnChart, Mark
 from .choosing import (
     MANY,
     RULE,
@@ -44,9 +42,9 @@ from .choosing import (
 )
 from .linked import linked
 from .map import DrawnMap
+from .pages import page_of_template
 from .shots import Photographer, Shot, shots
 
-DARKER = 0.7  # brightness of the colors on white, so that lines stand out
 Facts = Iterator[tuple[str, str]]
 
 SHORT_HASH = 16  # digits of a SHA-256 that are shown: enough to compare by eye
@@ -95,8 +93,8 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     verdicts = {one.label: one.verdict for one in results}
     numbered = [(one.step, one.number) for one in pictured]
     drawn_map = DrawnMap(library.arena, scale, collected.tracks, numbered, results[0].radii.lost_m)
-    template = _environment().get_template("page.html")
-    return template.render(
+    return page_of_template(
+        "page.html",
         info=info,
         version=version("maurice-replay"),
         labels=[track.label for track in collected.tracks],
@@ -121,39 +119,12 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     )
 
 
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader(__package__ or ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"px": px, "jpeg_url": _jpeg_url}
-    ramp = [_hex((c >> 24, c >> 16 & 255, c >> 8 & 255)) for c in LUT[::51].tolist()]
-    environment.globals |= {"dashes": DASHES, "light": _colors(DARKER), "dark": _colors(1.0), "ramp": ramp}
-    return environment
-
-
 def _disks(has_truth: bool, estimates: Mapping[str, RGB]) -> list[tuple[str, RGB]]:
     """Return name and color of each robot on the maps of steps."""
     truth = [("truth", TRUTH)] if has_truth else []
     if len(estimates) == 1:
         return [*truth, ("estimate", RUN_COLORS[0])]
     return truth + [(f"estimate of {label}", color) for label, color in estimates.items()]
-
-
-def _colors(brightness: float) -> dict[str, str]:
-    named = {f"run{k}": color for k, color in enumerate(RUN_COLORS)} | {"estimate": RUN_COLORS[0]}
-    return {name: _hex(color, brightness) for name, color in named.items()}
-
-
-def _hex(color: RGB, brightness: float = 1.0) -> str:
-    return "#" + "".join(f"{round(part * brightness):02x}" for part in color)
-
-
-def _jpeg_url(jpeg: bytes) -> str:
-    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode('ascii')}"
 
 
 def _summary(result: RunResult, scale: Scale) -> str:

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import polars as pl
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from maurice_datasets.trials.plan import shipped_plans
 from maurice_datasets.trials.rows import read_plan_of
@@ -23,6 +22,7 @@ from ..plots.drawn import rendered
 from ..plots.figures import FIGURES
 from ..plots.material import Material
 from .claims import BUILT_IN, CLAIMS, NOT, REPRODUCED, UNDECIDED, UNTESTABLE, judged
+from .pages import page_of_template
 
 SECTIONS = (
     (range(4, 15), "Motion and noise (3.2, 3.3)"),
@@ -84,10 +84,8 @@ def page_of(material: Material, progress: Callable[[int, int], None] | None = No
     claims = CLAIMS if thesis else ()
     found = list(zip(claims, judged([one.check(material) for one in claims]), strict=True))
     drawn = drawings(material, progress) if thesis else []
-    page = Environment(
-        loader=PackageLoader("maurice_viz.reports"), autoescape=True, undefined=StrictUndefined
-    )
-    return page.get_template("trials.html").render(
+    return page_of_template(
+        "trials.html",
         title=plan["title"],
         claims=[
             {"claim": one, "finding": finding, "kind": CLASSES[finding.verdict]} for one, finding in found

@@ -131,16 +131,27 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
 LITTLE = 0.05  # nats: less is no reason
 MOST_LISTED = 3  # channels that a sentence lists
 LARGE_FACTOR = 1e6  # a larger factor is no more informative
-WORDS = {
-    TRUTH: "the reference nearest to the truth",
-    ESTIMATE: "the reference nearest to the estimate",
-    ASKED: "the reference asked for",
-}
-PLACES = {
-    TRUTH: "the truth",
-    ESTIMATE: "the estimate",
-    WINNER: "the winner's pose",
-    ASKED: "the pose asked for",
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceWords:
+    """What a reference that is explained is called."""
+
+    label: str  # on the map, and in tables
+    title: str  # of its pictures
+    words: str  # in a sentence
+    place: str  # of the pose that it is nearest to, in a sentence
+
+
+REFERENCES = {
+    TRUTH: ReferenceWords("truth's", "Truth's reference", "the reference nearest to the truth", "the truth"),
+    ESTIMATE: ReferenceWords(
+        "estimate's", "Estimate's reference", "the reference nearest to the estimate", "the estimate"
+    ),
+    WINNER: ReferenceWords("winner", "Best match (winner)", "the winner", "the winner's pose"),
+    ASKED: ReferenceWords(
+        "asked for", "Reference asked for", "the reference asked for", "the pose asked for"
+    ),
 }
 
 
@@ -158,21 +169,19 @@ def say_step(step: StepExplanation, scale: Scale) -> list[str]:
     """Return a few sentences, one paragraph each: why the winner wins and where the others lose."""
     winner = step.winner
     others = [e for e in step.shown if e.who != WINNER]
-    alike = [WORDS[e.who] for e in others if e.entry is not None and e.entry.entry == winner.entry]
+    alike = [REFERENCES[e.who].words for e in others if e.entry is not None and e.entry.entry == winner.entry]
     also = f" It is also {' and '.join(alike)}." if alike else ""
     found = [_winner(step, scale) + also]
     named: dict[int, str] = {}
     for explained in others:
-        entry = explained.entry
+        entry, called = explained.entry, REFERENCES[explained.who]
         if entry is None:
-            found.append(
-                f"{_capital(PLACES[explained.who])} lies outside free space, where no particle can be."
-            )
+            found.append(f"{_capital(called.place)} lies outside free space, where no particle can be.")
         elif entry.entry in named:
-            found.append(f"{_capital(WORDS[explained.who])} is the same as {named[entry.entry]}.")
+            found.append(f"{_capital(called.words)} is the same as {named[entry.entry]}.")
         elif entry.entry != winner.entry:
-            found.append(_other(entry, WORDS[explained.who], winner))
-            named[entry.entry] = WORDS[explained.who]
+            found.append(_other(entry, called.words, winner))
+            named[entry.entry] = called.words
     weighed = _weighed(step)
     return [*found, weighed] if weighed else found
 
@@ -274,7 +283,7 @@ def _weighed(step: StepExplanation) -> str:
             sensors.update(dict.fromkeys(explained.sensed))
             each = {**explained.sensed, "references": weight - sum(explained.sensed.values())}
             of = ", ".join(f"{name} {nats:.1f}" for name, nats in each.items())
-        parts.append(f"on {PLACES[explained.who]} gets {weight:.1f} nats ({of})")
+        parts.append(f"on {REFERENCES[explained.who].place} gets {weight:.1f} nats ({of})")
     if not parts:
         return ""
     start = "Particles are weighted by the references around them, including virtual ones"

@@ -8,8 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from maurice_mcl.analysis.explanation import (
-    ASKED,
-    ESTIMATE,
     TRUTH,
     WINNER,
     EntryExplanation,
@@ -20,9 +18,8 @@ from maurice_mcl.analysis.explanation import (
 )
 
 from ..style import Scale
-from .explanation import say_offset
+from .explanation import REFERENCES, say_offset
 
-TITLES = {TRUTH: "truth's", ESTIMATE: "estimate's", WINNER: "winner", ASKED: "asked for"}
 NONE = "outside free space"
 
 
@@ -68,7 +65,7 @@ def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
 
 def _head(explained: Explained) -> str:
     entry = NONE if explained.entry is None else f"entry {explained.entry.entry}"
-    return f"{TITLES[explained.who]}: {entry}"
+    return f"{REFERENCES[explained.who].label}: {entry}"
 
 
 def _row(step: StepExplanation, title: str, cell: Callable[[Explained], str]) -> tuple[str, ...]:

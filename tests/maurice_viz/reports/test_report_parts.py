@@ -11,13 +11,13 @@ from maurice_mcl.analysis.events import KINDS, RunEvent
 from maurice_viz.app.saved_steps import NOWHERE, NUMBERS, Collected, Track
 from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
 from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
-from maurice_viz.reports.make import _environment
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
+from maurice_viz.reports.pages import templates
 
 
 def test_text_is_escaped_in_tables_and_attributes():
-    drawings = _environment().get_template("drawings.html").module
+    drawings = templates().get_template("drawings.html").module
     row = ("a < b & 'c'", '"q"')
     table = drawings.table('<b> "title"', [""], [row], 'x" y')  # type: ignore[attr-defined]  # a macro
     assert "<b>" not in table
