@@ -221,7 +221,11 @@ class ReplayByDefault(CommandList):
     def main(self, *args: Any, **how: Any) -> Any:
         """Run; control characters in what is printed, also by a usage error, are shown as marks."""
         with visible_output():
-            return super().main(*args, **how)
+            try:
+                return super().main(*args, **how)
+            except OSError as problem:  # of the output itself: a help page on a full disk
+                typer.echo(f"maurice-replay: cannot print: {problem.strerror or problem}", err=True)
+                sys.exit(1)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Put `replay` in front of what is neither a command nor an option of the app's own."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from helpers.commands import run
+from helpers.commands import COMMAND, one_line, run
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_viz.cli.app import COMMANDS, app
 from maurice_viz.cli.shared.visible import CONTROLS, visible
@@ -103,3 +104,12 @@ def test_what_a_drive_says_is_shown_with_marks(hostile, monkeypatch, words):
 @pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_an_error_that_names_a_file_is_shown_with_marks(tmp_path, name):
     assert not CONTROLS.search(printed_by(*name.split(), tmp_path / f"{HOSTILE}.log"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("words", [["--help"], ["formats"]])
+def test_output_to_a_full_disk_is_one_line(words):
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([*COMMAND, *words], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert "No space left on device" in one_line(done.stderr)
