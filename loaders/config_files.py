@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
-from maurice_mcl.filter.motion import MauriceParameters, OdometryParameters, PictureMotionParameters
+from maurice_mcl.filter.motion import MOTION_MODELS
 
 from .errors import InputError
 from .files import read_toml, toml_value
 
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
-
-MOTION_MODELS: Mapping[str, Callable[[Mapping[str, Any]], object]] = {
-    "maurice": MauriceParameters.from_header,
-    "odometry": OdometryParameters.from_header,
-    "pictures": PictureMotionParameters.from_header,
-}
 
 
 def read_config(path: Path) -> Layer:
@@ -66,7 +60,7 @@ def _check_motion(file: Path, motion: Mapping[str, Any] | None) -> None:
     if not isinstance(model, str) or model not in MOTION_MODELS:
         raise InputError(file, f"motion.model: found {model!r}, expected one of {', '.join(MOTION_MODELS)}")
     try:
-        MOTION_MODELS[model](motion)
+        MOTION_MODELS[model][0](motion)
     except ValueError as problem:
         raise InputError(file, str(problem)) from None
 

@@ -13,9 +13,8 @@ from ..errors import InputError
 from ..filter.localizer import Localizer
 from ..filter.motion import motion_model
 from ..filter.proposal import regions
-from ..filter.recovery import RecoveryStep, RecoveryStrategy, none
-from ..filter.recovery import always as always_some
-from ..filter.resampling import RESAMPLERS, ResamplePolicy, Resampling, always, below_effective, every
+from ..filter.recovery import STRATEGIES, RecoveryStep
+from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
 from ..library import Library
 from ..map import spacing
 from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
@@ -36,7 +35,6 @@ from .parameters import (
     Configuration,
     FilterParameters,
     Layer,
-    RecoveryParameters,
     ResamplingParameters,
     Setting,
     configure,
@@ -182,7 +180,7 @@ def build_localizer(
         sensor=_sensor(library, nearest, p) if sensor is None else sensor,
         resampling=_resampling(p.resampling),
         recovery=RecoveryStep(
-            strategy=_strategy(p.recovery),
+            strategy=STRATEGIES[p.recovery.strategy](p.recovery),
             reference=nearest,
             regions=where,
             draw_evenly={"evenly": True, "likelihood": False}[p.recovery.draw],
@@ -262,23 +260,5 @@ def _spread(library: Library, nearest: NearestReference) -> PoseSpread:
 
 
 def _resampling(p: ResamplingParameters) -> Resampling:
-    policies: dict[str, ResamplePolicy] = {
-        "always": always,
-        "effective": below_effective(p.below),
-        "every": every(p.every),
-    }
     kld = p.kld if p.adaptive else None
-    return Resampling(RESAMPLERS[p.scheme], policies[p.when], p.roughening, kld)
-
-
-def _strategy(p: RecoveryParameters) -> RecoveryStrategy:
-    strategies: dict[str, RecoveryStrategy] = {
-        "none": none,
-        "mixture": none,
-        "always": always_some(p.share),
-        "threshold": p.threshold,
-        "sensor": p.sensor,
-        "augmented": p.augmented,
-        "expansion": p.expansion,
-    }
-    return strategies[p.strategy]
+    return Resampling(RESAMPLERS[p.scheme], POLICIES[p.when](p.below, p.every), p.roughening, kld)

@@ -14,8 +14,7 @@ from typing import Any
 
 from ..filter.guided_motion import GuidedMotionParameters
 from ..filter.motion import MotionOutliers
-from ..filter.proposal import MixtureParameters
-from ..filter.recovery import Augmented, DynamicThreshold, Expansion, SensorResetting
+from ..filter.recovery import RecoveryParameters
 from ..filter.resampling import KldParameters
 from ..map import SOLID
 from ..radii import RadiiParameters
@@ -39,26 +38,12 @@ class ResamplingParameters:
     """How and when particles are resampled."""
 
     scheme: str = "systematic"  # RESAMPLERS
-    when: str = "always"  # "always", "effective" (below a share of N) or "every" (a number of updates)
+    when: str = "always"  # POLICIES
     below: float = 0.5  # share of N, for "effective"
     every: int = 1  # updates, for "every"
     roughening: float = 0.0  # 0: none; Gordon, Salmond and Smith use 0.2
     adaptive: bool = False  # number of particles by KLD sampling
     kld: KldParameters = field(default_factory=KldParameters)
-
-
-@dataclass(frozen=True, slots=True)
-class RecoveryParameters:
-    """Whether, when and where fresh particles are drawn."""
-
-    strategy: str = "none"  # "none", "always", "threshold", "sensor", "augmented", "expansion" or "mixture"
-    draw: str = "likelihood"  # "likelihood" (where the picture says) or "evenly" (over free space)
-    share: float = 0.05  # of the particles, for "always"
-    threshold: DynamicThreshold = field(default_factory=DynamicThreshold)
-    sensor: SensorResetting = field(default_factory=SensorResetting)
-    augmented: Augmented = field(default_factory=Augmented)
-    expansion: Expansion = field(default_factory=Expansion)
-    mixture: MixtureParameters = field(default_factory=MixtureParameters)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
-from ..filter.resampling import RESAMPLERS
+from ..filter.recovery import STRATEGIES
+from ..filter.resampling import POLICIES, RESAMPLERS
 from ..map import OBSTACLES
 from ..pose_sensor import POSE_SENSORS
 from ..radii import NAMES as RADII
@@ -160,7 +161,7 @@ RULES: Mapping[str, Rule] = {
     "references.interpolation.places": whole(1, 64),
     "references.interpolation.width": number(0.01, 100),
     "resampling.scheme": choice(*RESAMPLERS),
-    "resampling.when": choice("always", "effective", "every"),
+    "resampling.when": choice(*POLICIES),
     "resampling.below": SHARE,
     "resampling.every": whole(1, 1_000_000),
     "resampling.roughening": number(0, 10),
@@ -171,7 +172,7 @@ RULES: Mapping[str, Rule] = {
     "resampling.kld.heading_bins": whole(1, 3600),
     "resampling.kld.least": whole(1, 10_000_000),
     "resampling.kld.most": whole(1, 10_000_000),
-    "recovery.strategy": choice("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture"),
+    "recovery.strategy": choice(*STRATEGIES),
     "recovery.draw": choice("likelihood", "evenly"),
     "recovery.share": SHARE,
     "recovery.threshold.share": SHARE,

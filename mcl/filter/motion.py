@@ -8,7 +8,7 @@ two Gaussians.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, Protocol
@@ -269,18 +269,24 @@ def _poses(x: F32, y: F32, heading: F32) -> F32:
     return poses.T
 
 
+# by name: what reads the object under robot.motion of a header, and what makes a model of it over a map
+MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[Any, Grid], MotionModel]]] = {
+    "maurice": (MauriceParameters.from_header, MauriceMotion),
+    "odometry": (OdometryParameters.from_header, lambda parameters, grid: OdometryMotion(parameters)),
+    "pictures": (PictureMotionParameters.from_header, lambda parameters, grid: PictureMotion(parameters)),
+}
+
+
 def motion_model(values: Mapping[str, Any] | None, grid: Grid) -> MotionModel:
-    """Return the model that a header names, "odometry" by default. ValueError for a name that is none."""
+    """Return the model that a header names, "odometry" without a header. ValueError for an unknown name."""
     if not values:
         return OdometryMotion()
-    if values.get("model") == "odometry":
-        return OdometryMotion(OdometryParameters.from_header(values))
-    if values.get("model") == "pictures":
-        return PictureMotion(PictureMotionParameters.from_header(values))
-    if values.get("model", "maurice") != "maurice":
-        known = '"maurice", "odometry" and "pictures"'
-        raise ValueError(f"robot.motion.model is {values['model']!r}; known are {known}")
-    return MauriceMotion(MauriceParameters.from_header(values), grid)
+    name = values.get("model", "maurice")
+    if not isinstance(name, str) or name not in MOTION_MODELS:
+        *names, last = (f'"{known}"' for known in MOTION_MODELS)
+        raise ValueError(f"robot.motion.model is {name!r}; known are {', '.join(names)} and {last}")
+    read, make = MOTION_MODELS[name]
+    return make(read(values), grid)
 
 
 def keep_in(before: Belief, moved: Belief) -> Belief:

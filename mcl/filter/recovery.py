@@ -6,8 +6,8 @@ A strategy uses its state and the evidence of the picture, the log of the mean o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from ..records import (
     uniform_log_weights,
 )
 from ..sensor.references import NearestReference
-from .proposal import Regions, likely_poses, uniform_poses
+from .proposal import MixtureParameters, Regions, likely_poses, uniform_poses
 from .resampling import Resampled
 from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of
 
@@ -149,6 +149,31 @@ class Expansion:
         """Implement `RecoveryStrategy`."""
         test = RecoveryTest(PICTURE, self.evidence, evidence)
         return Recovery(0.0, state, expand=evidence < self.evidence, test=test)
+
+
+@dataclass(frozen=True, slots=True)
+class RecoveryParameters:
+    """Whether, when and where fresh particles are drawn."""
+
+    strategy: str = "none"  # STRATEGIES
+    draw: str = "likelihood"  # "likelihood" (where the picture says) or "evenly" (over free space)
+    share: float = 0.05  # of the particles, for "always"
+    threshold: DynamicThreshold = field(default_factory=DynamicThreshold)
+    sensor: SensorResetting = field(default_factory=SensorResetting)
+    augmented: Augmented = field(default_factory=Augmented)
+    expansion: Expansion = field(default_factory=Expansion)
+    mixture: MixtureParameters = field(default_factory=MixtureParameters)
+
+
+STRATEGIES: Mapping[str, Callable[[RecoveryParameters], RecoveryStrategy]] = {
+    "none": lambda settings: none,
+    "always": lambda settings: always(settings.share),
+    "threshold": lambda settings: settings.threshold,
+    "sensor": lambda settings: settings.sensor,
+    "augmented": lambda settings: settings.augmented,
+    "expansion": lambda settings: settings.expansion,
+    "mixture": lambda settings: none,  # fresh particles are part of its proposal
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

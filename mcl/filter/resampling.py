@@ -110,6 +110,14 @@ def every(count: int) -> ResamplePolicy:
     return policy
 
 
+# by name, from the settings of all: a share of N, and a number of updates
+POLICIES: Mapping[str, Callable[[float, int], ResamplePolicy]] = {
+    "always": lambda share, count: always,
+    "effective": lambda share, count: below_effective(share),
+    "every": lambda share, count: every(count),
+}
+
+
 # Roughening: a little noise on copies, so that they differ (Gordon, Salmond and Smith 1993).
 
 
