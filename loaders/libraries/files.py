@@ -1,7 +1,7 @@
 """A library as a folder of its own: manifest, entries, map, pictures, one file per channel.
 
 A channel's file is an array (L + 2, D): its noise floor, its relevance, then the L references. It is mapped
-into memory, not read, so that a large library opens at once. Version 1 had all three in an archive (.npz).
+into memory, not read, so that a large library opens at once.
 """
 
 from __future__ import annotations
@@ -35,13 +35,12 @@ from .remembered import remembered
 
 FORMAT = "maurice-library"
 VERSION = 2
-READABLE = (1, 2)
 MANIFEST = "manifest.json"
 LIBRARY = FolderKind(
     "a library",
     MANIFEST,
     FORMAT,
-    r"manifest\.json|map\.json|entries\.parquet|[^/]+-[0-9a-f]{12}\.np[yz]|pictures/\d{5,}\.\w+|sensors/\w+\.npz",
+    r"manifest\.json|map\.json|entries\.parquet|[^/]+-[0-9a-f]{12}\.npy|pictures/\d{5,}\.\w+|sensors/\w+\.npz",
 )
 DAMAGE = (FieldError, OSError, ValueError, KeyError, zipfile.BadZipFile)
 
@@ -93,7 +92,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     manifest = mapping(read_json(file.read_bytes()), MANIFEST)
     if manifest.get("format") != FORMAT:
         raise InputError(file, f"found format {show(manifest.get('format'))}, expected {FORMAT!r}")
-    if manifest.get("version") not in READABLE:
+    if manifest.get("version") != VERSION:
         text = f"found version {show(manifest.get('version'))}, expected {VERSION}; build it again"
         raise InputError(file, text)
     return manifest
@@ -283,14 +282,7 @@ def _read_channels(folder: Path, manifest: Mapping[str, Any], entries: int) -> d
 
 
 def _read_channel(file: Path, entries: int) -> ChannelIndex:
-    if file.suffix == ".npy":
-        rows: F32 = np.asarray(np.load(file, mmap_mode="r", allow_pickle=False))
-        if rows.ndim != 2 or len(rows) != entries + 2 or rows.dtype != np.float32:
-            raise FieldError(f"{file.name} has other shapes than the entries")
-        return ChannelIndex(rows[2:], rows[0], rows[1])
-    with np.load(file, allow_pickle=False) as arrays:
-        index = ChannelIndex(arrays["references"], arrays["noise_floor"], arrays["relevance"])
-    length = index.references.shape[1:]
-    if index.references.shape[0] != entries or not length == index.noise_floor.shape == index.relevance.shape:
+    rows: F32 = np.asarray(np.load(file, mmap_mode="r", allow_pickle=False))
+    if rows.ndim != 2 or len(rows) != entries + 2 or rows.dtype != np.float32:
         raise FieldError(f"{file.name} has other shapes than the entries")
-    return index
+    return ChannelIndex(rows[2:], rows[0], rows[1])

@@ -28,7 +28,6 @@ from ..errors import FieldError, InputError
 from ..files import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
 from ..formats.cmucam import ENDINGS as DUMPS
 from ..formats.donkeycar import looks_like_tub
-from ..formats.registry import NATIVE
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
 from ..reading import ReadingOptions, reading_from_json, reading_to_json
@@ -37,8 +36,6 @@ from .failures import failure_to_json, failures_from_json
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 2
-VERSIONS = (1, VERSION)  # that can be read; 1 has no `reading` and no `table`
-READING_1 = {"format": NATIVE}  # only session logs could be saved then
 CONFIGURATION = "configuration.toml"
 MAP = "map.json"
 PARTS = rf"{MANIFEST}|{CONFIGURATION}|{MAP}|(?:particles|renewed|steps)/\d{{8}}\.parquet"
@@ -144,8 +141,8 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
         raise InputError(file, f"is no manifest ({problem}); is it damaged?") from None
     if found.get("format") not in formats:
         raise InputError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
-    if found.get("version") not in VERSIONS:
-        known = f"expected {VERSION} at most; replay the session again with --save-run"
+    if found.get("version") != VERSION:
+        known = f"expected {VERSION}; replay the session again with --save-run"
         raise InputError(file, f"found version {show(found.get('version'))} of the format, {known}")
     return found
 
@@ -180,7 +177,7 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
         state=str(state),
         radii=_radii(found.get("radii")),
         steps=None if steps is None else whole(steps, "steps"),
-        reading=reading_from_json(found.get("reading", READING_1)),
+        reading=reading_from_json(found.get("reading")),
         sensors={k: text(v, k) for k, v in mapping(found.get("sensors", {}), "sensors").items()},
         table=None if found.get("table") is None else _source(found["table"], "table"),
         failures=None if found.get("failures") is None else failures_from_json(found["failures"], steps),

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from maurice_mcl.config.parameters import Configuration, Layer, configure
-from maurice_mcl.config.rules import BEFORE_IT_EXISTED
+from maurice_mcl.config.parameters import Configuration, configure
 from maurice_mcl.map import Arena
 
 from ..config_files import read_config
@@ -101,10 +100,16 @@ def open_run(folder: str | Path) -> SavedRun:
         found = "was changed after it was written" if file.is_file() else "is missing"
         raise InputError(file, f"{found}; replay the session again with --save-run")
     try:
-        before = Layer("an earlier version", BEFORE_IT_EXISTED)
-        return SavedRun(folder, manifest, configure([before, read_config(file)], sensors=None))
+        layer = read_config(file)
+        configuration = configure([layer], sensors=None)
     except ValueError as problem:  # a channel that is not installed here, a key of another version
         raise InputError(file, f"{problem}; was it made by another version?") from None
+    settings = [one for one in configuration.settings if one.value is not None]  # those that are written
+    missing = [one.key for one in settings if one.key not in layer.values]
+    if missing:  # what the filter ran with is not known
+        found = f"found no {missing[0]}, so it was saved by an earlier version"
+        raise InputError(file, f"{found}; replay the session again with --save-run")
+    return SavedRun(folder, manifest, configuration)
 
 
 def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterator[StepRows]:

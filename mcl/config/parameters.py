@@ -22,7 +22,7 @@ from ..sensor.descriptors.registry import FEATURES, weights_of
 from ..sensor.model import SensorParameters
 from ..sensor.outside import load_sensor
 from ..sensor.references import InterpolationParameters
-from .rules import RENAMED_KEYS, RENAMED_WORDS, RULES, check_channel
+from .rules import RULES, check_channel
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> Configuration:
-    """Merge layers, later ones over earlier ones; names of earlier versions are translated.
+    """Merge layers, later ones over earlier ones.
 
     `sensors` are pose sensors besides ours that may have a weight; None: any, as in a saved run whose sensors
     are not at hand. Those of `sensor.outside` are loaded, and have weight 1 where no weight names them.
@@ -179,8 +179,7 @@ def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> 
     """
     found = {key: Setting(key, value, "default") for key, value in defaults().items()}
     for layer in layers:
-        for name, value in layer.values.items():
-            key = RENAMED_KEYS.get(name, name)
+        for key, value in layer.values.items():
             found[key] = Setting(key, _checked(key, value, layer.origin), layer.origin)
     if sensors is not None:
         outside, weights = found["sensor.outside"], found["sensor.weights"]
@@ -216,8 +215,7 @@ def _checked(key: str, value: Any, origin: str) -> Any:
         near = difflib.get_close_matches(key, RULES, n=1)
         advice = f"did you mean {near[0]}?" if near else "`maurice-replay config show` lists all"
         raise ValueError(f"{origin}: {key} is not known; {advice}")
-    word = RENAMED_WORDS.get((key, value), value) if isinstance(value, str) else value
-    return _in_layer(origin, RULES[key], key, word)
+    return _in_layer(origin, RULES[key], key, value)
 
 
 def _in_layer(origin: str, rule: Callable[..., Any], *given: Any) -> Any:

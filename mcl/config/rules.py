@@ -196,22 +196,3 @@ RULES: Mapping[str, Rule] = {
     "motion": table,
     **{f"radii.{name}": radius for name in RADII},
 }
-
-# Names of earlier versions, still found in saved runs, configuration files and environment variables.
-
-RENAMED_KEYS: Mapping[str, str] = {
-    "selection.method": "references.method",
-    "selection.interpolation.between": "references.interpolation.virtual",
-    "selection.interpolation.places": "references.interpolation.places",
-    "selection.interpolation.width": "references.interpolation.width",
-    "tail.share": "motion_outliers.share",
-    "tail.widen": "motion_outliers.widen",
-    **{
-        key.replace("recovery.", "reseeding.").replace(".mixture.", ".dual."): key
-        for key in RULES
-        if key.startswith("recovery.")
-    },
-}
-# Keys that saved runs of before lack, and what they ran with, where that is not today's default.
-BEFORE_IT_EXISTED: Mapping[str, Any] = {"guided_motion.share": 0.0}
-RENAMED_WORDS: Mapping[tuple[str, str], str] = {("recovery.strategy", "dual"): "mixture"}

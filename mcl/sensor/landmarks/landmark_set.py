@@ -13,12 +13,6 @@ from ...arrays import F32, F64, I32
 from .camera import PinholeCamera
 
 OTHER_ROWS = ("poses", "pixel_sd", "agreement_px", "view_of", "view_px")  # not one a landmark
-# of libraries that were stored before these were kept
-NOT_KEPT: dict[str, NDArray[Any]] = {
-    "view_of": np.zeros((0, 2), np.int32),
-    "view_px": np.zeros((0, 2), np.float32),
-    "focal_assumed": np.array(False),
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,8 +80,8 @@ class LandmarkSet:
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> LandmarkSet:
         """Return the landmarks of `to_arrays`. ValueError names what is missing or does not fit."""
         names = [field.name for field in fields(cls) if field.name != "fit"]
-        arrays = {**NOT_KEPT, **arrays}
-        missing = [name for name in [*names, "camera", "camera_sd", "focal_known"] if name not in arrays]
+        expected = [*names, "camera", "camera_sd", "focal_known", "focal_assumed"]
+        missing = [name for name in expected if name not in arrays]
         if missing:
             raise ValueError(f"found landmarks without {missing[0]!r}, expected it; build the library again")
         width, height, *others = (float(v) for v in arrays["camera"])

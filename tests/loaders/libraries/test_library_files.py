@@ -206,20 +206,9 @@ def test_no_library(tmp_path: Path) -> None:
         load_library(tmp_path)
 
 
-def test_folders_of_version_1_open_as_before(folder: Path) -> None:
-    now = load_library(folder)
-    manifest = json.loads((folder / "manifest.json").read_text()) | {"version": 1}
-    for name, index in now.index.items():
-        (file,) = folder.glob(f"{name}-*.npy")
-        arrays = {key: getattr(index, key) for key in ("references", "noise_floor", "relevance")}
-        np.savez(file.with_suffix(".npz"), **arrays)
-        file.unlink()
-        del manifest["sha256"][file.name]
-        manifest["channels"][name]["file"] = file.with_suffix(".npz").name
-        manifest["sha256"][file.with_suffix(".npz").name] = hash_file(file.with_suffix(".npz"))
-    (folder / "manifest.json").write_text(json.dumps(manifest))
-    before = load_library(folder)
-    assert list(before.index) == list(now.index)
-    for name, index in before.index.items():
-        assert np.array_equal(index.references, now.index[name].references)
-        assert np.array_equal(index.noise_floor, now.index[name].noise_floor)
+def test_folders_of_another_version_are_refused(folder: Path) -> None:
+    manifest = json.loads((folder / "manifest.json").read_text())
+    for version in (1, 3):
+        (folder / "manifest.json").write_text(json.dumps(manifest | {"version": version}))
+        with pytest.raises(InputError, match=f"found version {version}, expected 2; build it again"):
+            load_library(folder)

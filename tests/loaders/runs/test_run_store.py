@@ -120,7 +120,7 @@ def test_runs_saved_before_recovery_wrote_what_it_compared_are_read(save_run: Sa
         assert table_row(ExportStep(rows, 0.0, record.estimate.pose, None, np.zeros(3)))["step"]
 
 
-def test_runs_saved_before_motion_was_guided_are_not_guided_when_they_are_made_again(save_run: Save) -> None:
+def test_a_run_whose_configuration_lacks_a_key_is_refused(save_run: Save) -> None:
     folder, _ = save_run()
     assert opened(folder).configuration.parameters.guided_motion.share == 0.5
     file = next(folder.rglob(CONFIGURATION))
@@ -130,7 +130,8 @@ def test_runs_saved_before_motion_was_guided_are_not_guided_when_they_are_made_a
     file.write_text(older, encoding="utf-8")
     manifest = read_manifest(file.parent)
     write_manifest(file.parent, replace(manifest, configuration_sha256=hash_file(file)))
-    assert opened(folder).configuration.parameters.guided_motion.share == 0
+    with pytest.raises(InputError, match=r"found no guided_motion\.share, .*replay the session again"):
+        opened(folder)
 
 
 def test_the_manifest_reads_back_and_says_how_far_it_got(save_run: Save) -> None:
