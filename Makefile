@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check gate bench causes difficulty results landmarks landmark-figures lost-signal belief fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench thesis results studies fuzz stops soak docs clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -30,40 +30,30 @@ gate: .venv/installed
 bench: .venv/installed-dev
 	$(BIN)/python -m benchmarks --write
 
-# How often `diagnose` names the cause that was planted: some minutes, and it goes on where it stopped. The table
-# goes into docs/diagnose.md.
-causes: .venv/installed-dev
-	$(BIN)/python -m benchmarks.studies.causes -o .causes --write
+# The thesis's trials, figures and claims (docs/thesis.md): a quarter of an hour, and it goes on where it stopped.
+thesis: .venv/installed-dev
+	$(BIN)/maurice-replay trials thesis -o .thesis --resume
+	$(BIN)/python -m benchmarks.thesis .thesis -o out/thesis --write
 
-# How hard the simulated arena is: a quarter of an hour, and it goes on where it stopped.
-difficulty: .venv/installed-dev
-	$(BIN)/python -m benchmarks.studies.difficulty
-
-# The results table on unseen arenas: hours, and it goes on where it stopped.
+# The tables of docs/results.md and docs/landmarks.md, on unseen arenas: hours, and they go on where they stopped.
+# SEEDS=5 for fewer runs.
+SEEDS ?=
+PLANS := benchmarks/studies/plans
+TRIALS_OF = $(BIN)/maurice-replay trials $(PLANS)/$(1).toml -o .$(1) --resume $(if $(SEEDS),--seeds $(SEEDS))
 results: .venv/installed-dev
-	$(BIN)/maurice-replay trials results -o .results --resume
+	$(call TRIALS_OF,results)
 	$(BIN)/python -m benchmarks.studies.results .results
-
-# Landmarks on unseen arenas, and every channel beside them: hours, and they go on where they stopped.
-landmarks: .venv/installed-dev
-	$(BIN)/maurice-replay trials landmarks -o .landmarks --resume
+	$(call TRIALS_OF,landmarks)
 	$(BIN)/python -m benchmarks.studies.results .landmarks
+	$(call TRIALS_OF,channels)
+	$(call TRIALS_OF,landmarks-spacing)
+	$(BIN)/python -m benchmarks.studies.landmark_figures .channels .landmarks-spacing -o docs/pictures
 
-# The table of channels and two figures of docs/landmarks.md: hours, and they go on where they stopped. SEEDS=5
-# for fewer runs, FIGURES=DIR for another folder.
-SEEDS ?= 100
-FIGURES ?= docs/pictures
-landmark-figures: .venv/installed-dev
-	$(BIN)/maurice-replay trials channels -o .channels --seeds $(SEEDS) --resume
-	$(BIN)/maurice-replay trials landmarks-spacing -o .spacing --seeds $(SEEDS) --resume
-	$(BIN)/python -m benchmarks.studies.landmark_figures .channels .spacing -o $(FIGURES)
-
-# The lost signal's false alarms and misses on unseen arenas: half an hour, and it goes on where it stopped.
-lost-signal: .venv/installed-dev
-	$(BIN)/python -m benchmarks.studies.lost_signal
-
-belief: .venv/installed-dev
-	$(BIN)/python -m benchmarks.studies.belief
+# How often verdicts, signals and beliefs are right, on drives that nothing was fitted on: an hour; they go on where
+# they stopped. STUDIES=causes for one of them (benchmarks/studies/README.md).
+STUDIES ?= difficulty lost_signal belief causes
+studies: .venv/installed-dev
+	set -e; for study in $(STUDIES); do $(BIN)/python -m benchmarks.studies.$$study; done
 
 # 200,000 inputs for what reads session logs, CMUcam dumps and live sources: minutes, and it goes on where it stopped.
 # INPUTS=N for another number.

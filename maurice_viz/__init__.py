@@ -20,8 +20,7 @@
 | `calibrate_belief` | how often the regions of saved runs' clouds hold the truth |
 | `calibrate_drive` | the noise of the odometry, from drives with truth |
 | `calibrate_motion`, `calibrate_noise` | constants of robot and camera from trials, and their figures |
-| `draw_figures`, `trials_report` | the thesis's figures from trials, and a page of its claims beside ours |
-| `atlas` | a page that shows on the floor plan where runs of trials go wrong |
+| `trials_report` | a page about trials: what every variant reached, and where on the floor runs go wrong |
 
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
 or exits; remarks, warnings and progress go to the `Listener` that the caller may pass. Each is imported when
@@ -65,8 +64,6 @@ if TYPE_CHECKING:
     from .notebook import results as results
     from .notebook import show as show
     from .notebook import traces as traces
-    from .plots.drawn import draw_figures as draw_figures
-    from .reports.atlas import atlas as atlas
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
 
@@ -75,7 +72,6 @@ _WHERE = {
     "LiveOptions": ".app.replay",
     "OutputOptions": ".app.output",
     "RunScores": ".app.run",
-    "atlas": ".reports.atlas",
     "build_library": ".app.library",
     "calibrate_belief": ".app.understand.belief",
     "calibrate_drive": ".app.calibrate",
@@ -87,7 +83,6 @@ _WHERE = {
     "convert": ".app.convert",
     "diagnose": ".app.understand.diagnose",
     "doctor": ".app.understand.inspect",
-    "draw_figures": ".plots.drawn",
     "error_budget": ".app.understand.budget",
     "events": ".app.events",
     "explain": ".app.understand.explain",

@@ -277,4 +277,5 @@ def test_files_that_the_architecture_names_exist():
     assert len(files) > 40
     assert files <= names
     folders = set(re.findall(r"`(\w+)/`", text)) - {"typings"}
-    assert folders <= {part for _, file in SOURCES for part in file.parts}
+    rooms = [file for _, file in SOURCES] + [*(ROOT / "benchmarks").rglob("*.py")]
+    assert folders <= {part for file in rooms for part in file.parts}

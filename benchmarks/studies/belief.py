@@ -5,7 +5,8 @@ there the sharpness is chosen (--fit). TO_JUDGE are test seeds, nominal, in six 
 them. Intervals are over arenas, as updates of one drive are alike, and drives in one arena. A run that was
 lost is left out and counted: its regions cannot hold the truth.
 
-Run: make belief (drives and runs are kept; it goes on where it stopped; a quarter of an hour the first time).
+Run: make studies STUDIES=belief (drives and runs are kept, so it goes on where it stopped; a quarter of
+an hour the first time).
 """
 
 from __future__ import annotations

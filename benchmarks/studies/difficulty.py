@@ -6,7 +6,8 @@ of all qualities, the gap from the best to the fifth, and how much better refere
 Then the thesis's filter (the preset, 2,000 particles) with color and with edges blended in, without a sensor,
 and with the references' poses shuffled, which must both do worse.
 
-Run: make difficulty (a quarter of an hour for 20 drives per tier; it goes on where it stopped).
+Run: make studies STUDIES=difficulty (a quarter of an hour for 20 drives per tier; it goes on where it
+stopped).
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 Errors are those of trials on unseen drives (plans `channels` and `landmarks-spacing`); the cost is measured
 here, on the demo's pictures, every feature in turn, so that a busy machine troubles all alike.
 
-Run: make landmark-figures, or python -m benchmarks.studies.landmark_figures CHANNELS SPACING -o docs/pictures
-`make landmark-figures SEEDS=5 FIGURES=out` is a quick try; trials that were stopped go on where they were.
+Run: make results, or python -m benchmarks.studies.landmark_figures CHANNELS SPACING -o docs/pictures for two
+folders of trials; `make results SEEDS=5` is a quick try.
 """
 
 from __future__ import annotations
@@ -198,8 +198,8 @@ def table(points: Sequence[Point]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("channels", type=Path, help="folder of `maurice-replay trials channels`")
-    parser.add_argument("spacing", type=Path, help="folder of `maurice-replay trials landmarks-spacing`")
+    parser.add_argument("channels", type=Path, help="folder of trials of plans/channels.toml")
+    parser.add_argument("spacing", type=Path, help="folder of trials of plans/landmarks-spacing.toml")
     parser.add_argument("-o", "--output", type=Path, default=Path("docs/pictures"))
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="over the pictures whose cost is measured")
     given = parser.parse_args()

@@ -6,9 +6,9 @@ alarm is false where no picture within five before or after it is lost. Every al
 which 5 percent of the runs on the fitted arenas have a false alarm; the table is of arenas that nothing was
 fitted on.
 
-Run: make lost-signal (drives are made once and kept; it goes on where it stopped). With --fit it prints the
-weights for mcl/analysis/lost_signal.py and second_opinion.py, fitted anew; with --figure OUT.png it draws
-the curves.
+Run: make studies STUDIES=lost_signal (drives are made once and kept; it goes on where it stopped). With --fit
+it prints the weights for mcl/analysis/lost_signal.py and second_opinion.py, fitted anew; with
+--figure OUT.png it draws the curves.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """The results table: every task and tier of docs/evaluation.md on unseen arenas, with intervals.
 
-The runs are the plan `results` (datasets/trials/plans): arena seeds 1000 to 1009, a drive seed of its own for
+The runs are the plan `results` (plans/results.toml): arena seeds 1000 to 1009, a drive seed of its own for
 every drive; nothing was fitted on any of them, and one configuration serves all tiers. Errors are inches:
 mean over drives, with Student's 95 percent interval; rates have Wilson's (docs/trials.md).
 Beside every error stands its ratio to the nearest-node oracle's on the same drives, which always knows the
 nearest reference.
 
 Run: make results (hours for 300 drives a tier; it goes on where it stopped), or
-python -m benchmarks.studies.results DIR for a folder that `maurice-replay trials results -o DIR` has made.
+python -m benchmarks.studies.results DIR for a folder of trials of that plan.
 """
 
 from __future__ import annotations

@@ -121,8 +121,6 @@ COMMANDS = {
         ),
         Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
         Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
-        Listed("figures", "trials", "Draw the thesis's figures from trials.", _TRIALS, "thesis"),
-        Listed("atlas", "trials", "Show on the floor plan where runs go wrong.", _TRIALS, "trials"),
         Listed("trials-report", "trials", "Write one page about trials.", _TRIALS, "trials"),
         Listed("config show", "config", "Show the effective configuration.", _CONFIGURE, "configuration"),
         Listed("config check", "config", "Check a configuration file.", _CONFIGURE, "configuration"),

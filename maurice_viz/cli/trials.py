@@ -33,7 +33,6 @@ from maurice_datasets.trials.table import (
 )
 from maurice_loaders.writing import expect_absent, write_whole
 
-from ..errors import OptionError
 from ..listener import progress_of
 from ..text.trials import metric_title, name_of
 from .shared import options as opt
@@ -98,55 +97,10 @@ def _first(plan: Any) -> list[str]:
     return list(dict.fromkeys(key for part in plan.parts for key in part.variants.varied))[:2] or ["part"]
 
 
-def figures(
-    folder: Folder,
-    output: Annotated[
-        Path, option("-o --output", "The folder that the figures go to.", metavar="DIR", show_default=False)
-    ],
-    only: Annotated[str, option("--only", "Only these numbers, as in 26,34,60.", metavar="NUMBERS")] = "",
-    formats: Annotated[str, option("--format", "png, svg, pdf, or several.", metavar="FORMATS")] = "png",
-    force: opt.Force = False,
-) -> None:
-    """Draw the thesis's figures from trials, each with the intervals that it lacked."""
-    from ..plots.drawn import draw_figures  # imports the panels, which `trials` does without
-
-    try:
-        numbers = [int(word) for word in only.split(",") if word]
-    except ValueError:
-        raise OptionError(f"found --only {only!r}, expected numbers, like 26,34,60") from None
-    with listening() as listener:
-        drawn = draw_figures(
-            folder,
-            output,
-            only=numbers,
-            formats=[word for word in formats.split(",") if word],
-            force=force,
-            progress=progress_of(listener, "figures"),
-        )
-    results.print(f"{len(drawn.files)} files written to {output}")
-    for number, why in drawn.left_out:
-        note(f"figure {number} left out: {why}")
-
-
 def trials_report(
     folder: Folder,
     output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
         "trials.html"
-    ),
-    force: opt.Force = False,
-) -> None:
-    """Write one page that tells the thesis's trials again: its claims beside our numbers, and the figures."""
-    from ..reports.trials_report import trials_report as write_report  # as above
-
-    with listening() as listener:
-        made = write_report(folder, output, force=force, progress=progress_of(listener, "figures"))
-    results.print(f"{made} written")
-
-
-def atlas(
-    folder: Folder,
-    output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
-        "atlas.html"
     ),
     where: Where = None,
     spot: Annotated[
@@ -157,13 +111,14 @@ def atlas(
     ] = None,
     force: opt.Force = False,
 ) -> None:
-    """Write one page that shows on the floor plan where runs go wrong, and whether to trust confidence."""
-    from ..reports.atlas import atlas as write_atlas  # as above
+    """Write one page about trials: what every variant reached, and where on the floor runs go wrong."""
+    from ..reports.trials_report import trials_report as write_report  # imports charts and Jinja
 
     with listening():
         spot_m = None if spot is None else opt.read_length(spot, "--spot")
-        made = write_atlas(folder, output, spot_m=spot_m, where=where or [], force=force)
-    results.print(f"{made} written")
+        results.print(
+            f"{write_report(folder, output, spot_m=spot_m, where=where or [], force=force)} written"
+        )
 
 
 def trials_table(

@@ -1,4 +1,4 @@
-"""A page that shows on the floor plan where runs of trials go wrong, each spot with its worst runs."""
+"""The section of a page about trials that shows on the floor plan where runs go wrong, spot by spot."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,20 +13,16 @@ import polars as pl
 
 from maurice_datasets.trials.atlas import FailureAtlas, failure_atlas
 from maurice_datasets.trials.folder import TrialsFolder
-from maurice_datasets.trials.rows import KEY, read_plan_of
-from maurice_datasets.trials.table import load_trials
+from maurice_datasets.trials.rows import KEY
 from maurice_loaders.errors import InputError
-from maurice_loaders.writing import expect_absent, write_whole
 from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 
 from ..drawing.canvas import ticks as round_ticks
-from ..errors import OptionError
 from ..text.trials import name_of
 from .charts import Axes
 from .map import drawn_walls, floor_axes
-from .pages import page_of_template
 
 LONG_SIDE = 420.0  # of a floor plan, in px
 LEFT, RIGHT, TOP, BOTTOM = 46.0, 12.0, 14.0, 36.0
@@ -82,58 +77,29 @@ class ArenaPlan:
         return [(start + (one - low) / span * length, f"{one:g}") for one in round_ticks(low, high, 5)]
 
 
-def atlas(
-    trials: str | Path,
-    to: str | Path = "atlas.html",
-    *,
-    spot_m: float | None = None,
-    where: Sequence[str] = (),
-    force: bool = False,
-) -> Path:
-    """Write one self-contained page: error, rank of the truth and time to localize on the floor plan.
-
-    `trials` is a folder that `trials` has made; `where` keeps rows with `column=value`. `spot_m` is the width
-    of a spot in meters; None: the distance up to which an update is correct. Returns the file. InputError for
-    a folder without trials or true positions, and for a file that exists, unless `force` is given.
-
-        >>> import maurice_viz as mv
-        >>> mv.atlas("trials", to="atlas.html")  # doctest: +SKIP
-        PosixPath('atlas.html')
-    """
-    file, folder = Path(to), Path(trials)
-    if file.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"found {file.name!r}, expected a name that ends in .html")
-    expect_absent(file, force=force)
-    write_whole(file, page_of(folder, spot_m, where).encode(), force=force)
-    return file
-
-
-def page_of(folder: Path, spot_m: float | None, where: Sequence[str]) -> str:
-    """Return the page."""
-    rows = load_trials(folder, where)
+def atlas_section(trials: TrialsFolder, rows: pl.DataFrame, spot_m: float | None) -> dict[str, Any] | None:
+    """Return what the atlas of some rows shows, as the template reads it; None where no truth is known."""
     width_m = rows["right_m"].median() if spot_m is None else spot_m
-    if not isinstance(width_m, float):
-        raise InputError(folder, "found no true positions in these trials, which say where errors were made")
-    found = failure_atlas(rows, width_m)
+    try:
+        found = failure_atlas(rows, width_m if isinstance(width_m, float) else math.nan)
+    except InputError:
+        return None
     recorded = rows["arena"].null_count() == len(rows)
     unit, per_m = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
-    trials = TrialsFolder(folder)
     plans = _plans(trials, rows, found, unit, per_m)
-    return page_of_template(
-        "atlas.html",
-        title=f"Where runs go wrong: {read_plan_of(folder)['title']}",
-        unit=unit,
-        plans=plans,
-        metrics={name: f"{text} ({unit})" if name == "error" else text for name, text in METRICS.items()},
-        spots=json.dumps([spot for plan in plans for spot in plan.spots]).replace("<", "\\u003c"),
-        highs=json.dumps(_highs(plans)),
-        runs=found.count,
-        filters=_filters(rows["label"].unique(maintain_order=True).to_list()),
-        spot=f"{found.spot_m * per_m:.3g} {unit}",
-        wrong=f"{100 * found.wrong_confident:.1f}",
-        bins=[_bin(one) for one in found.reliability],
-        commands=json.dumps(_commands(trials, found.runs)).replace("<", "\\u003c"),
-    )
+    return {
+        "unit": unit,
+        "plans": plans,
+        "metrics": {name: f"{text} ({unit})" if name == "error" else text for name, text in METRICS.items()},
+        "spots": json.dumps([spot for plan in plans for spot in plan.spots]).replace("<", "\\u003c"),
+        "highs": json.dumps(_highs(plans)),
+        "runs": found.count,
+        "filters": _filters(rows["label"].unique(maintain_order=True).to_list()),
+        "spot": f"{found.spot_m * per_m:.3g} {unit}",
+        "wrong": f"{100 * found.wrong_confident:.1f}",
+        "bins": [_bin(one) for one in found.reliability],
+        "commands": json.dumps(_commands(trials, found.runs)).replace("<", "\\u003c"),
+    }
 
 
 def _commands(trials: TrialsFolder, runs: pl.DataFrame) -> dict[str, str]:

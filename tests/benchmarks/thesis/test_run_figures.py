@@ -9,6 +9,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+from benchmarks.thesis import clouds, costs, drawn, drives, traces
+from benchmarks.thesis.drawn import draw_figures
+from benchmarks.thesis.figures import OVER_PARTICLES
+from benchmarks.thesis.material import Material, MissingRuns
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.rows import TYPES
@@ -16,10 +20,6 @@ from maurice_datasets.trials.table import with_settings
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
 from maurice_loaders.errors import InputError
 from maurice_mcl.geometry import INCH_M
-from maurice_viz.plots import clouds, costs, drawn, drives, traces
-from maurice_viz.plots.drawn import draw_figures
-from maurice_viz.plots.figures import OVER_PARTICLES
-from maurice_viz.plots.material import Material, MissingRuns
 
 OURS = (*clouds.FIGURES, *costs.FIGURES, *drives.FIGURES, *traces.FIGURES)
 SESSION = 'seeds = 2\n[[sessions]]\ntask = "{task}"\nupdates = 14\narenas = 1\n{more}\n'

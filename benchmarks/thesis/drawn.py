@@ -17,8 +17,8 @@ from maurice_datasets.trials.engine import in_processes
 from maurice_datasets.trials.rows import expect_trials, rows_changed
 from maurice_loaders.errors import InputError
 from maurice_loaders.writing import check_target, write_whole
+from maurice_viz.plots.calibration import INK, expect_matplotlib, figure_bytes
 
-from .calibration import INK, expect_matplotlib, figure_bytes
 from .figures import FIGURES, OF_PICTURES
 from .material import Material, MissingRuns
 
@@ -62,8 +62,8 @@ def draw_figures(
     What the folder has no runs for is left out, with the plan that makes them. InputError, once the others
     are drawn, if it was asked for by its number; also for unknown numbers and formats.
 
-        >>> import maurice_viz as mv
-        >>> mv.draw_figures("trials", "figures", only=[26, 60]).files  # doctest: +SKIP
+        >>> from benchmarks.thesis.drawn import draw_figures
+        >>> draw_figures("trials", "figures", only=[26, 60]).files  # doctest: +SKIP
         (PosixPath('figures/figure-26.png'), PosixPath('figures/figure-60.png'))
     """
     wanted, folder = list(only), Path(to)

@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.thesis import constants, histograms_of_light, matching
+from benchmarks.thesis.drawn import draw_figures, shares
+from benchmarks.thesis.example import DrivePictures, in_other_light, ranks_of, with_noise
+from benchmarks.thesis.figures import FIGURES
+from benchmarks.thesis.material import Material, ThesisFigure
 from helpers import viz_fakes as fakes
 from maurice_datasets.trials.drives import Bench, Drive
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_mcl.sensor.distances import DISTANCES
-from maurice_viz.plots import constants, histograms_of_light, matching
 from maurice_viz.plots.calibration import FIGURES as OF_MOTION
-from maurice_viz.plots.drawn import draw_figures, shares
-from maurice_viz.plots.example import DrivePictures, in_other_light, ranks_of, with_noise
-from maurice_viz.plots.figures import FIGURES
-from maurice_viz.plots.material import Material, ThesisFigure
 
 OURS = (*constants.FIGURES, *histograms_of_light.FIGURES, *matching.FIGURES)
 NEED_A_SURVEY = {14}

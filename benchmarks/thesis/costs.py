@@ -9,8 +9,8 @@ import numpy as np
 import polars as pl
 
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE
+from maurice_viz.plots.calibration import ACTUAL, INK, figure
 
-from .calibration import ACTUAL, INK, figure
 from .material import Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES
 

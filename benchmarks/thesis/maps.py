@@ -11,8 +11,7 @@ from maurice_mcl.arrays import F64
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 from maurice_mcl.records import Belief, Estimate
-
-from .calibration import BAND, INK
+from maurice_viz.plots.calibration import BAND, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

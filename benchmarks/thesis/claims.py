@@ -29,7 +29,7 @@ from maurice_mcl.analysis.failures.kinds import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.analysis.metrics import GOAL_M
 from maurice_mcl.geometry import INCH_M
 
-from ..plots.material import Material, MissingRuns, over_drives
+from .material import Material, MissingRuns, over_drives
 
 REPRODUCED, NOT, UNDECIDED = "reproduced", "not reproduced", "undecided"
 UNTESTABLE, BUILT_IN = "not testable", "built in"

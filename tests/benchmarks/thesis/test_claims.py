@@ -1,9 +1,8 @@
-"""Verdicts on the thesis's claims: from made-up runs, each verdict at least once; the page in a browser."""
+"""Verdicts on the thesis's claims: from made-up runs, each verdict at least once."""
 
 from __future__ import annotations
 
 import json
-import time
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,7 @@ import polars as pl
 import pytest
 from scipy.special import ndtri
 
-from helpers.browser import browser, needs_browser
-from maurice_datasets.trials.plan import read_plan
-from maurice_datasets.trials.rows import TYPES, RowStore
-from maurice_datasets.trials.statistics import Interval, mean
-from maurice_datasets.trials.table import with_settings
-from maurice_viz.plots.material import Material
-from maurice_viz.reports import trials_report
-from maurice_viz.reports.claims import (
+from benchmarks.thesis.claims import (
     BUILT_IN,
     CLAIMS,
     NOT,
@@ -32,6 +24,10 @@ from maurice_viz.reports.claims import (
     judged,
     said,
 )
+from benchmarks.thesis.material import Material
+from maurice_datasets.trials.rows import TYPES
+from maurice_datasets.trials.statistics import Interval, mean
+from maurice_datasets.trials.table import with_settings
 
 CLAIM = {claim.name: claim for claim in CLAIMS}
 
@@ -200,23 +196,3 @@ def test_fresh_particles_are_compared_with_none() -> None:
     assert verdict_of(name, *ends("none", True), *ends("sensor", False)).verdict == NOT
     assert verdict_of(name, *ends("none", True), *ends("sensor", True)).verdict == UNDECIDED
     assert verdict_of(name, *ends("none", False)).verdict == UNTESTABLE
-
-
-@pytest.mark.slow
-@needs_browser
-def test_the_page_has_no_errors_and_fits_a_phone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store = RowStore.begin(tmp_path / "out", read_plan("thesis"), resume=False)
-    store.add([one | {"variant": one["particles"], "settings": "{}"} for one in tracking({100: 3, 2000: 0})])
-    claims = tuple(one for one in CLAIMS if one.name != "Match quality")  # simulates a drive
-    monkeypatch.setattr(trials_report, "CLAIMS", claims)
-    monkeypatch.setattr(trials_report, "drawings", lambda material, progress: [])
-    page = tmp_path / "trials.html"
-    page.write_text(trials_report.page_of(Material(tmp_path / "out")))
-    with browser(tmp_path / "profile") as shown:
-        for domain in ("Runtime", "Log"):
-            shown.call(f"{domain}.enable")
-        for width in (400, 1600):
-            shown.open(page.as_uri(), width=width, height=800)
-            told = list(shown.events_until(time.monotonic() + 1))
-            assert not [one for one in told if one["method"].startswith(("Runtime.exception", "Log.entry"))]
-            assert shown.value("document.documentElement.scrollWidth") <= width

@@ -17,9 +17,9 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import spacing
 from maurice_mcl.records import Belief, FilterState, StepRecord
 from maurice_mcl.session import Moment
+from maurice_viz.plots.calibration import ACTUAL, figure, panels
 
 from . import maps
-from .calibration import ACTUAL, figure, panels
 from .drives import PRESET
 from .material import EXAMPLE, Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES

@@ -15,10 +15,10 @@ from maurice_mcl.calibration.motion import calibrate
 from maurice_mcl.calibration.sensor import noise_floor
 from maurice_mcl.calibration.statistics import Fitted
 from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_viz.plots.calibration import FIGURES as OF_MOTION
+from maurice_viz.plots.calibration import INK, ShownFit, motion_figure, noise_figure
+from maurice_viz.style import units_named
 
-from ..style import units_named
-from .calibration import FIGURES as OF_MOTION
-from .calibration import INK, ShownFit, motion_figure, noise_figure
 from .marks import by_bin, draw_colors, remark, wrapped
 from .material import EXAMPLE, Material, ThesisFigure
 

@@ -12,8 +12,8 @@ from maurice_mcl.arrays import F32
 from maurice_mcl.calibration.sensor import stretched
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_viz.plots.calibration import INK, dress
 
-from .calibration import INK, dress
 from .example import MORE_LIGHT, DrivePictures, PicturePair, ranks_of, reference_picture, rooms_of, with_noise
 from .maps import map_axes
 from .marks import draw_picture, grid_of_axes, remark, say_pose

@@ -13,9 +13,9 @@ from maurice_datasets.trials.table import LOCALIZED, TIMES, clusters_of, curve_o
 from maurice_mcl.analysis.failures.kinds import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.analysis.metrics import GOAL_M
 from maurice_mcl.geometry import INCH_M
+from maurice_viz.plots.calibration import ACTUAL, BAND, INK, figure
+from maurice_viz.text.trials import metric_title
 
-from ..text.trials import metric_title
-from .calibration import ACTUAL, BAND, INK, figure
 from .material import Material, MissingRuns
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
 from maurice_mcl.session import Moment
-
-from ..drawing.contact_sheet import read_picture
+from maurice_viz.drawing.contact_sheet import read_picture
 
 THESIS = "thesis"  # the preset, and its distance
 SEED = 0  # of added noise

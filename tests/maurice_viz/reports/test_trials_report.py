@@ -1,7 +1,8 @@
-"""The failure atlas as a page: drawn from trials of a small session, and used in a browser."""
+"""The page about trials: what variants reached, and its atlas, used in a browser."""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import pytest
@@ -13,19 +14,20 @@ from helpers.small_session import write_small_session, write_small_survey
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("atlas")
+    folder = tmp_path_factory.mktemp("page")
     write_small_survey(folder)
     write_small_session(folder)
     plan = 'title = "Mine"\nseeds = 2\n[[sessions]]\npath = "session.log"\n[settings]\nparticles = 50\n'
     (folder / "mine.toml").write_text(plan)
     run("trials", folder / "mine.toml", "-o", folder / "trials", "--workers", "1")
-    run("atlas", folder / "trials", "-o", folder / "atlas.html", "--spot", "30cm")
-    return folder / "atlas.html"
+    run("trials-report", folder / "trials", "-o", folder / "trials.html", "--spot", "30cm")
+    return folder / "trials.html"
 
 
 def test_it_stands_alone(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert "Where runs go wrong: Mine" in text
+    assert "<h1>Mine</h1>" in text
+    assert "Where runs go wrong" in text
     assert "http" not in text.replace("http-equiv", "")
     assert 'class="wall"' in text
     assert "2 runs of" in text
@@ -44,13 +46,24 @@ def test_a_spot_shows_its_worst_runs(page: Path, tmp_path: Path) -> None:
         assert tab.value("document.querySelector('.spot').getAttribute('fill')").startswith("#")
 
 
-def test_trials_without_truth_are_refused(tmp_path: Path) -> None:
+@needs_browser
+def test_the_page_has_no_errors_and_fits_a_phone(page: Path, tmp_path: Path) -> None:
+    with browser(tmp_path) as shown:
+        for domain in ("Runtime", "Log"):
+            shown.call(f"{domain}.enable")
+        for width in (400, 1600):
+            shown.open(page.as_uri(), width=width, height=800)
+            events = list(shown.events_until(time.monotonic() + 1))
+            assert not [one for one in events if one["method"].startswith(("Runtime.exception", "Log.entry"))]
+            assert shown.value("document.documentElement.scrollWidth") <= width
+
+
+def test_trials_without_truth_have_no_atlas(tmp_path: Path) -> None:
     write_small_survey(tmp_path)
     write_small_session(tmp_path, truth=False)
     (tmp_path / "mine.toml").write_text(
         'seeds = 1\n[[sessions]]\npath = "session.log"\n[settings]\nparticles = 50\n'
     )
     run("trials", tmp_path / "mine.toml", "-o", tmp_path / "trials", "--workers", "1")
-    done = run("atlas", tmp_path / "trials", "-o", tmp_path / "atlas.html", expect=1)
-    assert "found no true positions" in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    run("trials-report", tmp_path / "trials", "-o", tmp_path / "page.html")
+    assert "Where runs go wrong" not in (tmp_path / "page.html").read_text()

@@ -12,9 +12,9 @@ from maurice_mcl.geometry import INCH_M
 from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.session import Moment
+from maurice_viz.plots.calibration import INK, figure, panels
 
 from . import maps
-from .calibration import INK, figure, panels
 from .material import Material, MissingRuns, ThesisFigure, steps_of
 from .traces import LABELS, OFF, UPDATE, curve
 

@@ -11,8 +11,8 @@ from maurice_mcl.arrays import F32, F64
 from maurice_mcl.calibration.sensor import COLORS
 from maurice_mcl.sensor.descriptors.channel import BINS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_viz.plots.calibration import HATCHES, INK, RGB, dress
 
-from .calibration import HATCHES, INK, RGB, dress
 from .example import MORE_LIGHT, DrivePictures, PicturePair, in_other_light
 from .marks import (
     BIN_AXIS,

@@ -11,8 +11,7 @@ from maurice_mcl.arrays import F32, F64, U8
 from maurice_mcl.calibration.sensor import COLORS
 from maurice_mcl.geometry import INCH_M
 from maurice_mcl.sensor.descriptors.channel import BINS
-
-from .calibration import INK, RGB, dress
+from maurice_viz.plots.calibration import INK, RGB, dress
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

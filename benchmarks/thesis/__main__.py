@@ -1,0 +1,69 @@
+"""The thesis told again (`make thesis`): its figures, and its claims beside our numbers.
+
+maurice-replay trials thesis -o .thesis --resume
+python -m benchmarks.thesis .thesis -o out/thesis            # figure-26.png and so on, and claims.md
+python -m benchmarks.thesis .thesis -o out/thesis --write    # and what docs/thesis.md shows of them
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from pathlib import Path
+
+from maurice_loaders.errors import InputError
+
+from .claims import CLAIMS, judged
+from .drawn import FORMATS, draw_figures
+from .material import Material
+
+DOCS = Path(__file__).parents[2] / "docs"
+SHOWN = (26, 37, 58, 68)  # pictures of docs/thesis.md
+
+
+def main() -> None:
+    """Draw and judge what was asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.thesis", description=__doc__)
+    parser.add_argument("trials", type=Path, help="a folder that `maurice-replay trials` has made")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="the folder of figures and claims")
+    parser.add_argument("--only", type=int, nargs="*", default=[], metavar="NUMBER", help="figures to draw")
+    parser.add_argument("--format", nargs="*", default=["png"], choices=FORMATS)
+    parser.add_argument("--write", action="store_true", help="put the claims into docs/thesis.md")
+    asked = parser.parse_args()
+    try:
+        drawn = draw_figures(asked.trials, asked.output, only=asked.only, formats=asked.format, force=True)
+        table = claims_table(Material(asked.trials))
+        if asked.write:
+            draw_figures(asked.trials, DOCS / "pictures", only=SHOWN, force=True)
+    except InputError as problem:
+        sys.exit(f"error: {problem}")
+    (asked.output / "claims.md").write_text(table + "\n", encoding="utf-8")
+    for number, why in drawn.left_out:
+        print(f"figure {number} left out: {why}")
+    print(f"{len(drawn.files)} figures and claims.md written to {asked.output}")
+    if asked.write:
+        write(table)
+
+
+def claims_table(material: Material) -> str:
+    """Return every claim with its verdict, as a Markdown table."""
+    lines = ["| claim | thesis | here | verdict |", "|---|---|---|---|"]
+    results = judged([claim.check(material) for claim in CLAIMS])
+    for claim, result in zip(CLAIMS, results, strict=True):
+        lines.append(
+            f"| {claim.name} ({claim.section}) | {claim.stated} | {result.ours} | {result.verdict} |"
+        )
+    return "\n".join(lines)
+
+
+def write(table: str) -> None:
+    """Put the table between its marks in docs/thesis.md."""
+    page = DOCS / "thesis.md"
+    marked = re.compile(r"(<!-- claims -->\n).*?(<!-- end -->)", re.DOTALL)
+    text = marked.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", page.read_text(encoding="utf-8"))
+    page.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
