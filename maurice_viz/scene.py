@@ -8,12 +8,14 @@ from enum import StrEnum
 from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
+from maurice_mcl.library import Library
 from maurice_mcl.map import Arena
 from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.session import SessionInfo
 
-from .drawing.contact_sheet import CELL_PX
-from .style import Scale
+from .drawing.contact_sheet import cell_height
+from .style import Scale, scale_for
 
 NEVER, EVENLY, LIKELY = "never", "evenly", "likelihood"  # where a run draws new particles
 
@@ -27,15 +29,30 @@ class Detail(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SceneInfo:
-    """What all runs of a Rerun recording share, as a layout has to know it."""
+class Scene:
+    """What all runs of a Rerun recording share, as it is known before the first step."""
 
-    arena: Arena
-    scale: Scale
+    info: SessionInfo
+    library: Library
     has_truth: bool
+    updates: int = 0  # how many there will be; 0 when that is not known
     has_pictures: bool = True  # whether the robot has a camera at all
-    picture_height: int = CELL_PX * 3 // 4  # of a reference on the contact sheet, in pixels
-    is_light: bool = False  # drawn with little detail: only layouts whose panels are all filled are offered
+    live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
+
+    @property
+    def arena(self) -> Arena:
+        """The map."""
+        return self.library.arena
+
+    @property
+    def scale(self) -> Scale:
+        """From meters to what is drawn, in the session's units."""
+        return scale_for(self.info.display_units, self.arena)
+
+    @property
+    def picture_height(self) -> int:
+        """Of a reference on the contact sheet, in pixels."""
+        return cell_height(self.library.pictures)
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,13 +30,12 @@ from maurice_datasets.demos import demo_paths
 from maurice_loaders.libraries.files import save_library
 from maurice_loaders.libraries.measured import SWITCH
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.session import Moment
+from maurice_mcl.session import Moment, SessionInfo
 from maurice_viz.cli.main import COLLECT_AFTER
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.playback import FilterRun, run_together
-from maurice_viz.scene import Detail, RunView, SceneInfo
-from maurice_viz.style import scale_for
+from maurice_viz.scene import Detail, RunView, Scene
 from maurice_viz.viewer import sinks
 
 from .libraries import SIZES, random_library
@@ -120,7 +119,7 @@ def _peak_mb() -> float:
 def _observer(stack: ExitStack, localizer: Localizer, library: mcl.Library, detail: Detail) -> RerunObserver:
     folder = stack.enter_context(tempfile.TemporaryDirectory())
     distances = localizer.sensor.distances
-    scene = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
+    scene = Scene(SessionInfo("x", library.display_units), library, True)
     layout = runs_blueprint([RunView("run", tuple(distances))], scene)
     rec = stack.enter_context(sinks.to_file(Path(folder) / "long.rrd", "long", layout))
     return RerunObserver(rec, "run", distances, detail=detail, sensor=localizer.sensor)

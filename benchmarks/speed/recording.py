@@ -18,12 +18,11 @@ import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.session import Moment, SessionInfo
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.panels.panel import Panel
-from maurice_viz.scene import Detail, RunView, SceneInfo
-from maurice_viz.style import scale_for
+from maurice_viz.scene import Detail, RunView, Scene
 from maurice_viz.viewer import sinks
 
 from .measure import Table
@@ -114,7 +113,7 @@ def _least(drive: _Drive, detail: Detail, chosen: Chosen, quick: bool, live: boo
 def _measure(drive: _Drive, detail: Detail, chosen: Chosen, live: bool = False) -> Cost:
     """Draw a drive with some panels; return what an update took and held the second time."""
     sensor, library = drive.localizer.sensor, drive.library
-    scene = SceneInfo(library.arena, scale_for(library.display_units, library.arena), True)
+    scene = Scene(SessionInfo("x", library.display_units), library, True)
     layout = runs_blueprint([RunView("run", tuple(sensor.distances))], scene)
     with tempfile.TemporaryDirectory() as folder:
         path, port = Path(folder) / "run.rrd", sinks.free_port() if live else None

@@ -24,9 +24,9 @@ from ..errors import OptionError
 from ..layouts import DETAILS
 from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
-from ..scene import RunView
+from ..scene import RunView, Scene
 from .open import AnySession, make_runs, open_library_for, open_session, remark_skipped, unique_labels
-from .output import DriveScene, OutputOptions, output_of
+from .output import OutputOptions, output_of
 from .replay import replay_session
 from .run import Playback, Report, RunScores, play, remark_zeros
 from .run_spec import RunSpec, settings_with
@@ -285,7 +285,7 @@ def _sessions_playback(
             replace(RunView.live(run.label, run.localizer, run.start), own_drive=drive != drives[0])
             for run, drive in zip(runs, drives, strict=True)
         ],
-        DriveScene(info, references, any(truth for _, truth in overviews), shortest),
+        Scene(info, references, any(truth for _, truth in overviews), shortest),
         remarks,
     )
 
@@ -312,7 +312,7 @@ def _drive(opened: Opened) -> str:
     return f"{manifest.session.sha256} {manifest.reading} {table}"
 
 
-def _scene(opened: Sequence[Opened]) -> DriveScene:
+def _scene(opened: Sequence[Opened]) -> Scene:
     """Draw with the library of a run whose library is still there."""
     scenes = [one.scene for one in opened]
     whole = next((scene for scene in scenes if scene.library.size), scenes[0])

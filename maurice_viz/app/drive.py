@@ -37,9 +37,9 @@ from maurice_mcl.session import Frame, Moment
 
 from ..layouts.drive import DrivePaths, DriveView, draw_drive, drive_blueprint, drive_paths
 from ..listener import SILENT, Listener
-from ..scene import RunView
+from ..scene import RunView, Scene
 from .open import remark_skipped
-from .output import NEXT_KEYS, DriveScene, OutputOptions, opened
+from .output import NEXT_KEYS, OutputOptions, opened
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen
 
@@ -337,7 +337,7 @@ def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> P
     seen = recorded.overview
     library = map_of(recorded.localizer, seen)
     drawn = RunView(recorded.label, (), None, seen.most_particles, radii=recorded.radii)
-    scene = DriveScene(
+    scene = Scene(
         recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
     )
     return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded, listener))

@@ -20,16 +20,13 @@ from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.header import drive_name
-from maurice_mcl.library import Library
-from maurice_mcl.session import SessionInfo
 
-from ..drawing.contact_sheet import cell_height
 from ..entities import VERDICT
 from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..listener import Listener
-from ..scene import Detail, RunView, SceneInfo
-from ..style import RUN_COLORS, scale_for
+from ..scene import Detail, RunView, Scene
+from ..style import RUN_COLORS
 from .run_spec import check_name
 
 if TYPE_CHECKING:
@@ -44,7 +41,7 @@ if TYPE_CHECKING:
 
 def layout_of(
     runs: Sequence[RunView],
-    scene: DriveScene,
+    scene: Scene,
     first: str | None = None,
     *,
     light: bool = False,
@@ -55,15 +52,12 @@ def layout_of(
     names = tabs_of(runs)[1]
     if first is not None and first not in names:
         raise OptionError(f"--layout: found {first}, expected what these runs have: {', '.join(names)}")
-    arena = scene.library.arena
-    scale, height = scale_for(scene.info.display_units, arena), cell_height(scene.library.pictures)
-    shown = SceneInfo(arena, scale, scene.has_truth, scene.has_pictures, height, light)
-    return runs_blueprint(runs, shown, first, live=scene.live)
+    return runs_blueprint(runs, scene, first, light=light)
 
 
 @contextmanager
 def observed(
-    rec: rr.RecordingStream, runs: Sequence[RunView], scene: DriveScene, detail: Detail = Detail.FULL
+    rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene, detail: Detail = Detail.FULL
 ) -> Iterator[dict[str, Observer]]:
     """Begin one observer a run, the first of which draws what they share; end them even after a failure."""
     from ..panels.observer import RerunObserver
@@ -165,22 +159,10 @@ def output_of(
     return output
 
 
-@dataclass(frozen=True, slots=True)
-class DriveScene:
-    """What is known of a drawing before its first step."""
-
-    info: SessionInfo
-    library: Library
-    has_truth: bool
-    updates: int = 0  # how many there will be; 0 when that is not known
-    has_pictures: bool = True
-    live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
-
-
 @contextmanager
 def drawing(
     runs: Sequence[RunView],
-    scene: DriveScene,
+    scene: Scene,
     output: OutputOptions,
     listener: Listener,
     written: list[Path] | None = None,
@@ -204,7 +186,7 @@ def drawing(
 @contextmanager
 def _sink(
     runs: Sequence[RunView],
-    scene: DriveScene,
+    scene: Scene,
     output: OutputOptions,
     listener: Listener,
     written: list[Path],
@@ -363,7 +345,7 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
 
 
 def _remark_size(
-    runs: Sequence[RunView], scene: DriveScene, output: OutputOptions, listener: Listener, path: Path
+    runs: Sequence[RunView], scene: Scene, output: OutputOptions, listener: Listener, path: Path
 ) -> None:
     """Report how large the file will be, approximately, where that is known and it is large."""
     from ..panels.observer import expected_bytes

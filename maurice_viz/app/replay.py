@@ -22,9 +22,9 @@ from ..errors import OptionError
 from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
-from ..scene import RunView
+from ..scene import RunView, Scene
 from .open import AnySession, as_recorded_session, library_at, make_runs, open_library_for, open_session
-from .output import DriveScene, OutputOptions, output_of, show_recording
+from .output import OutputOptions, output_of, show_recording
 from .run import Playback, Report, RunScores, play, remark, remark_zeros
 from .run_spec import RunSpec, settings_with, words_of
 from .saved import Inputs, open_saved, playback_of, saving
@@ -177,7 +177,7 @@ def playback_of_session(
         shared(run_together(runs, session.moments())),
         pictures,
         [RunView.live(run.label, run.localizer, run.start) for run in runs],
-        DriveScene(session.info, library, has_truth, pictures),
+        Scene(session.info, library, has_truth, pictures),
         lambda collector: remark(collector, session, listener),
     )
 
@@ -260,7 +260,7 @@ def _localize(
         shared(run_together(runs, chain([first], moments), live=True)),
         0,
         [RunView.live(run.label, run.localizer, run.start) for run in runs],
-        DriveScene(session.info, references, first.truth is not None, live=True),
+        Scene(session.info, references, first.truth is not None, live=True),
         lambda collector: remark_live(collector, session, listener),
     )
     return play(playback, output, listener, report=report)

@@ -21,11 +21,11 @@ from maurice_mcl.analysis.run_comparison import Step
 from ..errors import SinkError, Terminated
 from ..listener import Listener
 from ..playback import ResultCollector, RunResult
-from ..scene import Detail, RunView
-from ..style import Scale, scale_for, units_named
+from ..scene import Detail, RunView, Scene
+from ..style import Scale, units_named
 from ..text.sensors import say_other_shape
 from .open import AnySession, remark_skipped
-from .output import DriveScene, OutputOptions, drawing
+from .output import OutputOptions, drawing
 
 if TYPE_CHECKING:
     from ..panels.comparison import ComparisonDrawing
@@ -42,7 +42,7 @@ class Playback:
     updates: Iterable[Mapping[str, Step]]  # by the labels of `views`
     total: int  # updates to come, for the progress bar
     views: Sequence[RunView]
-    scene: DriveScene
+    scene: Scene
     remarks: Callable[[ResultCollector], None]  # reports at the end what the scores do not say
     drawn: range | None = None  # steps that are drawn; None: all of them
 
@@ -139,11 +139,12 @@ def _scores(
 
 def collector_of(playback: Playback) -> ResultCollector:
     """Return what scores the runs, and compares those after the first with it."""
-    arena = playback.scene.library.arena
-    say = scale_for(playback.scene.info.display_units, arena).say
+    scene = playback.scene
     localizers = {run.label: run.localizer for run in playback.views}
     starts = {run.label: run.start for run in playback.views}
-    return ResultCollector(playback.labels, arena.size_m, say, playback.other_drives, localizers, starts)
+    return ResultCollector(
+        playback.labels, scene.arena.size_m, scene.scale.say, playback.other_drives, localizers, starts
+    )
 
 
 def step_through(
@@ -216,8 +217,7 @@ def _verdict(playback: Playback, observers: Mapping[str, Observer]) -> VerdictDr
     first, scene = next(iter(observers.values())), playback.scene
     if not isinstance(first, RerunObserver):
         return None
-    scale = scale_for(scene.info.display_units, scene.library.arena)
-    return VerdictDrawing(first.rec, scale, playback.views, scene.live)
+    return VerdictDrawing(first.rec, scene.scale, playback.views, scene.live)
 
 
 def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:
@@ -230,9 +230,8 @@ def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> Compar
     first, scene = next(iter(observers.values())), playback.scene
     if not isinstance(first, RerunObserver):
         return None
-    scale = scale_for(scene.info.display_units, scene.library.arena)
-    shared = ComparisonDrawing(first.rec, playback.views, scale, first.detail is not Detail.LIGHT)
-    shared.begin(scene.library.arena, scene.has_truth)
+    shared = ComparisonDrawing(first.rec, playback.views, scene.scale, first.detail is not Detail.LIGHT)
+    shared.begin(scene.arena, scene.has_truth)
     return shared
 
 

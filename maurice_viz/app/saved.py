@@ -41,9 +41,9 @@ from maurice_mcl.session import Moment, SessionInfo
 from ..errors import SinkError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun, ResultCollector, shared
-from ..scene import LIKELY, NEVER, RunView
+from ..scene import LIKELY, NEVER, RunView, Scene
 from .open import AnySession, landmarked
-from .output import DriveScene, OutputOptions
+from .output import OutputOptions
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
 
@@ -125,7 +125,7 @@ class Opened:
     runs: list[SavedRun]
     restored: list[Restored]
     session: AnySession | None
-    scene: DriveScene  # its library has no entries where pictures or comparisons cannot be restored
+    scene: Scene  # its library has no entries where pictures or comparisons cannot be restored
     listener: Listener = SILENT
 
     def updates(self) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
@@ -159,7 +159,7 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     made = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
     notes_then = tuple(named for named, asked in made if asked)
     info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes_then)
-    scene = DriveScene(info, library, first.has_truth, first.pictures)
+    scene = Scene(info, library, first.has_truth, first.pictures)
     return Opened(runs, restored, session, scene, listener)
 
 

@@ -22,13 +22,13 @@ from ..panels.histograms import difference_views, histogram_views
 from ..panels.population import ancestry_plot, headings_view, modes_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
 from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from .story import over_events
 
 LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
 
-def overview(run: RunView, scene: SceneInfo) -> rrb.Vertical:
+def overview(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the arena and the words left, matching in the middle, pictures and traces right."""
     paths = RunPaths(run.label)
     distances, *others = single_plots(paths, scene)
@@ -54,7 +54,7 @@ def overview(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     return over_events(body, [run], brief=False)
 
 
-def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
+def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the cloud large; likelihoods, headings, ancestors and evidence beside it."""
     paths = RunPaths(run.label)
     cloud = rrb.Vertical(
@@ -80,7 +80,7 @@ def inside_a_step(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     return over_events(body, [run], brief=False)
 
 
-def explain(run: RunView, scene: SceneInfo) -> rrb.Vertical:
+def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the map and the figures left; the sentence right, over camera and references side by side."""
     paths = RunPaths(run.label)
     extent = map_extent(scene.arena, scene.scale)
@@ -96,7 +96,7 @@ def explain(run: RunView, scene: SceneInfo) -> rrb.Vertical:
     return over_events(rrb.Horizontal(left, right, column_shares=[1, 1.6]), [run])
 
 
-def recorded(run: RunView, scene: SceneInfo) -> rrb.Vertical:
+def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out another localizer's clouds: the arena and the words left, the close-up, traces right."""
     paths = RunPaths(run.label)
     left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[2.2, 0.95])

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import rerun.blueprint as rrb
 
 from ..panels.views import FPS, window
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from ..style import font_safe_names
 from . import LIGHT_NAMES, one_run, several_runs
 from .sensors import sensors
@@ -16,13 +16,13 @@ from .story import story
 SENSORS = "sensors"
 OF_CHANNELS = ("overview", "explain")  # layouts about channels and their references
 
-Layout = Callable[[Sequence[RunView], SceneInfo], rrb.Container]
+Layout = Callable[[Sequence[RunView], Scene], rrb.Container]
 
 
-def _a_tab_a_run(one: Callable[[RunView, SceneInfo], rrb.Container]) -> Layout:
+def _a_tab_a_run(one: Callable[[RunView, Scene], rrb.Container]) -> Layout:
     """Return a layout of several runs, one tab per run, from that of a single run."""
 
-    def layout(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Container:
+    def layout(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
         if len(runs) == 1:
             return one(runs[0], scene)
         tabs = [_named(one(run, scene), run.label) for run in runs]
@@ -68,21 +68,21 @@ def tabs_of(runs: Sequence[RunView]) -> tuple[Mapping[str, Layout], list[str]]:
 
 def runs_blueprint(
     runs: Sequence[RunView],
-    scene: SceneInfo,
+    scene: Scene,
     first: str | None = None,
     *,
-    live: bool = False,
+    light: bool = False,
 ) -> rrb.Blueprint:
     """Return a blueprint with one tab per layout, the tab `first` open.
 
     `live` makes the viewer follow new updates. Raises ValueError if `first` is not one of the tabs.
     """
     layouts, names = tabs_of(runs)
-    if scene.is_light and layouts is LAYOUTS:
+    if light and layouts is LAYOUTS:
         names = [name for name in names if name in LIGHT_NAMES]
     chosen = first or names[0]
     tabs = [_named(layouts[name](runs, scene), name) for name in names]
     for tab in tabs:
         font_safe_names(tab)
     body = rrb.Tabs(*tabs, active_tab=names.index(chosen))
-    return window(body, play_state="following" if live else "paused", fps=FPS)
+    return window(body, play_state="following" if scene.live else "paused", fps=FPS)

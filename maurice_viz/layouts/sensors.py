@@ -13,13 +13,13 @@ from ..panels.sensors import (
     sensor_words_view,
 )
 from ..panels.traces import single_plots
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from .story import over_events
 
 WORDS, PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
 
 
-def sensors(run: RunView, scene: SceneInfo) -> rrb.Vertical:
+def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the map left; right the words and pictures of each sensor, or the distances."""
     paths = RunPaths(run.label)
     blocks = [_of_sensor(run, paths, name) for name in run.sensors]

@@ -19,22 +19,22 @@ from ..panels.events import words_view
 from ..panels.histograms import SHORT_LEGEND, histogram_views
 from ..panels.references import best_references_view, circles_view
 from ..panels.views import plot_of_runs
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from .story import over_events
 
 
-def compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out two runs left and right of what they share; more as small maps beside the shared one."""
     body = _two if len(runs) < NARROW_FROM else _many
     return over_events(body(runs, scene), runs)
 
 
-def _two(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
+def _two(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
     first, second = (_wide(run, number, len(runs), scene) for number, run in enumerate(runs))
     return rrb.Horizontal(first, _wide_shared(runs, scene), second, column_shares=[1, 1.1, 1])
 
 
-def _many(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
+def _many(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
     together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
     maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
     pictures = rrb.Horizontal(*shared.camera_views(runs))
@@ -42,7 +42,7 @@ def _many(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Horizontal:
     return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1, 1.5, 0.9])
 
 
-def recorded_compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+def recorded_compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out several recorded localizers: one shared map, a map each, how they differ."""
     together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
     maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
@@ -52,7 +52,7 @@ def recorded_compare(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     return over_events(rrb.Horizontal(together, grid, plots, column_shares=[1.1, 1.2, 1]), runs)
 
 
-def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertical:
+def _wide(run: RunView, number: int, count: int, scene: Scene) -> rrb.Vertical:
     paths = RunPaths(run.label)
     return rrb.Vertical(
         rrb.Tabs(shared.run_belief_view(run, number, count, scene), circles_view(paths, scene)),
@@ -63,7 +63,7 @@ def _wide(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Vertic
     )
 
 
-def _wide_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+def _wide_shared(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     cameras = rrb.Horizontal(*shared.camera_views(runs))
     plots = _wide_plots(runs, scene)
     everything = shared.all_runs_view(runs, scene)
@@ -72,7 +72,7 @@ def _wide_shared(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
     )
 
 
-def _wide_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.Tabs]:
+def _wide_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.Tabs]:
     """Plot the runs themselves, then how they differ from the first."""
     labels, distances = [run.label for run in runs], shared.distance_plots(runs, scene)
     if not scene.has_truth:
@@ -86,7 +86,7 @@ def _wide_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.Tabs]:
     ]
 
 
-def _narrow_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+def _narrow_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
     labels = [run.label for run in runs]
     if not scene.has_truth:
         return [_spread(labels, scene), *shared.distance_plots(runs, scene)]
@@ -94,11 +94,11 @@ def _narrow_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSer
     return [error, shared.difference_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
 
 
-def _spread(labels: Sequence[str], scene: SceneInfo) -> rrb.TimeSeriesView:
+def _spread(labels: Sequence[str], scene: Scene) -> rrb.TimeSeriesView:
     return plot_of_runs(lines.SPREAD, f"Spread ({scene.scale.units.name})", labels)
 
 
-def traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Plot one quantity per panel, one line per run."""
     labels = [run.label for run in runs]
     who = lines.who_is_who(labels)  # stands in the first two titles
@@ -127,7 +127,7 @@ def _last(runs: Sequence[RunView]) -> rrb.Vertical:
     return rrb.Vertical(*evidence, key, row_shares=shares)
 
 
-def recorded_traces(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+def recorded_traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
     labels = [run.label for run in runs]
     columns = [lines.error_plots(labels, scene)] if scene.has_truth else []

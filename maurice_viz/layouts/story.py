@@ -17,7 +17,7 @@ from ..panels.population import headings_view
 from ..panels.references import best_match_view
 from ..panels.sensors import sensor_words_view
 from ..panels.story import errors_plot, tour_view, verdict_view
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 
 # shares of the height of a screen of 1600 x 1000, in hundreds of pixels
 MIDDLE = 5.03
@@ -35,7 +35,7 @@ def over_events(body: rrb.Container, runs: Sequence[RunView], brief: bool = True
     return rrb.Vertical(body, events, row_shares=[SCREEN - height, height])
 
 
-def story(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Vertical:
+def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out the verdict, one large map beside what was seen, and events over errors, full width."""
     if len(runs) == 1:
         arena, camera = belief_view(RunPaths(runs[0].label), scene), camera_view("The robot sees")

@@ -19,7 +19,7 @@ from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_poi
 from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import WEIGHTS, highest, phase_keys
 from ..entities import Phase, RunPaths
-from ..scene import SceneInfo
+from ..scene import Scene
 from ..style import (
     DEAD,
     FRESH,
@@ -340,7 +340,7 @@ def run_key(name: str, has_truth: bool) -> U8:
     return highest(phase_keys(has_truth, RUN_COLORS[0], False)[name])
 
 
-def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
     contents = [*MAP, entities.NODES, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
     contents += [f"{entities.TRUTH}/**", paths.error_line] if scene.has_truth else []
@@ -348,7 +348,7 @@ def belief_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
     return map_view(name, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
 
 
-def closeup_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+def closeup_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the close-up of the cloud."""
     contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []

@@ -19,7 +19,7 @@ from ..drawing.canvas import jpeg, long_side
 from ..drawing.keys import COMPARED, belief_keys, extent_with, highest, runs_key
 from ..entities import Phase, RunPaths
 from ..playback import RunResult
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
 from ..text.summary import NOT_YET, StepWords, result
 from .belief import PoseMarker, truth_marker
@@ -184,7 +184,7 @@ def by_weight(weights: F64, count: int) -> I32:
     return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once, in order
 
 
-def distance_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+def distance_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
     """Plot distances to the first run's estimate; none if all runs replay other drives."""
     if all(run.own_drive for run in runs[1:]):
         return []
@@ -198,7 +198,7 @@ def first_label(runs: Sequence[RunView]) -> str:
     return label if len(label) <= LONGEST else "the first"
 
 
-def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
+def run_belief_view(run: RunView, number: int, count: int, scene: Scene) -> rrb.Spatial2DView:
     """Show one run's cloud; the title names the run's color in shared panels."""
     paths = RunPaths(run.label)
     contents = [*MAP, entities.NODES, f"{paths.phase_key(COMPARED)}/**", f"{paths.at('belief')}/**"]
@@ -211,7 +211,7 @@ def run_belief_view(run: RunView, number: int, count: int, scene: SceneInfo) -> 
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
 
 
-def all_runs_view(runs: Sequence[RunView], scene: SceneInfo) -> rrb.Spatial2DView:
+def all_runs_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
     contents = [*MAP, entities.NODES, f"{entities.RUNS_KEY}/**"]
     for run in runs:
@@ -233,7 +233,7 @@ def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
     return [camera_view(f"{runs[0].label}: camera"), *views]
 
 
-def difference_plots(runs: Sequence[RunView], scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+def difference_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
     """Plot how much larger errors are than the first run's: of the position, and of the heading."""
     title = f"Error minus {first_label(runs)}'s ({scene.scale.units.name})"
     return [

@@ -37,7 +37,7 @@ from ..drawing.heat import CHART
 from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
-from ..scene import SceneInfo
+from ..scene import Scene
 from ..style import GROUND, MISSING, PALE, RANK, RGB
 from ..text.explanation import REFERENCES, say_step
 from ..text.explanation_table import brief_table, winner_first
@@ -247,7 +247,7 @@ def headline(step: StepExplanation) -> str:
     return f"{first}. {of.capitalize()}'s reference is {behind}."
 
 
-def references_map_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+def references_map_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
     contents = [*MAP, paths.key(EXPLAINED), paths.circles, paths.explain("marks"), f"{paths.estimate}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []

@@ -33,7 +33,7 @@ from ..drawing.contact_sheet import (
 from ..drawing.indexed import IndexedColors
 from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
-from ..scene import SceneInfo
+from ..scene import Scene
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
 from .belief import run_key
 from .camera import CaptionedPicture
@@ -227,7 +227,7 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
     return (ALL_CHANNELS, *channels) if len(channels) > 1 else (ALL_CHANNELS,)
 
 
-def circles_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+def circles_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
     contents = [*MAP, f"{paths.phase_key(MATCHES)}/**", *_circles_of(paths)]
     name = f"Match circles ({scene.scale.units.name})"
@@ -243,23 +243,23 @@ def _circles_of(paths: RunPaths) -> list[str]:
     ]
 
 
-def best_references_view(paths: RunPaths, scene: SceneInfo) -> rrb.Spatial2DView:
+def best_references_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the five best references."""
     name = "Five best references (q = match quality, 0 to 1)"
     return _cells_view(name, paths.contact_sheet, BEST, scene)
 
 
-def best_match_view(paths: RunPaths, scene: SceneInfo, title: str) -> rrb.Spatial2DView:
+def best_match_view(paths: RunPaths, scene: Scene, title: str) -> rrb.Spatial2DView:
     """Show the best reference."""
     return _cells_view(title, paths.match(1), 1, scene)
 
 
-def _cells_view(name: str, path: str, count: int, scene: SceneInfo) -> rrb.Spatial2DView:
+def _cells_view(name: str, path: str, count: int, scene: Scene) -> rrb.Spatial2DView:
     width, height = count * (CELL_PX + GAP_PX) - GAP_PX, scene.picture_height + CAPTION_PX
     return plane_view(name, f"{path}/**", Extent(0, width, 0, height), origin=path)
 
 
-def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: SceneInfo) -> list[rrb.Spatial2DView]:
+def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: Scene) -> list[rrb.Spatial2DView]:
     """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):

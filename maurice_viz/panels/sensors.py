@@ -38,7 +38,7 @@ from ..drawing.canvas import blank, jpeg
 from ..drawing.contact_sheet import read_picture
 from ..drawing.keys import WEIGHTS
 from ..entities import Phase, RunPaths
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from ..style import (
     AGREES,
     DISAGREES,
@@ -225,7 +225,7 @@ def draw_room(rec: rr.RecordingStream, path: str, arena: Arena, scale: Scale) ->
     rec.log(path, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
 
-def sensor_space_view(paths: RunPaths, scene: SceneInfo, name: str) -> rrb.Spatial3DView:
+def sensor_space_view(paths: RunPaths, scene: Scene, name: str) -> rrb.Spatial3DView:
     """Show what a sensor marks in space."""
     title = f"{name} in space ({scene.scale.units.name})"
     return rrb.Spatial3DView(name=title, origin=paths.sensor(name, IN_SPACE), background=GROUND)
@@ -236,7 +236,7 @@ def titles_of(sensor: PoseSensor) -> tuple[str, ...]:
     return tuple(getattr(sensor, "pictures", ()))
 
 
-def sensor_map_view(paths: RunPaths, scene: SceneInfo, names: tuple[str, ...]) -> rrb.Spatial2DView:
+def sensor_map_view(paths: RunPaths, scene: Scene, names: tuple[str, ...]) -> rrb.Spatial2DView:
     """Show the map with the cloud, and what the sensors mark on it."""
     contents = [*MAP, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
     contents += [f"{paths.sensor(name, ON_MAP)}/**" for name in names]

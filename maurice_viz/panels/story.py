@@ -18,7 +18,7 @@ from maurice_mcl.session import Moment
 from ..drawing.arrow import points_of, row_of, strips_of, texts_of
 from ..drawing.canvas import long_side
 from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
 from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
@@ -167,7 +167,7 @@ def tour_view() -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name="Tour: where to look", origin=TOUR)
 
 
-def errors_plot(runs: Sequence[RunView], scene: SceneInfo) -> rrb.TimeSeriesView:
+def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
     """Plot position error and spread of all runs, with the limits that errors are judged by."""
     unit, contents = scene.scale.units.name, list[str]()
     styles: Overrides = {}

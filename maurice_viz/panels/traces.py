@@ -12,7 +12,7 @@ from ..drawing.arrow import doubles_of, row_of, scalars
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
 from ..entities import Phase, RunPaths
-from ..scene import RunView, SceneInfo
+from ..scene import RunView, Scene
 from ..style import BAR, COLOR_WORDS, DEAD, RGB, RUN_COLORS, font_safe
 from ..text.narration import errors
 from .events import EventLines, name_of
@@ -203,7 +203,7 @@ def round_top(most: float, steps: float) -> float:
     return float(max(most, ABOVE_LABEL * (10 * below if most > steps * below else below)))
 
 
-def single_plots(paths: RunPaths, scene: SceneInfo) -> list[rrb.TimeSeriesView]:
+def single_plots(paths: RunPaths, scene: Scene) -> list[rrb.TimeSeriesView]:
     """Plot one run: distances, heading error where the truth is known, shares."""
     unit = scene.scale.units.name
     lines = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE), paths.trace(KNOWS)]
@@ -222,7 +222,7 @@ Who = tuple[str, str]  # whose color is which, at the end of two titles
 NOBODY: Who = ("", "")
 
 
-def error_plots(labels: Sequence[str], scene: SceneInfo, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
+def error_plots(labels: Sequence[str], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
     """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
     unit = scene.scale.units.name
     return [
@@ -239,7 +239,7 @@ def truth_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def cloud_plots(runs: Sequence[RunView], scene: SceneInfo, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
+def cloud_plots(runs: Sequence[RunView], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
     """Plot spread, confidence and effective sample size of some runs."""
     labels, near = [run.label for run in runs], scene.scale.say(runs[0].radii.confidence_m)
     return [

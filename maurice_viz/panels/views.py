@@ -15,7 +15,7 @@ from maurice_mcl.arrays import U8
 from ..drawing.canvas import Extent, map_extent
 from ..drawing.keys import extent_with
 from ..entities import BARE_FLOORS, FLOORS, STEP, WALLS, RunPaths
-from ..scene import SceneInfo
+from ..scene import Scene
 from ..style import CLOUD, GROUND, RUN_COLORS
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
@@ -29,7 +29,7 @@ SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Rad
 def map_view(
     name: str,
     contents: Sequence[str],
-    scene: SceneInfo,
+    scene: Scene,
     pale_cloud: str | None = None,
     key: U8 | None = None,
 ) -> rrb.Spatial2DView:

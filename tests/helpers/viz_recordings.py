@@ -13,6 +13,7 @@ from rerun.chunk import RrdReader
 
 from helpers import viz_fakes as fakes
 from maurice_mcl.library import Library
+from maurice_mcl.map import Arena
 from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.session import Moment, SessionInfo
@@ -20,7 +21,7 @@ from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.panels.panel import DrawnRun
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.scene import RunView, Scene
 from maurice_viz.style import RUN_COLORS, scale_for
 from maurice_viz.viewer import sinks
 
@@ -34,7 +35,7 @@ def draw(
     """Draw one run per feature into one recording; return what was drawn."""
     library = session.library
     runs = [RunView(feature, tuple(FEATURES[feature])) for feature in features]
-    shown = SceneInfo(library.arena, scale_for(session.info.display_units, library.arena), session.has_truth)
+    shown = Scene(session.info, library, session.has_truth)
     played = [fakes.play(session, feature, particles) for feature in features]
     with sinks.to_file(path, session.info.name, runs_blueprint(runs, shown)) as rec:
         for number, (run, records) in enumerate(zip(runs, played, strict=True)):
@@ -47,8 +48,7 @@ def draw(
 def draw_run(path: Path, session: fakes.FakeSession, label: str, localizer: Any, played: Played) -> None:
     """Draw one run that was played already."""
     run = RunView.live(label, localizer)
-    scale = scale_for(session.info.display_units, session.library.arena)
-    shown = SceneInfo(session.library.arena, scale, session.has_truth)
+    shown = Scene(session.info, session.library, session.has_truth)
     with sinks.to_file(path, session.info.name, runs_blueprint([run], shown)) as rec:
         distances = localizer.sensor.distances
         observer = RerunObserver(rec, label, distances, True, session.has_truth, sensor=localizer.sensor)
@@ -61,6 +61,12 @@ def observe(observer: RerunObserver, info: SessionInfo, library: Library, update
     for moment, record in updates:
         observer.see(moment, record)
     observer.end()
+
+
+def scene_of(arena: Arena, units: str = "in", has_truth: bool = True) -> Scene:
+    """Return a scene on a map, of a library without pictures."""
+    library = Library("x", np.zeros((0, 3)), (), {}, arena)
+    return Scene(SessionInfo("x", units), library, has_truth)
 
 
 def drawn_run(paths: RunPaths, library: Library, **known: Any) -> DrawnRun:

@@ -27,8 +27,8 @@ from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import Detail, RunView, SceneInfo
-from maurice_viz.style import font_safe, scale_for
+from maurice_viz.scene import Detail, RunView
+from maurice_viz.style import font_safe
 from maurice_viz.viewer import sinks
 
 
@@ -149,7 +149,7 @@ def draw(case: Case, folder: Path) -> Path:
         particles=case.particles,
     )
     localizer = build_localizer(library, session, parameters)
-    shown = SceneInfo(library.arena, scale_for(case.units, library.arena), case.has_truth)
+    shown = recordings.scene_of(library.arena, case.units, case.has_truth)
     blueprint = runs_blueprint([RunView(case.label, tuple(case.channels))], shown)
     sensor = localizer.sensor if case.explained else None
     with sinks.to_file(out, case.session, blueprint) as rec:
@@ -193,7 +193,7 @@ def test_whatever_is_written_has_signs_in_the_viewers_font(tmp_path):
     assert any("Schränkchen u673A moved" in text for text in texts)
     for text in [*texts, *recordings.entities_of(out)]:
         assert font_safe(text) == text
-    shown = SceneInfo(fakes.arena(2, 2), scale_for("m", fakes.arena(2, 2)), has_truth=True)
+    shown = recordings.scene_of(fakes.arena(2, 2), "m", True)
     blueprint = runs_blueprint([RunView("走", ("color",)), RunView("机", ("color",))], shown)
     titles = [str(view.name) for view in views(blueprint.root_container)]
     assert all(font_safe(title) == title for title in titles)

@@ -15,7 +15,7 @@ from maurice_mcl.session import Moment
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener
-from ...style import Scale, scale_for
+from ...style import Scale
 from ...text.explanation import say_step
 from ...text.explanation_table import to_json
 from ...text.sensors import say_sensors
@@ -84,7 +84,7 @@ def explain(
     labels = [one.saved.manifest.label for one in opened.restored]
     chosen = opened.restored[labels.index(chosen_label(folder, labels, run_label))]
     library = opened.scene.library
-    scale = scale_for(opened.scene.info.display_units, library.arena)
+    scale = opened.scene.scale
     moment, record = _update(opened, chosen, folder, step)
     if chosen.sensor is None or not len(record.sighting.comparison.quality):
         raise InputError(folder, "cannot be explained without its session and library; put them back")

@@ -26,11 +26,11 @@ from maurice_mcl.session import Moment
 from ...layouts import DETAILS
 from ...listener import SILENT, Listener
 from ...playback import ResultCollector
-from ...scene import RunView
+from ...scene import RunView, Scene
 from ...style import scale_for
 from ...text.what_if import BRANCH, what_if_line
 from ..open import unique_labels
-from ..output import DriveScene, OutputOptions, output_of
+from ..output import OutputOptions, output_of
 from ..run import Playback, RunScores, play
 from ..saved import remark_saved, view_of
 from .branch import BranchChange, BranchPoint, open_branch
@@ -180,7 +180,7 @@ class _Pair:
         """Prepare both for `play`."""
         point, manifest = self.point, self.point.run.manifest
         branch = RunView.live(self.label, self.localizer)
-        scene = DriveScene(point.session.info, point.library, manifest.has_truth, manifest.pictures)
+        scene = Scene(point.session.info, point.library, manifest.has_truth, manifest.pictures)
 
         def remarks(collector: ResultCollector) -> None:
             remark_saved(collector, [point.run], listener)

@@ -8,8 +8,8 @@ import pytest
 
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_viz.app.output import DriveScene, layout_of
-from maurice_viz.scene import RunView
+from maurice_viz.app.output import layout_of
+from maurice_viz.scene import RunView, Scene
 
 
 @pytest.mark.parametrize(("live", "state"), [(True, "following"), (False, "paused")])
@@ -18,6 +18,6 @@ def test_the_time_goes_along_with_a_drive_that_is_going_on(
 ) -> None:
     info = SessionLog(small_session).info
     assert info.survey is not None
-    scene = DriveScene(info, open_library(info.survey, keep_going=False), has_truth=True, live=live)
+    scene = Scene(info, open_library(info.survey, keep_going=False), has_truth=True, live=live)
     layout = layout_of([RunView("blended", ("color",), None)], scene)
     assert layout.time_panel.play_state == state

@@ -1,18 +1,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import pytest
 import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
+from helpers.viz_recordings import scene_of
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, several_runs
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.scene import RunView, Scene
 from maurice_viz.style import scale_for
 
 ARENA = fakes.arena(5, 4)
@@ -20,8 +20,8 @@ EDGES = RunView("edges", ("edges",))
 COLOR, BLENDED = RunView("color", ("color",)), RunView("blended", ("color", "edges"))
 
 
-def shown(has_truth: bool = True) -> SceneInfo:
-    return SceneInfo(ARENA, scale_for("in", ARENA), has_truth)
+def shown(has_truth: bool = True) -> Scene:
+    return scene_of(ARENA, "in", has_truth)
 
 
 def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
@@ -32,7 +32,7 @@ def views(part: rrb.Container | rrb.View) -> Iterator[rrb.View]:
             yield from views(inner)
 
 
-def overview_of(run: RunView, shown: SceneInfo) -> rrb.Blueprint:
+def overview_of(run: RunView, shown: Scene) -> rrb.Blueprint:
     return rrb.Blueprint(one_run.overview(run, shown))
 
 
@@ -100,5 +100,5 @@ def test_a_run_without_channels_has_no_views_of_comparisons(has_truth):
 
 
 def test_light_recordings_offer_only_layouts_whose_panels_are_filled() -> None:
-    tabs = runs_blueprint([COLOR, BLENDED], replace(shown(), is_light=True)).root_container.contents
+    tabs = runs_blueprint([COLOR, BLENDED], shown(), light=True).root_container.contents
     assert [tab.name for tab in tabs] == ["story", "traces"]

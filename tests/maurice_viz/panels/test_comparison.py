@@ -23,7 +23,7 @@ from maurice_viz.drawing.keys import belief_keys, key_extent, runs_key
 from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.scene import RunView, Scene
 from maurice_viz.style import RUN_COLORS, scale_for
 from maurice_viz.viewer import sinks
 
@@ -163,9 +163,9 @@ def views(part: Any) -> Iterator[rrb.View]:
             yield from views(inner)
 
 
-def shown(has_truth: bool = True) -> SceneInfo:
+def shown(has_truth: bool = True) -> Scene:
     arena = fakes.arena(5, 4)
-    return SceneInfo(arena, scale_for("in", arena), has_truth)
+    return read.scene_of(arena, "in", has_truth)
 
 
 @pytest.mark.parametrize("has_truth", [True, False])

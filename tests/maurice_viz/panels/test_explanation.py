@@ -46,8 +46,8 @@ from maurice_viz.layouts import one_run
 from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card, labels_on_map
 from maurice_viz.panels.histograms import HistogramsPanel, histogram_views
 from maurice_viz.panels.panel import StepUpdate, set_phase
-from maurice_viz.scene import RunView, SceneInfo
-from maurice_viz.style import EMPTY, scale_for
+from maurice_viz.scene import RunView
+from maurice_viz.style import EMPTY
 from maurice_viz.viewer import sinks
 
 Played = tuple[SensorModel, list[tuple[Moment, StepRecord]]]
@@ -63,10 +63,9 @@ def play(library: Library, parameters: FilterParameters | None = None, *, has_tr
 def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | None = None) -> None:
     sensor, updates = played
     library = sensor.library
-    scale = scale_for("in", library.arena)
     panel = ExplanationPanel(recordings.drawn_run(PATHS, library, sensor=sensor, has_truth=has_truth))
     layout = one_run.explain(
-        RunView(PATHS.label, tuple(sensor.weights)), SceneInfo(library.arena, scale, has_truth)
+        RunView(PATHS.label, tuple(sensor.weights)), recordings.scene_of(library.arena, "in", has_truth)
     )
     with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
         panel.prepare(rec)

@@ -21,7 +21,7 @@ from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import Detail, RunView, SceneInfo
+from maurice_viz.scene import Detail, RunView
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
@@ -306,7 +306,7 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
     session = fakes.make_session(fakes.make_library(), 3)
     library, played = session.library, _records(session)
     path = tmp_path / "reseeded.rrd"
-    shown = SceneInfo(library.arena, scale_for("in", library.arena), True)
+    shown = recordings.scene_of(library.arena, "in", True)
     layout = runs_blueprint([RunView("color", ("color",))], shown)
     with sinks.to_file(path, "x", layout) as rec:
         observer = RerunObserver(rec, "color", {"color": "hellinger"})
@@ -345,9 +345,7 @@ def test_each_phase_shows_its_own_key(tmp_path):
 def test_with_little_detail_the_best_match_is_drawn(tmp_path, library):
     session, path, run_paths = fakes.make_session(library, 3), tmp_path / "light.rrd", RunPaths("color")
     played = _records(session)
-    layout = runs_blueprint(
-        [RunView("color", ())], SceneInfo(library.arena, scale_for("in", library.arena), True)
-    )
+    layout = runs_blueprint([RunView("color", ())], recordings.scene_of(library.arena, "in", True))
     with sinks.to_file(path, "x", layout) as rec:
         observer = RerunObserver(rec, "color", {"color": "hellinger"}, detail=Detail.LIGHT)
         recordings.observe(observer, session.info, library, played)

@@ -14,7 +14,7 @@ from maurice_mcl.map import Arena, Region
 from maurice_mcl.pose_sensor import BESIDE_GAP_PX, EXACT, Beside, MovedThing, Shown, ShownMarks
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import RunView, SceneInfo
+from maurice_viz.scene import RunView
 from maurice_viz.style import AGREES, DISAGREES, RUN_COLORS, TRUTH, packed, scale_for
 from maurice_viz.text.sensors import say_moved, thing_at
 from maurice_viz.viewer import sinks
@@ -61,7 +61,7 @@ def drawn(tmp_path_factory):
     library, session = mcl.tiny_library(), mcl.tiny_session()
     localizer = mcl.make_localizer(library, particles=60, sensors=[Beacon()]).of_session(session)
     view = RunView.live("run", localizer)
-    scene = SceneInfo(library.arena, scale_for("m", library.arena), True)
+    scene = recordings.scene_of(library.arena, "m", True)
     path = tmp_path_factory.mktemp("sensors") / "run.rrd"
     with sinks.to_file(path, "tiny", runs_blueprint([view], scene)) as rec:
         observer = RerunObserver(rec, "run", localizer.sensor.distances, sensor=localizer.sensor)
@@ -71,7 +71,7 @@ def drawn(tmp_path_factory):
 
 def test_it_has_a_layout_of_its_own(drawn):
     plain = RunView.live("run", mcl.make_localizer(mcl.tiny_library(), particles=60))
-    scene = SceneInfo(mcl.tiny_library().arena, scale_for("m", mcl.tiny_library().arena), True)
+    scene = recordings.scene_of(mcl.tiny_library().arena, "m", True)
     assert runs_blueprint([drawn[1]], scene, "sensors") is not None
     with pytest.raises(ValueError, match="sensors"):
         runs_blueprint([plain], scene, "sensors")

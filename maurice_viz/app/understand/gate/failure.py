@@ -15,9 +15,9 @@ from maurice_mcl.library import Library
 
 from ....listener import Listener
 from ....playback import FilterRun, run_together, shared
-from ....scene import Detail, RunView
+from ....scene import Detail, RunView, Scene
 from ...open import AnySession
-from ...output import DriveScene, OutputOptions
+from ...output import OutputOptions
 from ...run import Playback, play
 from ..diagnose import RunDiagnosis
 
@@ -72,7 +72,7 @@ def failed_run(
     run = replace(replayed.run, localizer=replace(replayed.run.localizer, seed=seed))
     session = replayed.session
     total, has_truth = session.overview()
-    scene = DriveScene(session.info, replayed.library, has_truth, len(around))
+    scene = Scene(session.info, replayed.library, has_truth, len(around))
     playback = Playback(
         shared(run_together([run], session.moments())),
         total,
