@@ -102,7 +102,7 @@ def load_sensor(spelled: str) -> OutsideSensor:
         raise InputError(None, f"sensor {spelled}: found no class {point.attr} in the module {point.module}")
     missing = [name for name in METHODS if not callable(getattr(kind, name, None))]
     if missing:
-        advice = f"a sensor has {', '.join(('name', *METHODS))} (docs/sensors.md)"
+        advice = f"a sensor has {', '.join(('name', *METHODS))}"
         raise InputError(None, f"sensor {spelled}: the class {point.attr} has no {missing[0]}; {advice}")
     try:
         sensor = kind()

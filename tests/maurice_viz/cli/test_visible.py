@@ -76,7 +76,7 @@ def test_marks_stand_for_all_that_steers():
         ("diagnose", "kept", "--json"),
         ("verify", "kept"),
         ("budget", "session.log", "--seeds", "1"),
-        ("what-if", "kept", "--at", "4", "--particles", "300", "--rrd", "none"),
+        ("what-if", "kept", "--from", "4", "--particles", "300", "--rrd", "none"),
         ("library", "show", "survey.log"),
         ("library", "check", "survey.log"),
         ("library", "build", "session.log", "-o", "built"),
