@@ -6,7 +6,7 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 
 The chapters, from the ground up:
 
-- vocabulary: `arrays`, `errors`, `randomness`, `geometry`, `map`, `session`, `pose_sensor`, `library`,
+- vocabulary: `arrays`, `errors`, `setting_rules`, `randomness`, `geometry`, `map`, `session`, `pose_sensor`, `library`,
   `radii`, `records`; `examples`: a tiny library and session
 - `sensor`: what is measured in a picture, and how likely it makes every place
 - `filter`: propose, measure, weight, estimate, resample, recover

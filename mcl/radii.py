@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
 from .arrays import F64
 from .geometry import INCH_M, wrap
 from .library import Library
+from .setting_rules import radius
 
 NAMES = ("confidence_m", "right_m", "cluster_m", "lost_m")  # from the smallest to the largest
 OF_RIGHT = {"confidence_m": 2 / 3, "right_m": 1.0, "cluster_m": 4 / 3, "lost_m": 2.0}
@@ -38,10 +40,10 @@ USUAL = Radii()
 class RadiiParameters:
     """Radii that a user has set; 0: derived from the library, in proportion to `right_m`."""
 
-    confidence_m: float = 0.0
-    right_m: float = 0.0
-    cluster_m: float = 0.0
-    lost_m: float = 0.0
+    confidence_m: Annotated[float, radius] = 0.0
+    right_m: Annotated[float, radius] = 0.0
+    cluster_m: Annotated[float, radius] = 0.0
+    lost_m: Annotated[float, radius] = 0.0
 
 
 def radii_of(library: Library, given: RadiiParameters | None = None) -> Radii:

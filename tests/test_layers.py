@@ -32,7 +32,7 @@ HEAVY = {
 # Rooms of each package from the ground up: a room may import those in rows before its own, not its neighbors.
 ROOMS = {
     "maurice_mcl": (
-        ("arrays", "errors"),
+        ("arrays", "errors", "setting_rules"),
         ("randomness", "geometry"),
         ("map",),
         ("session", "floor"),

@@ -10,26 +10,28 @@ import difflib
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 from ..filter.guided_motion import GuidedMotionParameters
 from ..filter.motion import MotionOutliers
-from ..filter.recovery import RecoveryParameters
-from ..filter.resampling import KldParameters
-from ..map import SOLID
+from ..filter.recovery import STRATEGIES, RecoveryParameters
+from ..filter.resampling import POLICIES, RESAMPLERS, KldParameters
+from ..map import OBSTACLES, SOLID
 from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import FEATURES, weights_of
+from ..sensor.distances import DISTANCES
 from ..sensor.model import SensorParameters
 from ..sensor.outside import load_sensor
 from ..sensor.references import InterpolationParameters
-from .rules import RULES, check_channel
+from ..setting_rules import SHARE, Rule, choice, number, rules_of, table, truth, whole
+from .rules import channels, check_channel, weights
 
 
 @dataclass(frozen=True, slots=True)
 class ReferenceParameters:
     """Which references a particle is compared with."""
 
-    method: str = "interpolated"  # "nearest" (the thesis's) or "interpolated"
+    method: Annotated[str, choice("nearest", "interpolated")] = "interpolated"  # the nearest is the thesis's
     interpolation: InterpolationParameters = field(default_factory=InterpolationParameters)
 
 
@@ -37,12 +39,12 @@ class ReferenceParameters:
 class ResamplingParameters:
     """How and when particles are resampled."""
 
-    scheme: str = "systematic"  # RESAMPLERS
-    when: str = "always"  # POLICIES
-    below: float = 0.5  # share of N, for "effective"
-    every: int = 1  # updates, for "every"
-    roughening: float = 0.0  # 0: none; Gordon, Salmond and Smith use 0.2
-    adaptive: bool = False  # number of particles by KLD sampling
+    scheme: Annotated[str, choice(*RESAMPLERS)] = "systematic"
+    when: Annotated[str, choice(*POLICIES)] = "always"
+    below: Annotated[float, SHARE] = 0.5  # share of N, for "effective"
+    every: Annotated[int, whole(1, 1_000_000)] = 1  # updates, for "every"
+    roughening: Annotated[float, number(0, 10)] = 0.0  # 0: none; Gordon, Salmond and Smith use 0.2
+    adaptive: Annotated[bool, truth] = False  # number of particles by KLD sampling
     kld: KldParameters = field(default_factory=KldParameters)
 
 
@@ -50,13 +52,14 @@ class ResamplingParameters:
 class MapParameters:
     """What of the map the filter trusts."""
 
-    obstacles: str = SOLID  # OBSTACLES: "solid", or "movable" since the survey; walls are always solid
+    obstacles: Annotated[str, choice(*OBSTACLES)] = SOLID  # movable since the survey; walls are always solid
 
 
 @dataclass(frozen=True, slots=True)
 class FilterParameters:
     """One filter."""
 
+    particles: Annotated[int, whole(1, 10_000_000)] = 2000
     sensor: SensorParameters = field(default_factory=lambda: SensorParameters(weights_of("blended")))
     references: ReferenceParameters = field(default_factory=ReferenceParameters)
     resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
@@ -64,9 +67,18 @@ class FilterParameters:
     motion_outliers: MotionOutliers = field(default_factory=MotionOutliers)
     guided_motion: GuidedMotionParameters = field(default_factory=GuidedMotionParameters)
     map: MapParameters = field(default_factory=MapParameters)
-    motion: Mapping[str, object] | None = None  # replaces the session header's
-    particles: int = 2000
+    motion: Annotated[Mapping[str, object] | None, table] = None  # replaces the session header's
     radii: RadiiParameters = field(default_factory=RadiiParameters)
+
+
+# by key, in the order of the documentation; what has a rule of its own in no field is here
+_OTHERS: Mapping[str, Rule] = {
+    "sensor.weights": weights,
+    "sensor.distances": channels(choice(*DISTANCES)),
+    "sensor.scales": channels(number(1e-9, 1e9)),
+    "recovery.strategy": choice(*STRATEGIES),
+}
+RULES: Mapping[str, Rule] = rules_of(FilterParameters, "", _OTHERS)
 
 
 def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> FilterParameters:

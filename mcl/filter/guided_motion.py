@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import F32, F64
 from ..geometry import wrap
+from ..setting_rules import number
 from .sensor_proposal import SURE
 
 UNIT = np.float32(0.5)  # standard deviations by which noise is changed to see what it does
@@ -31,7 +33,7 @@ Move = Callable[[Sequence[F32]], F32]
 class GuidedMotionParameters:
     """How many particles follow a sensor that proposes poses; without such a sensor none do."""
 
-    share: float = 0.5  # of the particles, on average
+    share: Annotated[float, number(0, 0.99)] = 0.5  # of the particles, on average
 
 
 @dataclass(frozen=True, slots=True, eq=False)

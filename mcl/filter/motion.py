@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from ..arrays import F32, F64
 from ..geometry import INCH_M, wrap
 from ..map import Grid
 from ..records import Belief
+from ..setting_rules import SHARE, number
 
 MOST = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 
@@ -306,8 +307,8 @@ def keep_in(before: Belief, moved: Belief) -> Belief:
 class MotionOutliers:
     """How often, and how far."""
 
-    share: float = 0.0  # of particles and movements whose noise is widened, 0 to 1
-    widen: float = 4.0  # times the noise
+    share: Annotated[float, SHARE] = 0.0  # of particles and movements whose noise is widened, 0 to 1
+    widen: Annotated[float, number(1, 1000)] = 4.0  # times the noise
 
 
 def with_outliers(noise: F32, outliers: MotionOutliers, rng: np.random.Generator) -> F32:

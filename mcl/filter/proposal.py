@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from ..map import Grid
 from ..pose_sensor import PoseProposal
 from ..records import Belief, uniform_log_weights
 from ..sensor.references import HEADING_BINS, NearestReference
+from ..setting_rules import SHARE, number
 from .resampling import systematic
 from .sensor_proposal import OF_SENSORS, density, draw_poses
 
@@ -142,8 +143,10 @@ def uniform_belief(grid: Grid, n: int, origin: F64, rng: np.random.Generator) ->
 class MixtureParameters:
     """How many particles, and how likely a kidnapping is."""
 
-    share: float = 0.1  # of the particles
-    teleport: float = 0.01  # probability that the robot was carried anywhere since the last update
+    share: Annotated[float, number(0, 0.99)] = 0.1  # of the particles
+    teleport: Annotated[float, SHARE] = (
+        0.01  # probability that the robot was carried anywhere since the last update
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ..records import (
     uniform_log_weights,
 )
 from ..sensor.references import NearestReference
+from ..setting_rules import NATS, SHARE, choice, number, whole
 from .proposal import MixtureParameters, Regions, likely_poses, uniform_poses
 from .resampling import Resampled
 from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of
@@ -67,11 +69,11 @@ class DynamicThreshold:
     evidence.
     """
 
-    share: float = 0.05  # of fresh particles when below the threshold
-    deviations: float = 2.0  # of the evidence below its running mean
-    rate: float = 0.1  # of the running mean
-    settle: int = 5  # updates before the first decision
-    least_sd: float = 1.0  # nats: chance alone moves the evidence by this much
+    share: Annotated[float, SHARE] = 0.05  # of fresh particles when below the threshold
+    deviations: Annotated[float, number(0, 1000)] = 2.0  # of the evidence below its running mean
+    rate: Annotated[float, SHARE] = 0.1  # of the running mean
+    settle: Annotated[int, whole(0, 1_000_000)] = 5  # updates before the first decision
+    least_sd: Annotated[float, number(0, 1e6)] = 1.0  # nats: chance alone moves the evidence by this much
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`; `slow` holds the mean of the evidence, in nats."""
@@ -94,8 +96,8 @@ class DynamicThreshold:
 class SensorResetting:
     """Draw fresh particles when the mean likelihood is below a fixed one (Lenser and Veloso 2000)."""
 
-    evidence: float = -12.0  # nats above which nothing is drawn
-    most: float = 0.5  # maximum share
+    evidence: Annotated[float, NATS] = -12.0  # nats above which nothing is drawn
+    most: Annotated[float, SHARE] = 0.5  # maximum share
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`: share 1 - mean likelihood / good likelihood."""
@@ -113,10 +115,10 @@ class Augmented:
     remembers.
     """
 
-    slow: float = 0.1  # rate of the long-term average
-    fast: float = 0.5  # rate of the short-term one
-    most: float = 0.5  # maximum share
-    resets: float = 0.3  # a share above this restarts both averages
+    slow: Annotated[float, SHARE] = 0.1  # rate of the long-term average
+    fast: Annotated[float, SHARE] = 0.5  # rate of the short-term one
+    most: Annotated[float, SHARE] = 0.5  # maximum share
+    resets: Annotated[float, SHARE] = 0.3  # a share above this restarts both averages
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`; `slow` and `fast` hold the logs of the averages."""
@@ -143,7 +145,7 @@ def _log_average(before: float, now: float, rate: float) -> float:
 class Expansion:
     """Spread the cloud when a picture is explained badly (expansion resetting; Ueda et al. 2004)."""
 
-    evidence: float = -14.0  # nats below which the cloud is spread
+    evidence: Annotated[float, NATS] = -14.0  # nats below which the cloud is spread
 
     def __call__(self, evidence: float, state: RecoveryState) -> Recovery:
         """Implement `RecoveryStrategy`."""
@@ -156,8 +158,10 @@ class RecoveryParameters:
     """Whether, when and where fresh particles are drawn."""
 
     strategy: str = "none"  # STRATEGIES
-    draw: str = "likelihood"  # "likelihood" (where the picture says) or "evenly" (over free space)
-    share: float = 0.05  # of the particles, for "always"
+    draw: Annotated[str, choice("likelihood", "evenly")] = (
+        "likelihood"  # where the picture says, or over free space
+    )
+    share: Annotated[float, SHARE] = 0.05  # of the particles, for "always"
     threshold: DynamicThreshold = field(default_factory=DynamicThreshold)
     sensor: SensorResetting = field(default_factory=SensorResetting)
     augmented: Augmented = field(default_factory=Augmented)

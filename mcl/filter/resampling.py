@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,7 @@ from ..arrays import F32, F64, I32, Bool
 from ..geometry import INCH_M, circular_mean, wrap
 from ..randomness import Purpose, normals
 from ..records import Belief, effective_sample_size, uniform_log_weights
+from ..setting_rules import number, whole
 
 # Schemes: from normalized weights (N,) and a generator to the parent of each of n new particles.
 
@@ -141,12 +143,14 @@ def roughen(belief: Belief, share: float, noise: F32) -> Belief:
 class KldParameters:
     """Bins, error bound, confidence, and limits of the size."""
 
-    epsilon: float = 0.05  # largest distance allowed (nav2's pf_err is 0.05)
-    delta: float = 0.01  # probability of a larger distance (nav2's pf_z is 0.99)
-    bin_m: float = 9 * INCH_M  # side of a bin: half of an 18 in grid
-    heading_bins: int = 24  # 15 degrees each
-    least: int = 100  # particles at least
-    most: int = 20_000  # particles at most
+    epsilon: Annotated[float, number(1e-4, 1)] = 0.05  # largest distance allowed (nav2's pf_err is 0.05)
+    delta: Annotated[float, number(1e-9, 0.5)] = (
+        0.01  # probability of a larger distance (nav2's pf_z is 0.99)
+    )
+    bin_m: Annotated[float, number(1e-3, 1e3)] = 9 * INCH_M  # side of a bin: half of an 18 in grid
+    heading_bins: Annotated[int, whole(1, 3600)] = 24  # 15 degrees each
+    least: Annotated[int, whole(1, 10_000_000)] = 100  # particles at least
+    most: Annotated[int, whole(1, 10_000_000)] = 20_000  # particles at most
 
 
 def kld_size(bins: ArrayLike, epsilon: float, delta: float) -> NDArray[np.int64]:

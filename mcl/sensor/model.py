@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..library import ChannelIndex, Library
 from ..pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed
 from ..records import Comparison, Sighting
 from ..session import Frame
+from ..setting_rules import choice, number, texts
 from .descriptors.registry import CHANNELS, SCALES
 from .distances import DISTANCES
 from .references import ReferenceLookup
@@ -110,16 +111,22 @@ class SensorParameters:
     """What is compared, how, and how sharply. Names are keys of the registry in each comment."""
 
     weights: Mapping[str, float]  # channel or pose sensor to its share; one channel: {"color": 1.0}
-    sharpness: float = 1.0  # multiplies the log-likelihood; 0 makes the sensor blind
-    likelihood: str = "exponential"  # LIKELIHOODS
-    blend: str = "calibrated"  # BLENDS
-    quality: str = "relative"  # QUALITIES
+    sharpness: Annotated[float, number(0, 10_000)] = (
+        1.0  # multiplies the log-likelihood; 0 makes the sensor blind
+    )
+    likelihood: Annotated[str, choice(*LIKELIHOODS)] = "exponential"
+    blend: Annotated[str, choice(*BLENDS)] = "calibrated"
+    quality: Annotated[str, choice(*QUALITIES)] = "relative"
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
     scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
-    widening: float = 1.0  # multiplies the scales of SCALES: above 1 where a library has few places
+    widening: Annotated[float, number(1, 1e6)] = (
+        1.0  # multiplies the scales of SCALES: above 1 where a library has few places
+    )
     # nats that a pose costs at most, as a picture may show what no reference does; 0: no bound
-    outlier_cost: float = 0.0
-    outside: tuple[str, ...] = ()  # sensors of other packages: names of entry points, or module:Class
+    outlier_cost: Annotated[float, number(0, 1e6)] = 0.0
+    outside: Annotated[
+        tuple[str, ...], texts
+    ] = ()  # sensors of other packages: names of entry points, or module:Class
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""

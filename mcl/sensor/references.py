@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Annotated, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from ..arrays import F32, F64, I32, Bool
 from ..geometry import INCH_M, wrap_angle
 from ..map import Arena, Grid, crosses, make_grid, place_tree, spacing
+from ..setting_rules import number, truth, whole
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
 
@@ -242,9 +243,13 @@ NO_WEIGHT = 1e-9  # a cell with a smaller kernel sum uses its nearest place inst
 class InterpolationParameters:
     """How far and how many."""
 
-    virtual: bool = True  # use references midway between the surveyed ones, in place and heading
-    places: int = 4  # combined: the corners of a grid's cell
-    width: float = 0.5  # sd of the kernel in units of the spacing of the places in use
+    virtual: Annotated[bool, truth] = (
+        True  # use references midway between the surveyed ones, in place and heading
+    )
+    places: Annotated[int, whole(1, 64)] = 4  # combined: the corners of a grid's cell
+    width: Annotated[float, number(0.01, 100)] = (
+        0.5  # sd of the kernel in units of the spacing of the places in use
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,8 +15,7 @@ import typer
 
 from maurice_loaders.files import parse_toml
 from maurice_loaders.reading import FIELDS, ReadingOptions, option_value, read_reading
-from maurice_mcl.config.parameters import PRESETS
-from maurice_mcl.config.rules import RULES
+from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
 from ...errors import OptionError

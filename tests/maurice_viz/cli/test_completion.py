@@ -11,8 +11,7 @@ import pytest
 
 from helpers.commands import failure, maurice, run
 from maurice_mcl.analysis.events import KINDS
-from maurice_mcl.config.parameters import PRESETS
-from maurice_mcl.config.rules import RULES
+from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_viz.cli.app import COMMANDS
 from maurice_viz.layouts import LAYOUT_NAMES
 

@@ -1,0 +1,112 @@
+"""Rules of settings: what a value may be, given as text or typed; annotations of the fields that hold them.
+
+A rule takes the key and the raw value, and returns the value; messages name the key, the value and its range.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+LEAST_RADIUS_M = 0.001
+
+Rule = Callable[[str, Any], Any]  # from key and raw value to the value; raises ValueError in one line
+
+
+def number(low: float, high: float) -> Rule:
+    """Take a number within bounds, both included."""
+
+    def rule(key: str, value: Any) -> float:
+        given = _from_text(value, float)
+        if isinstance(given, bool) or not isinstance(given, (int, float)) or not low <= given <= high:
+            raise ValueError(f"{key}: found {value!r}, expected a number from {low:g} to {high:g}")
+        return float(given)
+
+    return rule
+
+
+def radius(key: str, value: Any) -> float:
+    """Accept a radius in meters; 0 means that it is derived from the library."""
+    given: float = number(0, 1e4)(key, value)
+    if 0 < given < LEAST_RADIUS_M:
+        raise ValueError(f"{key}: found {value!r}, expected 0 or a number from {LEAST_RADIUS_M:g} to 10000")
+    return given
+
+
+def whole(low: int, high: int) -> Rule:
+    """Take an integer within bounds, both included."""
+
+    def rule(key: str, value: Any) -> int:
+        given = _from_text(value, int)
+        if isinstance(given, bool) or not isinstance(given, int) or not low <= given <= high:
+            raise ValueError(f"{key}: found {value!r}, expected a whole number from {low} to {high}")
+        return given
+
+    return rule
+
+
+def choice(*words: str) -> Rule:
+    """Accept one of several words."""
+
+    def rule(key: str, value: Any) -> str:
+        if value not in words:
+            raise ValueError(f"{key}: found {value!r}, expected one of {', '.join(words)}")
+        return str(value)
+
+    return rule
+
+
+def truth(key: str, value: Any) -> bool:
+    """Accept true or false."""
+    words = {"true": True, "false": False}
+    given = words.get(value, value) if isinstance(value, str) else value
+    if not isinstance(given, bool):
+        raise ValueError(f"{key}: found {value!r}, expected true or false")
+    return given
+
+
+def texts(key: str, value: Any) -> tuple[str, ...]:
+    """Take a list of texts; as text: "beacon,my_module:Sonar"."""
+    given = [part.strip() for part in value.split(",") if part.strip()] if isinstance(value, str) else value
+    if not isinstance(given, (list, tuple)) or not all(isinstance(entry, str) and entry for entry in given):
+        raise ValueError(f"{key}: found {value!r}, expected a list of texts")
+    return tuple(dict.fromkeys(given))
+
+
+def table(key: str, value: Any) -> Mapping[str, Any]:
+    """Take any table; its contents are checked where it is used."""
+    if not isinstance(value, Mapping):
+        raise ValueError(f"{key}: found {value!r}, expected a table")
+    return dict(value)
+
+
+def _from_text(value: Any, kind: Callable[[str], Any]) -> Any:
+    if not isinstance(value, str):
+        return value
+    try:
+        return kind(value)
+    except ValueError:
+        return value
+
+
+SHARE = number(0, 1)
+NATS = number(-1e6, 0)
+
+
+def rules_of(kind: type[Any], prefix: str, others: Mapping[str, Rule]) -> dict[str, Rule]:
+    """Return the rule of every field of a dataclass, and of those inside it, by dotted key.
+
+    A field has its rule as an annotation, or in `others` by key. KeyError for one without any.
+    """
+    rules: dict[str, Rule] = {}
+    hints = typing.get_type_hints(kind, include_extras=True)
+    for name in (each.name for each in fields(kind)):
+        key, hint = f"{prefix}{name}", hints[name]
+        if is_dataclass(hint) and isinstance(hint, type):
+            rules |= rules_of(hint, f"{key}.", others)
+        else:
+            annotations = typing.get_args(hint)[1:] if typing.get_origin(hint) is typing.Annotated else ()
+            rules[key] = next(filter(callable, annotations), None) or others[key]
+    return rules
