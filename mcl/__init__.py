@@ -6,8 +6,8 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 
 The chapters, from the ground up:
 
-- vocabulary: `arrays`, `errors`, `setting_rules`, `randomness`, `geometry`, `map`, `session`, `pose_sensor`, `library`,
-  `radii`, `records`; `examples`: a tiny library and session
+- vocabulary: `arrays`, `errors`, `setting_rules`, `randomness`, `geometry`, `map`, `session`, `pose_sensor`,
+  `library`, `radii`, `records`; `examples`: a tiny library and session
 - `sensor`: what is measured in a picture, and how likely it makes every place
 - `filter`: propose, measure, weight, estimate, resample, recover
 - `config`: parameters, their checks, presets, and a filter built from them
