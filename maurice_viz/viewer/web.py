@@ -8,6 +8,7 @@ from __future__ import annotations
 import getpass
 import platform
 import socket
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from .open_viewers import HOST, Tied, address, free_port, start_viewer, viewer_b
 
 PAGE_PORT, DATA_PORT = 9090, 9091  # the same every time where they are free, so that a tunnel can stay open
 PATIENCE_S = 20.0  # for the server to come up
+LOOKS_EVERY_S = 0.2
 MEMORY = "2GB"  # of recording that is held for browsers that come late; a browser shows no more
 
 
@@ -75,7 +77,9 @@ class WebViewer:
             return
         try:
             remark("serving it until Ctrl-C")
-            self._server.process.wait()
+            # Looking now and then: polars handles Ctrl-C so that the system resumes a wait without an end.
+            while self._server.process.poll() is None:
+                time.sleep(LOOKS_EVERY_S)
         except KeyboardInterrupt as stop:
             if type(stop) is not KeyboardInterrupt:
                 raise

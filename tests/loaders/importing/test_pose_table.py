@@ -172,7 +172,7 @@ def test_a_bad_line_is_named(tmp_path: Path, text: str, told: str) -> None:
 
 
 def test_no_map(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be read as a map"):
+    with pytest.raises(InputError, match="found no such file, expected a map"):
         arena_from_lines(tmp_path / "no.txt", "m", POSES)
     with pytest.raises(InputError, match="found no regular file, expected a map"):
         arena_from_lines(Path("/dev/zero"), "m", POSES)
