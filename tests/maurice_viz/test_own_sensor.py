@@ -101,6 +101,17 @@ def test_saved_runs_what_if_check_and_the_python_api_carry_it(drive, module, tmp
     assert "edges" in out
 
 
+def test_a_run_by_it_alone_is_verified_branched_and_explained_in_units(drive, module, tmp_path):
+    spelled, saved = f"{module('own_alone')}:Beacon", tmp_path / "run"
+    alone = {"sensor.weights": {"beacon": 1}}
+    mv.replay(drive, sensors=[spelled], settings=alone, particles=100, save_run=saved)
+    assert open_run(saved).manifest.channels == ()
+    assert mv.verify(saved)[0].same
+    maurice("what-if", saved, "--from", "1", "--set", "resampling.scheme=residual", "--rrd", "none")
+    assert "the beacon is" in (line := failure("explain", saved, "--step", "2"))
+    assert "{}" not in line
+
+
 def test_it_has_weight_1_unless_the_weights_name_it(module):
     spelled = f"{module('own_weights')}:Beacon"
     outside = Layer("file", {"sensor.outside": spelled})

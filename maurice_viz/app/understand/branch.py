@@ -214,8 +214,6 @@ def open_branch(run: str | Path, run_label: str | None = None, listener: Listene
     """Open a saved run and what it was made from. InputError if anything is gone or was changed."""
     runs = {one.manifest.label: one for one in open_runs(Path(run))}
     saved = runs[chosen_label(Path(run), list(runs), run_label)]
-    if not saved.manifest.channels:
-        raise InputError(saved.folder, "is another localizer's run, whose filter is not known here")
     session, library = session_of(saved), library_of(saved, listener)
     for text in changed_versions(saved):
         listener.warning(f"{saved.folder}: {text}: a branch may differ from the run for that alone")

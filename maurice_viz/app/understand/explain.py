@@ -89,7 +89,7 @@ def explain(
     if chosen.sensor is None or not len(record.sighting.comparison.quality):
         raise InputError(folder, "cannot be explained without its session and library; put them back")
     if not record.sighting.comparison.channels:
-        raise InputError(folder, _of_readings(record, moment, library.origin))
+        raise InputError(folder, _of_readings(record, moment, library.origin, scale))
     if entry is not None:
         _check_number("entry", entry, library.size)
     if particle is not None:
@@ -109,7 +109,7 @@ def explain(
     return Explanation(label, explained, sensors, scale)
 
 
-def _of_readings(record: StepRecord, moment: Moment, origin: F64) -> str:
+def _of_readings(record: StepRecord, moment: Moment, origin: F64, scale: Scale) -> str:
     """Return why an update that compared no picture is not explained, and what its sensors say of it."""
     poses = {"estimate": record.estimate.pose}
     if moment.truth is not None:
@@ -119,7 +119,7 @@ def _of_readings(record: StepRecord, moment: Moment, origin: F64) -> str:
         at = np.stack(list(poses.values())) - np.append(origin, 0)
         nats = one.sensor.log_likelihood(one.reading, at.astype(np.float32), origin)
         each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
-        said.append(f"{one.shown(poses).words} (nats: {each})")
+        said.append(f"{one.shown(poses).said(scale.say)} (nats: {each})")
     found = "; ".join(said) or "its sensors read nothing"
     where = "the tab `sensors` shows it for every step"
     why = f"step {record.frame.step} compared no picture with references, so none is explained"
