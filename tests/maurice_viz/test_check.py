@@ -139,7 +139,7 @@ def test_a_baseline_of_something_else_is_one_line(drive, baseline, tmp_path):
     assert "another drive" in failure("check", longer, *FEW, *seeds, "--against", baseline)
     assert "make one with --save-baseline" in failure("check", drive, *seeds, "--against", other / "none")
     assert "expected a baseline" in failure("check", drive, *seeds, "--against", drive)
-    with pytest.raises(OptionError, match="--seeds 6"):
+    with pytest.raises(OptionError, match="seeds=6"):
         mv.check(drive, against=baseline)
 
 
@@ -174,7 +174,7 @@ def test_several_drives_are_suites_of_one_result(drive):
         ({"max_error_m": 1, "min_localized": 1.5}, "up to 1"),
         ({"localized_by": 0}, "from 1"),
         ({"localized_by": 12}, "expected at most 10"),
-        ({"max_error_m": 1, "seeds": 0}, "--seeds is 1"),
+        ({"max_error_m": 1, "seeds": 0}, "seeds= is 1"),
     ],
 )
 def test_demands_that_no_run_can_be_judged_by_are_refused(drive, demand, said):

@@ -235,7 +235,7 @@ def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(sma
     assert "all weights were zero" in on_a_wall.stderr
 
 
-@pytest.mark.parametrize("strategy", ["none", "always", "dual"])
+@pytest.mark.parametrize("strategy", ["none", "always", "mixture"])
 def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
     header, *rest = (tmp_path / "survey.log").read_text().splitlines()
     info = json.loads(header)
