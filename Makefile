@@ -32,14 +32,14 @@ bench: .venv/installed-dev
 
 # The thesis's trials, figures and claims (docs/thesis.md): a quarter of an hour, and it goes on where it stopped.
 thesis: .venv/installed-dev
-	$(BIN)/maurice-replay trials thesis -o .thesis --resume
+	$(BIN)/maurice-replay trials run thesis -o .thesis --resume
 	$(BIN)/python -m benchmarks.thesis .thesis -o out/thesis --write
 
 # The tables of docs/results.md and docs/landmarks.md, on unseen arenas: hours, and they go on where they stopped.
 # SEEDS=5 for fewer runs.
 SEEDS ?=
 PLANS := benchmarks/studies/plans
-TRIALS_OF = $(BIN)/maurice-replay trials $(PLANS)/$(1).toml -o .$(1) --resume $(if $(SEEDS),--seeds $(SEEDS))
+TRIALS_OF = $(BIN)/maurice-replay trials run $(PLANS)/$(1).toml -o .$(1) --resume $(if $(SEEDS),--seeds $(SEEDS))
 results: .venv/installed-dev
 	$(call TRIALS_OF,results)
 	$(BIN)/python -m benchmarks.studies.results .results

@@ -1,6 +1,6 @@
 """The thesis told again (`make thesis`): its figures, and its claims beside our numbers.
 
-maurice-replay trials thesis -o .thesis --resume
+maurice-replay trials run thesis -o .thesis --resume
 python -m benchmarks.thesis .thesis -o out/thesis            # figure-26.png and so on, and claims.md
 python -m benchmarks.thesis .thesis -o out/thesis --write    # and what docs/thesis.md shows of them
 """
@@ -25,7 +25,7 @@ SHOWN = (26, 37, 58, 68)  # pictures of docs/thesis.md
 def main() -> None:
     """Draw and judge what was asked for."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.thesis", description=__doc__)
-    parser.add_argument("trials", type=Path, help="a folder that `maurice-replay trials` has made")
+    parser.add_argument("trials", type=Path, help="a folder that `maurice-replay trials run` has made")
     parser.add_argument("-o", "--output", type=Path, required=True, help="the folder of figures and claims")
     parser.add_argument("--only", type=int, nargs="*", default=[], metavar="NUMBER", help="figures to draw")
     parser.add_argument("--format", nargs="*", default=["png"], choices=FORMATS)

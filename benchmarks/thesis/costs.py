@@ -75,7 +75,7 @@ def _timed(material: Material, what: str) -> pl.DataFrame:
     rows = material.timing.filter(pl.col("what") == what)
     if rows.is_empty():
         raise MissingRuns(
-            material.folder, f"holds no timing of {what}; maurice-replay trials timing makes it"
+            material.folder, f"holds no timing of {what}; maurice-replay trials run timing makes it"
         )
     return rows
 

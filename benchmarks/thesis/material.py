@@ -54,7 +54,9 @@ class Material(TrialsFolder):
         try:
             return read_timing(self.folder)
         except InputError:
-            raise MissingRuns(self.folder, "holds no timing; maurice-replay trials timing makes it") from None
+            raise MissingRuns(
+                self.folder, "holds no timing; maurice-replay trials run timing makes it"
+            ) from None
 
     @cached_property
     def drive(self) -> Drive:

@@ -36,7 +36,7 @@ class MissingRuns(InputError):
 
 @dataclass(frozen=True)
 class TrialsFolder:
-    """A folder that `trials` has made.
+    """A folder that `trials run` has made.
 
     >>> from maurice_datasets.trials.folder import TrialsFolder
     >>> TrialsFolder(Path("trials")).rows["error_m"].max()  # doctest: +SKIP
@@ -63,7 +63,7 @@ class TrialsFolder:
             rows = rows.filter(pl.col(column) == value) if column in rows.columns else rows.clear()
         if rows.is_empty():
             raise MissingRuns(
-                self.folder, f"holds no runs of {name}; maurice-replay trials {name} makes them"
+                self.folder, f"holds no runs of {name}; maurice-replay trials run {name} makes them"
             )
         return rows
 

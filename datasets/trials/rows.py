@@ -190,14 +190,16 @@ def read_rows(folder: Path, columns: Iterable[str] | None = None) -> pl.DataFram
 
 
 def is_trials(folder: Path) -> bool:
-    """Return whether a folder is one that `maurice-replay trials` has made."""
+    """Return whether a folder is one that `maurice-replay trials run` has made."""
     return (folder / MANIFEST).is_file()
 
 
 def expect_trials(folder: Path) -> None:
     """Refuse what is no such folder. InputError."""
     if not is_trials(folder):
-        raise InputError(folder, "found no trials, expected a folder that `maurice-replay trials` has made")
+        raise InputError(
+            folder, "found no trials, expected a folder that `maurice-replay trials run` has made"
+        )
 
 
 def rows_changed(folder: Path) -> float:

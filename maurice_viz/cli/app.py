@@ -119,14 +119,15 @@ COMMANDS = {
         Listed(
             "calibrate drive", "calibrate", "Fit the noise of the odometry to drives.", _SIMULATE, "calibrate"
         ),
-        Listed("trials", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
-        Listed("trials-table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
-        Listed("trials-report", "trials", "Write one page about trials.", _TRIALS, "trials"),
+        Listed("trials run", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
+        Listed("trials table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
+        Listed("trials report", "trials", "Write one page about trials.", _TRIALS, "trials"),
         Listed("config show", "config", "Show the effective configuration.", _CONFIGURE, "configuration"),
         Listed("config check", "config", "Check a configuration file.", _CONFIGURE, "configuration"),
     )
 }
 FAMILIES = {
+    "trials": "Make many runs, print their figures, or write a page about them.",
     "library": "Build, show or check a library of reference pictures, or tune channels to it.",
     "import": "Convert other data to session and survey logs.",
     "calibrate": "Calibrate the motion model, the camera's noise and the belief.",

@@ -199,7 +199,7 @@ def snapshot(
 
 def budget(
     source: Annotated[
-        Path, argument("SESSION|TRIALS", "A session with truth, or a folder that `trials` has made.")
+        Path, argument("SESSION|TRIALS", "A session with truth, or a folder that `trials run` has made.")
     ],
     library: opt.Library = None,
     preset: opt.Preset = None,

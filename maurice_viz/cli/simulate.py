@@ -115,7 +115,7 @@ def simulate(
         bool, option("--no-truth", "With --serve: send neither truth nor events.", LIVE)
     ] = False,
     lossless: Annotated[
-        bool, option("--lossless", "Write pictures as PNG: a replay is then the same run as in `trials`.")
+        bool, option("--lossless", "Write pictures as PNG: a replay is then the same run as in `trials run`.")
     ] = False,
     force: opt.Force = False,
     json_output: opt.Json = False,

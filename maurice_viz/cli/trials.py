@@ -1,4 +1,4 @@
-"""`maurice-replay trials` and `trials-table`: many runs over drives, filters and seeds; their statistics."""
+"""`maurice-replay trials run|table|report`: many runs over drives, filters and seeds; their statistics."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ from ..listener import progress_of
 from ..text.trials import metric_title, name_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import argument, option
+from .shared.options import argument, completed, option
 
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
-Folder = Annotated[Path, argument("DIR", "A folder that `trials` has made.")]
+Folder = Annotated[Path, argument("DIR", "A folder that `trials run` has made.")]
 Where = Annotated[
     list[str] | None,
     option("--where", "Only rows with COLUMN=VALUE; repeat for more.", metavar="COLUMN=VALUE"),
 ]
 
 
-def trials(
-    plan: Annotated[str, argument("PLAN", PLAN)],
+def run(
+    plan: Annotated[str, argument("PLAN", PLAN, autocompletion=completed(shipped_plans()))],
     output: Annotated[
         Path, option("-o --output", "The folder that the rows go to.", metavar="DIR", show_default=False)
     ],
@@ -90,14 +90,14 @@ def trials(
     results.print(f"{output}: {made.runs:,} runs, {made.made:,} made now, {made.failed:,} of them failed")
     if made.error is not None:
         note(f"the first that failed: {made.error}; the column error has all")
-    note(f"now try: maurice-replay trials-table {output} --by {','.join(_first(chosen))}")
+    note(f"now try: maurice-replay trials table {output} --by {','.join(_first(chosen))}")
 
 
 def _first(plan: Any) -> list[str]:
     return list(dict.fromkeys(key for part in plan.parts for key in part.variants.varied))[:2] or ["part"]
 
 
-def trials_report(
+def report(
     folder: Folder,
     output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
         "trials.html"
@@ -121,7 +121,7 @@ def trials_report(
         )
 
 
-def trials_table(
+def table(
     folder: Folder,
     by: Annotated[
         str, option("--by", "Group by these columns or settings.", metavar="COLUMNS", show_default=False)

@@ -66,7 +66,7 @@ def _parts(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
         {
             "title": part["title"],
             "runs": len(rows.filter(pl.col("part") == part["name"])),
-            "command": f"maurice-replay trials {_plan_named(part['name'])} -o trials",
+            "command": f"maurice-replay trials run {_plan_named(part['name'])} -o trials",
         }
         for part in plan["parts"]
     ]

@@ -18,7 +18,7 @@ from maurice_mcl.geometry import compose
 from maurice_mcl.session import SessionInfo
 
 LOST = "--preset thesis --particles 200 --rrd none"
-FIRST = (f"replay drive {LOST} --save-run lost", "trials plan.toml -o made --workers 1")
+FIRST = (f"replay drive {LOST} --save-run lost", "trials run plan.toml -o made --workers 1")
 WORDS: Mapping[str, str] = {
     "replay": f"replay drive {LOST}",
     "compare": f"compare drive {LOST} --seed 0 --seed 1",
@@ -43,8 +43,8 @@ WORDS: Mapping[str, str] = {
     "calibrate noise": "calibrate noise survey.log",
     "calibrate belief": "calibrate belief lost --lost",
     "calibrate drive": "calibrate drive drive",
-    "trials": "trials plan.toml -o trials --workers 1",
-    "trials-table": "trials-table made --by particles",
+    "trials run": "trials run plan.toml -o trials --workers 1",
+    "trials table": "trials table made --by particles",
     "config show": "config show",
     "simulate": "simulate tracking --updates 2 -o simulated",
     "survey": "survey --spacing 6ft --headings 2 -o surveyed",

@@ -50,6 +50,6 @@ def test_the_page_of_ones_own_trials_holds_what_every_variant_reached(
     page = mv.trials_report(tmp_path / "out", tmp_path / "page.html").read_text()
     assert "<td>robust</td><td>2</td>" in page
     assert "Position error, mean (m)" in page
-    assert "maurice-replay trials mine.toml -o trials" in page
+    assert "maurice-replay trials run mine.toml -o trials" in page
     assert "thesis says" not in page
     assert "<img" not in page

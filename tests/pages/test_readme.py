@@ -27,8 +27,8 @@ def test_all_pages_after_one_another_in_one_folder(tmp_path):
 
 def test_what_is_long_is_left_out_with_what_needs_it():
     lines = (
-        "maurice-replay trials p -o out  # minutes",
-        "maurice-replay trials-report out -o a.html",
+        "maurice-replay trials run p -o out  # minutes",
+        "maurice-replay trials report out -o a.html",
         "maurice-replay a.rrd",
     )
     steps = [Step("page", "section", line) for line in lines]

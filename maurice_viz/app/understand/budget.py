@@ -39,7 +39,7 @@ def error_budget(
 ) -> ErrorBudget:
     """Run a filter with true movements, with a perfect sensor, with dense references, with 100,000 particles.
 
-    `source` is a session with truth, which is run with `seeds` seeds, or a folder that `trials` has made: of
+    `source` is a session with truth, which is run with `seeds` seeds, or a folder of `trials run`: of
     it, the first part's first filter over ten of its drives. The other arguments are those of `replay`.
     InputError for a session without truth.
 

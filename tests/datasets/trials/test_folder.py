@@ -73,7 +73,7 @@ def test_the_table_prints_those_of_the_worst_run(trials: TrialsFolder) -> None:
     worst = trials.rows.sort("error_m", descending=True).row(0, named=True)
     commands = trials.commands_of(worst)
     assert commands is not None
-    assert commands in " ".join(run("trials-table", trials.folder).stderr.split())
+    assert commands in " ".join(run("trials", "table", trials.folder).stderr.split())
 
 
 def test_what_no_command_can_show_has_none(trials: TrialsFolder) -> None:

@@ -19,8 +19,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_small_session(folder)
     plan = 'title = "Mine"\nseeds = 2\n[[sessions]]\npath = "session.log"\n[settings]\nparticles = 50\n'
     (folder / "mine.toml").write_text(plan)
-    run("trials", folder / "mine.toml", "-o", folder / "trials", "--workers", "1")
-    run("trials-report", folder / "trials", "-o", folder / "trials.html", "--spot", "30cm")
+    run("trials", "run", folder / "mine.toml", "-o", folder / "trials", "--workers", "1")
+    run("trials", "report", folder / "trials", "-o", folder / "trials.html", "--spot", "30cm")
     return folder / "trials.html"
 
 
@@ -64,6 +64,6 @@ def test_trials_without_truth_have_no_atlas(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text(
         'seeds = 1\n[[sessions]]\npath = "session.log"\n[settings]\nparticles = 50\n'
     )
-    run("trials", tmp_path / "mine.toml", "-o", tmp_path / "trials", "--workers", "1")
-    run("trials-report", tmp_path / "trials", "-o", tmp_path / "page.html")
+    run("trials", "run", tmp_path / "mine.toml", "-o", tmp_path / "trials", "--workers", "1")
+    run("trials", "report", tmp_path / "trials", "-o", tmp_path / "page.html")
     assert "Where runs go wrong" not in (tmp_path / "page.html").read_text()

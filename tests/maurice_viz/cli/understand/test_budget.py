@@ -29,7 +29,7 @@ def test_without_truth_it_says_so(tmp_path: Path) -> None:
 def test_seeds_of_a_recorded_session_are_one_drive(small_session: Path, tmp_path: Path) -> None:
     plan = small_session.with_name("mine.toml")
     plan.write_text('seeds = 2\n[[sessions]]\npath = "session.log"\n[settings]\nparticles = 50\n')
-    run("trials", plan, "-o", tmp_path / "out", "--workers", "1")
+    run("trials", "run", plan, "-o", tmp_path / "out", "--workers", "1")
     ours = json.loads(run("budget", tmp_path / "out", "--json").stdout)
     alone = json.loads(run("budget", small_session, "--particles", "50", "--seeds", "2", "--json").stdout)
     assert (ours["drives"], ours["display_units"]) == (1, alone["display_units"])
