@@ -206,7 +206,6 @@ KeepUp = Annotated[
         "For a live source: skip and count the oldest of more than four waiting pictures, or "
         "use every one, however late. [default: --keep-up for tcp:// and ws://]",
         LIVE,
-        hidden=True,  # docs/live.md: `replay` shows twenty options
     ),
 ]
 Patience = Annotated[
