@@ -145,7 +145,7 @@ def test_points_of_costs_are_the_medians(tmp_path: Path) -> None:
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     relative = costs.of_color(material, DESCRIBE, "time over that of color (ratio)").axes[0]
     assert relative.get_lines()[0].get_xdata().tolist() == [2.0]
-    with pytest.raises(MissingRuns, match="trials timing"):
+    with pytest.raises(MissingRuns, match="trials run timing"):
         costs.update(Material(tmp_path))
 
 
