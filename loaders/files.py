@@ -25,7 +25,7 @@ def expect_regular(file: Path, expected: str) -> None:
 def read_bounded(file: Path, wanted: str, most_bytes: int) -> bytes:
     """Return what a regular file holds. InputError for any other, a larger one, and one that cannot be read.
 
-    A pipe would wait for ever, and a device such as `/dev/zero` has no end.
+    A pipe would wait forever, and a device such as `/dev/zero` has no end.
     """
     expect_regular(file, wanted)
     try:

@@ -26,7 +26,7 @@ from ..text.places import drive_said
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
 SAME = 2e-3  # meters and radians between a picture and the reference that it became
-SCALES = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # whoever sets one has chosen
+SCALES = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # setting any of them is a choice
 
 
 def drive_pictures(session: RecordedSession) -> list[list[DrivePicture]]:

@@ -45,7 +45,7 @@ class VisibleStream:
 
 @contextmanager
 def visible_output() -> Iterator[None]:
-    """Let everything that is printed in the block go through `visible`, whoever prints it."""
+    """Let everything that is printed in the block go through `visible`, also what libraries print."""
     streams: tuple[Any, Any] = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = VisibleStream(streams[0]), VisibleStream(streams[1])
     try:
