@@ -20,7 +20,7 @@ check: .venv/installed-dev
 	$(BIN)/mypy
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
-# A simulated drive that the default filter must localize on, with 20 seeds: under a minute; CI runs it (docs/check.md).
+# A simulated drive that the default filter must localize on, with 20 seeds: under a minute; CI runs it (docs/trials.md).
 gate: .venv/installed
 	$(BIN)/maurice-replay simulate global --updates 40 -o out/gate/drive --force
 	$(BIN)/maurice-replay check out/gate/drive/session.log --max-error 0.15m --localized-by 20 --min-localized 0.95 \
@@ -30,7 +30,7 @@ gate: .venv/installed
 bench: .venv/installed-dev
 	$(BIN)/python -m benchmarks --write
 
-# The thesis's trials, figures and claims (docs/thesis.md): a quarter of an hour, and it goes on where it stopped.
+# The thesis's trials, figures and claims (docs/results.md): a quarter of an hour, and it goes on where it stopped.
 thesis: .venv/installed-dev
 	$(BIN)/maurice-replay trials run thesis -o .thesis --resume
 	$(BIN)/python -m benchmarks.thesis .thesis -o out/thesis --write

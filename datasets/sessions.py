@@ -73,7 +73,7 @@ def simulate(
     `task` is tracking, global or kidnapped (thesis 1), `tier` nominal, dim or hard. `arena_seed` draws
     textures, furniture, lights and the survey; `seed` the drive and its noise. `kidnap_at` is an
     update (default: halfway), `slip_at` an update or a range like 34-37 at which the wheels spin, `lights`
-    as in docs/conditions.md, `moved` a number of pieces of furniture, `people` the percentage of pictures
+    as in docs/simulate.md, `moved` a number of pieces of furniture, `people` the percentage of pictures
     with people in view, `gain` fixed or auto.
     `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
 

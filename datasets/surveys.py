@@ -180,7 +180,7 @@ def survey(
 ) -> Path:
     """Take the reference pictures of a simulated world; return the path of the survey's log.
 
-    `world` is a name or a TOML file (docs/worlds.md), `tier` nominal, dim or hard; `seed` draws everything
+    `world` is a name or a TOML file (docs/simulate.md), `tier` nominal, dim or hard; `seed` draws everything
     that the file leaves to it. `spacing_m` between places and `headings` per place override the file;
     with `poses` (L, 3), in meters and radians, only these are taken. Raises
     InputError for a world, tier or folder that cannot be used (`force` replaces an earlier survey),

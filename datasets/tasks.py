@@ -1,7 +1,7 @@
 """Tasks, tiers and seeds: the thesis's three problems, at three levels of difficulty, from numbered draws.
 
 A tier sets what the world looks like and what happens during the session. Its numbers are invented;
-docs/arena.md has what they do to the filter.
+docs/simulate.md has what they do to the filter.
 """
 
 from __future__ import annotations

@@ -22,13 +22,20 @@ import typer
 ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-from helpers.json_outputs import WORDS, output_of, sample, samples_on, write_material  # noqa: E402
+from helpers.json_outputs import (  # noqa: E402
+    WORDS,
+    output_of,
+    sample,
+    samples_on,
+    shortened,
+    write_material,
+)
 from maurice_viz.cli.app import COMMANDS, GROUPS, load  # noqa: E402
 
 PAGE = ROOT / "docs" / "commands.md"
 BEGIN, END = "<!-- commands: made by docs/make_commands.py -->", "<!-- end of commands -->"
 WIDTH = 118
-SHARED = 4  # commands that have an option in the same words: it is described once
+SHARED = 3  # commands that have an option in the same words: it is described once
 COMMON = "Options of several commands"
 TABLE = ("| | meaning | default |", "|---|---|---|")
 DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
@@ -46,7 +53,8 @@ def made(page: str, samples: Mapping[str, Any]) -> str:
     shared = {
         name: text for rows in commands.values() for name, text in rows.items() if counts[text] >= SHARED
     }
-    parts = [section(name, rows, shared, samples.get(name)) for name, rows in commands.items()]
+    shown = shortened({name: samples[name] for name in commands if name in samples})
+    parts = [section(name, rows, shared, shown.get(name)) for name, rows in commands.items()]
     parts.append("\n".join([f"## {COMMON}", "", *TABLE, *shared.values(), "", ""]))
     return f"{before}{BEGIN}\n\n{''.join(parts)}{END}{after}"
 
@@ -60,10 +68,10 @@ def section(name: str, rows: Mapping[str, str], shared: Mapping[str, str], shown
         ("maurice-replay", name, *(_metavar(one) for one in command.params if _is_argument(one)))
     )
     own = [row for row in rows.values() if row not in shared.values()]
-    common = [f"`{option}`" for option, row in rows.items() if row in shared.values()]
-    lines = [f"## maurice-replay {name}", "", f"`{words}`", "", f"{_linked(text)}{see}", "", *TABLE, *own]
+    common = ", ".join(f"`{option}`" for option, row in rows.items() if row in shared.values())
+    lines = [f"## maurice-replay {name}", "", f"`{words}`: {_linked(text)}{see}", "", *TABLE, *own]
     if common:
-        lines.append(f"| {', '.join(common)} | [{COMMON.lower()}](#{COMMON.lower().replace(' ', '-')}) | |")
+        lines.append(f"| {common} | [{COMMON.lower()}](#{COMMON.lower().replace(' ', '-')}) | |")
     if shown is not None:
         lines += ["", "```json", *json_lines(shown), "```"]
     return "\n".join(lines) + "\n\n"
@@ -73,7 +81,8 @@ def _rows(name: str) -> dict[str, str]:
     """Return the rows of a command's arguments and options, by their first name."""
     command = load(COMMANDS[name])
     context = typer.Context(command, info_name=name)
-    return {max(one.opts, key=len): row(one, context) for one in command.params if one.name != "help"}
+    named = {_metavar(one) if _is_argument(one) else max(one.opts, key=len): one for one in command.params}
+    return {name: row(one, context) for name, one in named.items() if one.name != "help"}
 
 
 def _is_argument(parameter: Any) -> bool:

@@ -1,4 +1,4 @@
-"""Make the picture of docs/compare.md with the real viewer: .venv/bin/python docs/make_compare.py.
+"""Make the picture of docs/explain.md with the real viewer: .venv/bin/python docs/make_compare.py.
 
 Needs a software Vulkan driver (apt-get install mesa-vulkan-drivers libvulkan1).
 """

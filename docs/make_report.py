@@ -1,4 +1,4 @@
-"""Make the picture of docs/report.md: .venv/bin/python docs/make_report.py. Needs Chromium."""
+"""Make the picture of docs/share.md: .venv/bin/python docs/make_report.py. Needs Chromium."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """How a recording is read: `ReadingOptions`, and its TOML file.
 
 Each field of `ReadingOptions` is one option. The command line, the manifest of a saved run and the file
-(docs/reading.md) follow from it.
+(docs/formats.md) follow from it.
 """
 
 from __future__ import annotations

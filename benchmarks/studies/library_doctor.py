@@ -6,7 +6,7 @@ On unseen arenas some references are left out of a survey: those in a disc of fl
 headings in it. Those that `library check` asks for are taken by the simulated surveyor and added; as a
 control, as many at random free places. Drives search globally; errors count where the robot is inside the
 disc. The third case leaves nothing out: its references part places that are confused. Differences are paired
-by drive, with intervals that draw arenas first. The table is in docs/library-from-a-recording.md.
+by drive, with intervals that draw arenas first. The table is in docs/library.md.
 """
 
 from __future__ import annotations

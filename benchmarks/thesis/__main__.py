@@ -2,7 +2,7 @@
 
 maurice-replay trials run thesis -o .thesis --resume
 python -m benchmarks.thesis .thesis -o out/thesis            # figure-26.png and so on, and claims.md
-python -m benchmarks.thesis .thesis -o out/thesis --write    # and what docs/thesis.md shows of them
+python -m benchmarks.thesis .thesis -o out/thesis --write    # and what docs/results.md shows of them
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .drawn import FORMATS, draw_figures
 from .material import Material
 
 DOCS = Path(__file__).parents[2] / "docs"
-SHOWN = (26, 37, 58, 68)  # pictures of docs/thesis.md
+SHOWN = (26, 37, 58, 68)  # pictures of docs/results.md
 
 
 def main() -> None:
@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="the folder of figures and claims")
     parser.add_argument("--only", type=int, nargs="*", default=[], metavar="NUMBER", help="figures to draw")
     parser.add_argument("--format", nargs="*", default=["png"], choices=FORMATS)
-    parser.add_argument("--write", action="store_true", help="put the claims into docs/thesis.md")
+    parser.add_argument("--write", action="store_true", help="put the claims into docs/results.md")
     asked = parser.parse_args()
     try:
         drawn = draw_figures(asked.trials, asked.output, only=asked.only, formats=asked.format, force=True)
@@ -58,8 +58,8 @@ def claims_table(material: Material) -> str:
 
 
 def write(table: str) -> None:
-    """Put the table between its marks in docs/thesis.md."""
-    page = DOCS / "thesis.md"
+    """Put the table between its marks in docs/results.md."""
+    page = DOCS / "results.md"
     marked = re.compile(r"(<!-- claims -->\n).*?(<!-- end -->)", re.DOTALL)
     text = marked.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", page.read_text(encoding="utf-8"))
     page.write_text(text, encoding="utf-8")

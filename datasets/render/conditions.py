@@ -1,6 +1,6 @@
 """What may change during a session: light, drift, people, gain; and how bright each part of the light is.
 
-`parse_lights` reads the notation of `--lights`, described in docs/conditions.md.
+`parse_lights` reads the notation of `--lights`, described in docs/simulate.md.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class SessionSpec:
     updates: int = 120
     kidnap_at: int | None = None  # an update; None: halfway
     slip_at: str = ""
-    lights: str = ""  # as in docs/conditions.md
+    lights: str = ""  # as in docs/simulate.md
     moved: int = 0
     people: int = 0  # percent of the pictures in which people stand in view
     spacing_in: int = 0  # between the places of the survey; 0: as the world has it

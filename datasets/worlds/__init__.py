@@ -1,4 +1,4 @@
-"""Worlds: from a plan (TOML, docs/worlds.md) and a seed to rooms with walls, furniture and textures.
+"""Worlds: from a plan (TOML, docs/simulate.md) and a seed to rooms with walls, furniture and textures.
 
 - `plan`, `read_plan`, `toml_table`: a world file and its checks; `build`, `world`: the world of a plan
 - `shell`, `openings`, `solids`: walls, doors, windows, boxes

@@ -1,4 +1,4 @@
-"""The content of a world file (docs/worlds.md) before anything is drawn, in inches: a dataclass per table."""
+"""The content of a world file (docs/simulate.md) before anything is drawn, in inches: a class per table."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ COMMANDS = {
     for one in (
         Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
         Listed("open", "replay", "Open a Rerun recording or a saved run in the viewer.", _REPLAY),
-        Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "compare"),
+        Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "explain"),
         Listed(
             "demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY, "tutorial"
         ),
@@ -75,38 +75,38 @@ COMMANDS = {
             "doctor",
         ),
         Listed(
-            "check", "check", "Test whether a filter meets demands on drives, for CI.", _UNDERSTAND, "check"
+            "check", "check", "Test whether a filter meets demands on drives, for CI.", _UNDERSTAND, "trials"
         ),
-        Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND, "events"),
+        Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND, "saved-runs"),
         Listed("explain", "runs", "Explain one step of a saved run.", _UNDERSTAND, "explain"),
         Listed(
-            "budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND, "budget"
+            "budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND, "what-if"
         ),
-        Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND, "report"),
-        Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND, "pictures-without-the-viewer"),
-        Listed("record", "convert", "Record a live source into a session log.", _CONVERT, "live"),
-        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT, "export"),
-        Listed("export", "convert", "Write a saved run for other tools.", _CONVERT, "export"),
-        Listed("import pictures", "convert", "Make logs of pictures and poses.", _CONVERT, "how-to"),
+        Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND, "share"),
+        Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND, "share"),
+        Listed("record", "convert", "Record a live source into a session log.", _CONVERT, "your-robot"),
+        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT, "share"),
+        Listed("export", "convert", "Write a saved run for other tools.", _CONVERT, "share"),
+        Listed("import pictures", "convert", "Make logs of pictures and poses.", _CONVERT, "your-robot"),
         Listed("formats", "convert", "List the formats that can be read.", _CONVERT, "formats"),
         Listed(
             "library build",
             "library",
             "Build a library of reference pictures.",
             _LIBRARY,
-            "library-from-a-recording",
+            "library",
         ),
-        Listed("library show", "library", "Show what a library holds.", _LIBRARY, "library-from-a-recording"),
+        Listed("library show", "library", "Show what a library holds.", _LIBRARY, "library"),
         Listed(
             "library check",
             "library",
             "Find gaps, look-alikes, and what to add.",
             _LIBRARY,
-            "library-from-a-recording",
+            "library",
         ),
-        Listed("library tune", "library", "Tune channels to a library.", _LIBRARY, "tuning"),
+        Listed("library tune", "library", "Tune channels to a library.", _LIBRARY, "library"),
         Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE, "simulate"),
-        Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "worlds"),
+        Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "simulate"),
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE, "calibrate"),
         Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE, "calibrate"),
         Listed(

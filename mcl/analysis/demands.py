@@ -1,4 +1,4 @@
-"""What a run of a filter has to do, and whether one did: the rules of `maurice-replay check` (docs/check.md).
+"""What a run of a filter has to do, and whether it did: rules of `maurice-replay check` (docs/trials.md).
 
 A run begins to search at its first update and after every kidnapping. `localized_by` updates later it has to
 be localized; from there on its error counts, and it must not be lost.

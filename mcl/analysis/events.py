@@ -1,6 +1,6 @@
 """Localization status and events: the few updates of a run that a person wants to look at.
 
-Each kind has one precise definition (docs/events.md); what only later updates show is reported when known.
+Each kind has one definition (docs/saved-runs.md); what only later updates show is reported when known.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Run comparison: how much better one run is than another, and where they diverge.
 
 Errors within a drive are not independent, so blocks of neighbors are drawn (Kuensch 1989), and each mean is
-divided by its own standard error (Goetze and Kuensch 1996). The interval is for this drive (docs/compare.md).
+divided by its own standard error (Goetze and Kuensch 1996). The interval is for this drive (docs/explain.md).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,8 @@ WORDS: Mapping[str, str] = {
 SLOW = ("simulate", "survey", "demo")  # the simulated rooms are rendered
 MANY = 8  # entries of an object, all with the same keys: two are enough for a sample
 LONGEST = 48  # characters of a text in a sample
+FEWEST = 4  # keys of a value that is shown once
+AS_IN = "as in "
 
 
 def write_material(folder: Path) -> None:
@@ -140,12 +142,51 @@ def keys_of(value: Any, before: str = "") -> Iterator[str]:
             yield from keys_of(inner, f"{before.removesuffix('.')}[].")
 
 
+def shortened(samples: Mapping[str, Any]) -> dict[str, Any]:
+    """Replace each value that has the keys of an earlier one of its name by "as in COMMAND"."""
+    earlier: dict[tuple[str, str], set[str]] = {}
+
+    def short(key: str, value: Any, command: str) -> Any:
+        keys, inner = set(keys_of(value)), _each(value, lambda name, part: short(name, part, command))
+        if len(keys) < FEWEST:
+            return inner
+        for (name, other), theirs in earlier.items():
+            if name == key and theirs == keys:
+                return f"{AS_IN}{other}"
+        earlier.setdefault((key, command), keys)
+        return inner
+
+    return {command: short("", value, command) for command, value in samples.items()}
+
+
+def in_full(samples: Mapping[str, Any]) -> dict[str, Any]:
+    """Undo `shortened`."""
+    earlier: dict[tuple[str, str], Any] = {}
+
+    def full(key: str, value: Any, command: str) -> Any:
+        if isinstance(value, str) and value.startswith(AS_IN):
+            return earlier[key, value.removeprefix(AS_IN)]
+        value = _each(value, lambda name, part: full(name, part, command))
+        if len(set(keys_of(value))) >= FEWEST:
+            earlier.setdefault((key, command), value)
+        return value
+
+    return {command: full("", value, command) for command, value in samples.items()}
+
+
+def _each(value: Any, change: Callable[[str, Any], Any]) -> Any:
+    """Change what the keys of an object, or of the objects of a list, stand for."""
+    if isinstance(value, dict):
+        return {key: change(key, inner) for key, inner in value.items()}
+    return [_each(inner, change) for inner in value] if isinstance(value, list) else value
+
+
 def samples_on(page: str) -> dict[str, Any]:
-    """Return the sample that a page shows for each command, by the command's name."""
+    """Return the sample that a page shows for each command, in full, by the command's name."""
     sections = re.split(r"^## maurice-replay ", page, flags=re.MULTILINE)[1:]
     found = {}
     for section in sections:
         block = re.search(r"```json\n(.*?)\n```", section, re.DOTALL)
         if block is not None:
             found[section.splitlines()[0]] = json.loads(block[1].replace("\n", " "))
-    return found
+    return in_full(found)

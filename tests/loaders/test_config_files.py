@@ -84,7 +84,7 @@ def test_a_bad_file_is_named_in_one_line(text: str, found: str, tmp_path: Path) 
 
 
 def test_the_documentation_lists_every_option_and_corrections_are_a_group() -> None:
-    text = (Path(__file__).parents[2] / "docs" / "reading.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
     for name, meaning in FIELDS.items():
         typed = "--keep-going" if name == "keep_going" else name.replace("_rad", "_deg")
         assert f"| `{name}` | `{typed}` |" in text

@@ -1,4 +1,4 @@
-"""A user's own channel: the example of docs/channels.md, installed and used by name."""
+"""A user's own channel: the example of docs/sensors.md, installed and used by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from helpers.commands import process, runs_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, SCALES
 from maurice_mcl.sensor.distances import DISTANCES
 
-DOCS = (Path(__file__).parents[2] / "docs" / "channels.md").read_text()
+DOCS = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text()
 SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]
 PROJECT = tomllib.loads(re.findall(r"```toml\n(.*?)```", DOCS, re.S)[0])
 RUN = ["--rrd", "none", "--json", "--particles", "200"]

@@ -6,7 +6,7 @@ import pytest
 
 from helpers.pages import OWN, PLACEHOLDER, ROOT, Step, prepare, quick, run_step, steps_of
 
-PAGES = ("README.md", "docs/tutorial.md", "docs/five-drives.md", "docs/how-to.md")  # in the order of reading
+PAGES = ("README.md", "docs/tutorial.md", "docs/your-robot.md")  # in the order of reading
 
 
 def test_the_readme(tmp_path):

@@ -1,4 +1,4 @@
-"""The commands and Python of the tutorials and of the how-to run as they stand there, each page in a folder.
+"""The commands and Python of the tutorial and of "Your own robot" run as they stand there, each page in a folder.
 
 All pages after one another are in `test_readme.py`: two files, so that two processes share the work.
 """
@@ -10,9 +10,7 @@ import pytest
 from helpers.pages import prepare, quick, run_step, steps_of
 
 
-@pytest.mark.parametrize(
-    ("page", "least"), [("docs/tutorial.md", 10), ("docs/five-drives.md", 10), ("docs/how-to.md", 8)]
-)
+@pytest.mark.parametrize(("page", "least"), [("docs/tutorial.md", 18), ("docs/your-robot.md", 7)])
 def test_a_page(page, least, tmp_path):
     prepare(tmp_path)
     steps = quick(steps_of(page))
@@ -23,6 +21,6 @@ def test_a_page(page, least, tmp_path):
 
 
 def test_the_python_of_a_page_is_one_step():
-    python = [step for step in steps_of("docs/how-to.md") if step.is_python]
+    python = [step for step in steps_of("docs/your-robot.md") if step.is_python]
     assert len(python) == 1
     assert python[0].section == "Your own robot's log"

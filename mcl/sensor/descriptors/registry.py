@@ -1,6 +1,6 @@
 """All channels by name, ours and those of installed packages; features, which are named sets of channels.
 
-A package adds a channel by an entry point in the group "maurice_replay.channels" (docs/channels.md).
+A package adds a channel by an entry point in the group "maurice_replay.channels" (docs/sensors.md).
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from maurice_datasets.worlds.draw import read_image
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside
 from maurice_loaders.errors import InputError
 
-DOCS = Path(__file__).parents[3] / "docs" / "worlds.md"
+DOCS = Path(__file__).parents[3] / "docs" / "simulate.md"
 SMALL = """
 format = 1
 units = "m"

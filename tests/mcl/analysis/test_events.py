@@ -309,7 +309,8 @@ def test_every_kind_is_documented_and_in_order():
     assert [order.index(event.kind) for event in found] == sorted(order.index(e.kind) for e in found)
     assert {event.kind for event in found} <= set(KINDS)
     assert {(event.step, event.time_s) for event in found} == {(1, 2.5)}
-    text = (Path(__file__).parents[3] / "docs" / "events.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "docs" / "saved-runs.md").read_text(encoding="utf-8")
+    text = text.split("## Kinds of events")[1]
     assert re.findall(r"^\| `([a-z-]+)` \|", text, re.MULTILINE)[: len(KINDS)] == list(KINDS)
     for name in STATES:
         assert name in text

@@ -1,6 +1,6 @@
 """From runs to a decision: which demands hold, in how many runs, and whether that is worse than a baseline.
 
-The rules are in docs/check.md: a demand holds where enough of the runs meet it; a change fails where a test
+The rules are in docs/trials.md: a demand holds where enough of the runs meet it; a change fails where a test
 of the paired differences says that it is for the worse.
 """
 
