@@ -1,4 +1,4 @@
-"""The commands and Python of the tutorial and of "Your own robot" run as they stand there, each page in a folder.
+"""The commands and Python of the tutorial and of docs/your-robot.md run as they stand there, a folder a page.
 
 All pages after one another are in `test_readme.py`: two files, so that two processes share the work.
 """
