@@ -10,7 +10,7 @@ import pytest
 from helpers.pages import prepare, quick, run_step, steps_of
 
 
-@pytest.mark.parametrize(("page", "least"), [("docs/tutorial.md", 18), ("docs/your-robot.md", 7)])
+@pytest.mark.parametrize(("page", "least"), [("docs/tutorial.md", 13), ("docs/your-robot.md", 7)])
 def test_a_page(page, least, tmp_path):
     prepare(tmp_path)
     steps = quick(steps_of(page))
