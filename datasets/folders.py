@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.writing import FolderKind, cache_root, discard
 from maurice_loaders.libraries.remembered import remembered
 from maurice_loaders.session_log.header import SESSION_LOG
-from maurice_loaders.writing import FolderKind, cache_root, discard
 
 from .tasks import SURVEY
 

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.header import header_to_json
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo
 
 from .robot.segments import Progress
 from .sessions import play, session_info

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.pictures import PictureKind
+from maurice_loaders.files.pictures import PictureKind
+from maurice_loaders.files.writing import expect_apart, new_folder
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_loaders.writing import expect_apart, new_folder
 from maurice_mcl.errors import InputError
-from maurice_mcl.session import KIDNAPPED, Frame, Moment, SessionInfo
+from maurice_mcl.values.session import KIDNAPPED, Frame, Moment, SessionInfo
 
 from .folders import SIMULATION, SimulationPaths, copy_whole, paths_in, seal
 from .render.camera_session import survey_camera

@@ -15,13 +15,13 @@ import cv2
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import MOST_TABLE_BYTES, read_bounded
+from maurice_loaders.files.text import MOST_TABLE_BYTES, read_bounded
+from maurice_loaders.files.writing import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_loaders.writing import new_folder
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import INCH_M, wrap
-from maurice_mcl.randomness import Domain, stream
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from .folders import SIMULATED_SURVEY, cached, fingerprint, seal
 from .render.camera import Lens

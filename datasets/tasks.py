@@ -71,7 +71,7 @@ TASKS: dict[str, Task] = {
 }
 
 
-# What the simulator draws for: the last word of its random addresses (see maurice_mcl.randomness).
+# What the simulator draws for: the last word of its random addresses (see maurice_mcl.values.randomness).
 
 
 class SimPurpose(IntEnum):

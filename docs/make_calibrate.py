@@ -11,7 +11,7 @@ import cv2
 
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.robot.motion import TrialPlan, calibration_drive
-from maurice_loaders.calibration import write_trials
+from maurice_loaders.calibration_trials import write_trials
 
 OUT = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "calibrate"]

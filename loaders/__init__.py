@@ -2,17 +2,14 @@
 
 The chapters are
 
-* `reading`: how a recording is read; `recording`: records in time order, which every format is read into
+* `files`: files and their contents; `errors`: bad input
+* `reading`: from a recording of any format to a session
 * `formats`: one file a format, and the registry that detects it; `bags`: ROS bags and MCAP
-* `maps`: walls from a ROS map or from a file of segments; `plane`: the plane of the motion
-* `session_log`: our own format, read and written
-* `transforms`: recordings corrected, with odometry made, with fewer pictures
-* `time_alignment`: clocks, and pictures paired with odometry and truth by time
-* `recorded_session`: a recording as a session; `live`: a source that is read while it grows
+* `session_log`: our own format, read and written; `live`: a source that is read while it grows
 * `libraries`: built from surveys and drives; `runs`: saved runs
-* `export`, `importing`, `calibration`: files for and from other programs
-* `inspection`, `doctor`: what is in a recording, and what is wrong with it
-* `config_files`: configuration as TOML; `files`, `pictures`: reading and writing; `errors`: bad input
+* `export`, `importing`, `calibration_trials`: files for and from other programs
+* `doctor`: what is in a recording, and what is wrong with it
+* `config_files`: configuration as TOML
 
 A new format is one file in `formats` and one line in its registry.
 """
@@ -28,24 +25,24 @@ if TYPE_CHECKING:
     from .libraries.landmarks import with_landmarks as with_landmarks
     from .libraries.store import build_library as build_library
     from .libraries.store import open_library as open_library
-    from .reading import ReadingOptions as ReadingOptions
-    from .reading import read_reading as read_reading
-    from .reading import write_reading as write_reading
+    from .reading.options import ReadingOptions as ReadingOptions
+    from .reading.options import read_reading as read_reading
+    from .reading.options import write_reading as write_reading
     from .runs.store import open_run as open_run
     from .session_log.writer import SessionWriter as SessionWriter
 
 
 _HOME = {
     "InputError": ".errors",
-    "ReadingOptions": ".reading",
+    "ReadingOptions": ".reading.options",
     "SessionWriter": ".session_log.writer",
     "build_library": ".libraries.store",
     "open_library": ".libraries.store",
     "open_run": ".runs.store",
     "open_session": ".formats.registry",
-    "read_reading": ".reading",
+    "read_reading": ".reading.options",
     "with_landmarks": ".libraries.landmarks",
-    "write_reading": ".reading",
+    "write_reading": ".reading.options",
 }
 __all__ = list(_HOME)
 

@@ -10,7 +10,7 @@ from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configu
 from maurice_mcl.filter.motion import MOTION_MODELS
 
 from .errors import InputError
-from .files import read_toml, toml_value
+from .files.text import read_toml, toml_value
 
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
 

@@ -13,23 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.map import open_arena
-from maurice_mcl.radii import fitted_m
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.map import open_arena
+from maurice_mcl.values.radii import fitted_m
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from .errors import InputError, PictureError, ReadingNotes
 from .export.session import Converted, write_record
-from .files import PICTURES, show
+from .files.maps import check_span, read_map
+from .files.pictures import encode_picture, picture_in
+from .files.text import PICTURES, show
+from .files.writing import FolderKind, new_folder
 from .formats.picture_folder import TableRecording, open_table
-from .maps import check_span, read_map
-from .pictures import encode_picture, picture_in
-from .reading import ReadingOptions
-from .recording import Picture, Record, Recording, TruthPose, checked
+from .reading.options import ReadingOptions
+from .reading.recording import Picture, Record, Recording, TruthPose, checked
+from .reading.transforms import MadeOdometry, OdometryNoise
 from .session_log.header import FORMAT, SESSION_LOG
 from .session_log.writer import SessionWriter
-from .transforms import MadeOdometry, OdometryNoise
-from .writing import FolderKind, new_folder
 
 SURVEY_LOG = "survey.log"
 

@@ -33,74 +33,74 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .app.belief import calibrate_belief as calibrate_belief
+    from .app.budget import error_budget as error_budget
     from .app.calibrate import calibrate_drive as calibrate_drive
     from .app.calibrate import calibrate_motion as calibrate_motion
     from .app.calibrate import calibrate_noise as calibrate_noise
+    from .app.check.check import check as check
     from .app.compare import compare as compare
     from .app.convert import convert as convert
     from .app.convert import export as export
+    from .app.diagnose import diagnose as diagnose
     from .app.events import events as events
+    from .app.explain import explain as explain
+    from .app.inspect import doctor as doctor
+    from .app.inspect import formats as formats
+    from .app.inspect import inspect as inspect
     from .app.library import build_library as build_library
     from .app.library import tune as tune
     from .app.library_check import check_library as check_library
-    from .app.output import OutputOptions as OutputOptions
+    from .app.remedies import remedies as remedies
     from .app.replay import LiveOptions as LiveOptions
     from .app.replay import replay as replay
-    from .app.run import RunScores as RunScores
-    from .app.saved import verify as verify
-    from .app.understand.belief import calibrate_belief as calibrate_belief
-    from .app.understand.budget import error_budget as error_budget
-    from .app.understand.check import check as check
-    from .app.understand.diagnose import diagnose as diagnose
-    from .app.understand.explain import explain as explain
-    from .app.understand.inspect import doctor as doctor
-    from .app.understand.inspect import formats as formats
-    from .app.understand.inspect import inspect as inspect
-    from .app.understand.remedies import remedies as remedies
-    from .app.understand.snapshot import movie as movie
-    from .app.understand.snapshot import snapshot as snapshot
-    from .app.understand.what_if import what_if as what_if
+    from .app.snapshot import movie as movie
+    from .app.snapshot import snapshot as snapshot
+    from .app.what_if import what_if as what_if
     from .listener import Listener as Listener
     from .notebook import results as results
     from .notebook import show as show
     from .notebook import traces as traces
     from .reports.make import report as report
     from .reports.trials_report import trials_report as trials_report
+    from .running.output import OutputOptions as OutputOptions
+    from .running.run import RunScores as RunScores
+    from .running.saved import verify as verify
 
 _WHERE = {
     "Listener": ".listener",
     "LiveOptions": ".app.replay",
-    "OutputOptions": ".app.output",
-    "RunScores": ".app.run",
+    "OutputOptions": ".running.output",
+    "RunScores": ".running.run",
     "build_library": ".app.library",
-    "calibrate_belief": ".app.understand.belief",
+    "calibrate_belief": ".app.belief",
     "calibrate_drive": ".app.calibrate",
     "calibrate_motion": ".app.calibrate",
     "calibrate_noise": ".app.calibrate",
-    "check": ".app.understand.check",
+    "check": ".app.check.check",
     "check_library": ".app.library_check",
     "compare": ".app.compare",
     "convert": ".app.convert",
-    "diagnose": ".app.understand.diagnose",
-    "doctor": ".app.understand.inspect",
-    "error_budget": ".app.understand.budget",
+    "diagnose": ".app.diagnose",
+    "doctor": ".app.inspect",
+    "error_budget": ".app.budget",
     "events": ".app.events",
-    "explain": ".app.understand.explain",
+    "explain": ".app.explain",
     "export": ".app.convert",
-    "formats": ".app.understand.inspect",
-    "inspect": ".app.understand.inspect",
-    "movie": ".app.understand.snapshot",
-    "remedies": ".app.understand.remedies",
+    "formats": ".app.inspect",
+    "inspect": ".app.inspect",
+    "movie": ".app.snapshot",
+    "remedies": ".app.remedies",
     "replay": ".app.replay",
     "report": ".reports.make",
     "results": ".notebook",
     "show": ".notebook",
-    "snapshot": ".app.understand.snapshot",
+    "snapshot": ".app.snapshot",
     "traces": ".notebook",
     "trials_report": ".reports.trials_report",
     "tune": ".app.library",
-    "verify": ".app.saved",
-    "what_if": ".app.understand.what_if",
+    "verify": ".running.saved",
+    "what_if": ".app.what_if",
 }
 __all__ = list(_WHERE)
 

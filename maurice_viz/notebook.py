@@ -14,15 +14,15 @@ from typing import Any, Literal, TypeAlias
 import polars as pl
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.writing import temporary_folder
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import session_in
-from maurice_loaders.writing import temporary_folder
 
-from .app.output import verdict_of
 from .app.replay import replay
-from .app.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
-from .app.understand.snapshot import draw_saved
+from .app.snapshot import draw_saved
 from .listener import SILENT, Listener
+from .running.output import verdict_of
+from .running.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
 from .text.score_json import to_json
 

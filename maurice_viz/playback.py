@@ -9,19 +9,19 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from maurice_loaders.libraries.measured import known_descriptors
-from maurice_mcl.analysis.dead_reckoning import DeadReckoning
-from maurice_mcl.analysis.events import Say, in_meters
-from maurice_mcl.analysis.failures.verdict import RunVerdict, VerdictBuilder
-from maurice_mcl.analysis.lost_signal import SignalCollector, SignalSummary
-from maurice_mcl.analysis.metrics import RunScore, Scorer, SuccessJudge
-from maurice_mcl.analysis.run_comparison import ComparisonResult, RunComparison, Step, StepComparison
-from maurice_mcl.analysis.second_opinion import SecondOpinion
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
-from maurice_mcl.radii import USUAL, Radii
-from maurice_mcl.records import StepRecord
+from maurice_mcl.reasons.failures.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.reasons.second_opinion import SecondOpinion
+from maurice_mcl.scoring.comparison import ComparisonResult, RunComparison, Step, StepComparison
+from maurice_mcl.scoring.dead_reckoning import DeadReckoning
+from maurice_mcl.scoring.events import Say, in_meters
+from maurice_mcl.scoring.lost_signal import SignalCollector, SignalSummary
+from maurice_mcl.scoring.metrics import RunScore, Scorer, SuccessJudge
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.radii import USUAL, Radii
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
-from maurice_mcl.radii import USUAL, Radii
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.radii import USUAL, Radii
+from maurice_mcl.values.session import SessionInfo
 
 from .drawing.contact_sheet import cell_height
 from .style import Scale, scale_for

@@ -6,15 +6,13 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 
 The chapters, from the ground up:
 
-- vocabulary: `arrays`, `errors`, `setting_rules`, `randomness`, `geometry`, `map`, `session`, `pose_sensor`,
-  `library`, `radii`, `records`; `examples`: a tiny library and session
+- `values`: the vocabulary; `errors`: bad input; `examples`: a tiny library and session
 - `sensor`: what is measured in a picture, and how likely it makes every place
+- `library`: what a library covers, and how well it distinguishes its own places
 - `filter`: propose, measure, weight, estimate, resample, recover
 - `config`: parameters, their checks, presets, and a filter built from them
-- `analysis`: scores, events, modes, explanations, comparison of runs
-- `calibration`: motion constants, the camera's noise floor, and weights of channels, fitted to drives
-- `library_quality`: what a library covers, and how well it distinguishes its own places
-- `diagnosis`: what is wrong with a recording, as codes and numbers
+- `scoring`: how good a run is; `reasons`: why it was so
+- `fitting`: motion constants, the camera's noise floor, and weights of channels, fitted to drives
 
 This package knows numpy, OpenCV and scipy, never a viewer; it never prints.
 """
@@ -25,8 +23,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .analysis.metrics import RunScore as RunScore
-    from .analysis.metrics import score as score
     from .config.build import make_localizer as make_localizer
     from .config.parameters import PRESETS as PRESETS
     from .errors import InputError as InputError
@@ -34,40 +30,42 @@ if TYPE_CHECKING:
     from .examples import tiny_session as tiny_session
     from .filter.localizer import Localizer as Localizer
     from .filter.localizer import run as run
-    from .library import Library as Library
-    from .pose_sensor import PoseProposal as PoseProposal
-    from .pose_sensor import PoseSensor as PoseSensor
-    from .pose_sensor import PoseSpread as PoseSpread
-    from .pose_sensor import Shown as Shown
-    from .pose_sensor import ShownMarks as ShownMarks
-    from .records import Belief as Belief
-    from .records import FilterState as FilterState
-    from .records import StepRecord as StepRecord
-    from .session import Frame as Frame
-    from .session import Moment as Moment
-    from .session import Session as Session
+    from .scoring.metrics import RunScore as RunScore
+    from .scoring.metrics import score as score
+    from .values.library import Library as Library
+    from .values.pose_sensor import PoseProposal as PoseProposal
+    from .values.pose_sensor import PoseSensor as PoseSensor
+    from .values.pose_sensor import PoseSpread as PoseSpread
+    from .values.pose_sensor import Shown as Shown
+    from .values.pose_sensor import ShownMarks as ShownMarks
+    from .values.records import Belief as Belief
+    from .values.records import FilterState as FilterState
+    from .values.records import StepRecord as StepRecord
+    from .values.session import Frame as Frame
+    from .values.session import Moment as Moment
+    from .values.session import Session as Session
 
 # Looked up when first used, so that a command which needs one chapter does not load them all.
 _HOME = {
-    "Belief": "records",
-    "FilterState": "records",
-    "Frame": "session",
+    "Belief": "values.records",
+    "FilterState": "values.records",
+    "Frame": "values.session",
     "InputError": "errors",
-    "Library": "library",
+    "Library": "values.library",
     "Localizer": "filter.localizer",
-    "Moment": "session",
+    "Moment": "values.session",
     "PRESETS": "config.parameters",
-    "PoseProposal": "pose_sensor",
-    "PoseSensor": "pose_sensor",
-    "PoseSpread": "pose_sensor",
-    "RunScore": "analysis.metrics",
-    "Session": "session",
-    "Shown": "pose_sensor",
-    "ShownMarks": "pose_sensor",
-    "StepRecord": "records",
+    "PoseProposal": "values.pose_sensor",
+    "PoseSensor": "values.pose_sensor",
+    "PoseSpread": "values.pose_sensor",
+    "RunScore": "scoring.metrics",
+    "Session": "values.session",
+    "Shown": "values.pose_sensor",
+    "ShownMarks": "values.pose_sensor",
+    "StepRecord": "values.records",
     "make_localizer": "config.build",
     "run": "filter.localizer",
-    "score": "analysis.metrics",
+    "score": "scoring.metrics",
     "tiny_library": "examples",
     "tiny_session": "examples",
 }

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .arrays import F64, U8
-from .geometry import compose
-from .library import ChannelIndex, Library
-from .map import Arena
 from .sensor.descriptors.registry import CHANNELS
-from .session import Frame, Moment, SessionInfo
+from .values.arrays import F64, U8
+from .values.geometry import compose
+from .values.library import ChannelIndex, Library
+from .values.map import Arena
+from .values.session import Frame, Moment, SessionInfo
 
 ARENA = Arena((0.0, 0.0, 2.0, 1.5), np.array([[1.0, 0.0, 1.0, 0.5]]))
 CHANNELS_USED = ("color", "edges", "chromaticity", "blurred", "tiny", "smoothed")

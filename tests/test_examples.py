@@ -15,7 +15,7 @@ import pytest
 import maurice_viz as mv
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.session import SessionInfo
 
 FRONT_PAGES = ("maurice_mcl", "maurice_loaders", "maurice_datasets", "maurice_viz")
 RAISE_NOTHING = ("score", "tiny_library", "tiny_session", "with_landmarks")

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.arrays import U8
+from maurice_mcl.values.arrays import U8
 from maurice_viz.cli.app import app
 from maurice_viz.viewer.snapshot import Viewer, headless_viewer, software_driver
 

@@ -94,7 +94,7 @@ class ClockPanel(Panel):
         ),
     },
     "event": {
-        "mcl/analysis/events.py": (
+        "mcl/scoring/events.py": (
             ("    RESEEDED: EventKind(", '    "new-step": EventKind("there is another step", NEUTRAL),\n'),
             (
                 "        if RESEEDED in record.events:\n            yield",

@@ -16,9 +16,9 @@ import numpy as np
 import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
-from maurice_mcl.arrays import U8
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
+from maurice_mcl.values.arrays import U8
 
 PICTURES, ROUNDS = 40, 3
 

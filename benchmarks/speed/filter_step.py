@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import weigh
 from maurice_mcl.filter.motion import FloorDrift, MauriceMotion, MauriceParameters
 from maurice_mcl.filter.proposal import ProposedParticles
 from maurice_mcl.filter.resampling import multinomial, systematic
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena
-from maurice_mcl.randomness import normals
-from maurice_mcl.records import Belief, uniform_log_weights
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.randomness import normals
+from maurice_mcl.values.records import Belief, uniform_log_weights
 
 from .measure import REPEATS, Table, Work, interleaved, ratio
 from .peers import PeerProcess

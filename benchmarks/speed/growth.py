@@ -30,7 +30,7 @@ from maurice_datasets.demos import demo_paths
 from maurice_loaders.libraries.files import save_library
 from maurice_loaders.libraries.measured import SWITCH
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.cli.main import COLLECT_AFTER
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.libraries.files import save_library
-from maurice_loaders.pictures import encode_jpeg
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import open_arena
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import open_arena
 
 from .measure import Table
 

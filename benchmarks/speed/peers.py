@@ -11,8 +11,8 @@ from types import TracebackType
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
 from maurice_mcl.sensor.references import NearestReference
+from maurice_mcl.values.arrays import F64
 
 PEERS = {"filterpy": "filterpy", "particles": "particles", "pfilter": "pfilter", "stonesoup": "stonesoup"}
 HERE = Path(__file__).parent

@@ -7,10 +7,10 @@ from functools import partial
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.library import ChannelIndex
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import ChannelIndex
 
 from .filter_step import random_index
 from .measure import Table, Work, interleaved, ratio

@@ -17,8 +17,8 @@ import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.panels.panel import Panel

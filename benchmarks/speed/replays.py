@@ -17,10 +17,10 @@ import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.demos import demo_paths
 from maurice_loaders.libraries.measured import MeasuredPictures
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.sensor.ahead import compared_ahead
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import Moment
 
 from .measure import Table, Work, interleaved, ratio
 

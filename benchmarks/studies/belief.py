@@ -22,13 +22,13 @@ import numpy as np
 from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Drive
 from maurice_datasets.trials.statistics import Clusters, mean
-from maurice_loaders.writing import cache_root
-from maurice_mcl.analysis.metrics import Scorer
-from maurice_mcl.arrays import F64
-from maurice_mcl.calibration.belief import FIRST, LEVELS, judge_belief
+from maurice_loaders.files.writing import cache_root
 from maurice_mcl.filter.batch import compared_once
-from maurice_mcl.records import Comparison
+from maurice_mcl.fitting.belief import FIRST, LEVELS, judge_belief
+from maurice_mcl.scoring.metrics import Scorer
 from maurice_mcl.sensor.ahead import Compared
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.records import Comparison
 
 from .lost_drives import FILTERS, FITTED, UNSEEN, Course, drive_of, put_arrays
 from .lost_signal import said

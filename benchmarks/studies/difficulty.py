@@ -27,10 +27,10 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import GENERATOR, TASKS, TIERS, for_fitting
 from maurice_datasets.trials.statistics import mean
 from maurice_datasets.worlds.world import inside
-from maurice_loaders.writing import cache_root
-from maurice_mcl.analysis.metrics import Scorer
-from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.map import Arena
+from maurice_loaders.files.writing import cache_root
+from maurice_mcl.scoring.metrics import Scorer
+from maurice_mcl.values.arrays import F64, Bool
+from maurice_mcl.values.map import Arena
 
 INCH_M = 0.0254
 

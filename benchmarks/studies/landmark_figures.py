@@ -30,8 +30,8 @@ from maurice_datasets.demos import demo_paths
 from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.statistics import Interval, mean
 from maurice_datasets.trials.table import clusters_of
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
 
 PICTURES, ROUNDS, PARTICLES = 20, 3, 1000
 POSE_SENSORS = ("landmarks", "all")

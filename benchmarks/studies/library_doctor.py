@@ -24,16 +24,16 @@ from maurice_datasets.trials.drives import Bench, Drive, open_drive
 from maurice_datasets.trials.drives import _world as world_of
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, Interval, mean
-from maurice_mcl.analysis.demands import RunTrack
-from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.filter.batch import run_batch
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.library_advice import AMBIGUITY, LibraryAdvice, advise, headings, without_reference
-from maurice_mcl.library_quality import DIRECTIONS, SelfSimilarity, free_space, self_similarity_of
+from maurice_mcl.library.advice import AMBIGUITY, LibraryAdvice, advise, headings, without_reference
+from maurice_mcl.library.quality import DIRECTIONS, SelfSimilarity, free_space, self_similarity_of
+from maurice_mcl.scoring.demands import RunTrack
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.arrays import F64, Bool
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.library import ChannelIndex, Library
 
 ARENAS, DRIVES, SEEDS, UPDATES = 5, 2, 4, 50
 RADIUS_M = 36 * INCH_M  # of the disc

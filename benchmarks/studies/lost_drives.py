@@ -23,11 +23,11 @@ from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Bench, Drive, Held
 from maurice_datasets.worlds.build import load_world
 from maurice_loaders.libraries.store import open_library
-from maurice_mcl.analysis.metrics import score_step
-from maurice_mcl.analysis.second_opinion import SecondFilter
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.reasons.second_opinion import SecondFilter
+from maurice_mcl.scoring.metrics import score_step
+from maurice_mcl.values.arrays import F64
 
 Numbers = dict[str, NDArray[Any]]
 SEEDS = (1, 2, 3)  # of the filter, for each drive

@@ -7,7 +7,7 @@ which 5 percent of the runs on the fitted arenas have a false alarm; the table i
 fitted on.
 
 Run: make studies STUDIES=lost_signal (drives are made once and kept; it goes on where it stopped). With --fit
-it prints the weights for mcl/analysis/lost_signal.py and second_opinion.py, fitted anew; with
+it prints the weights for mcl/scoring/lost_signal.py and second_opinion.py, fitted anew; with
 --figure OUT.png it draws the curves.
 """
 
@@ -21,11 +21,11 @@ from pathlib import Path
 import numpy as np
 
 from maurice_datasets.trials.statistics import Clusters, Interval, mean, share
-from maurice_loaders.writing import cache_root
-from maurice_mcl.analysis.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
-from maurice_mcl.analysis.metrics import LOST_FOR
-from maurice_mcl.analysis.second_opinion import OPINION, OpinionReader, Shares
-from maurice_mcl.arrays import F64, Bool
+from maurice_loaders.files.writing import cache_root
+from maurice_mcl.reasons.second_opinion import OPINION, OpinionReader, Shares
+from maurice_mcl.scoring.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
+from maurice_mcl.scoring.metrics import LOST_FOR
+from maurice_mcl.values.arrays import F64, Bool
 
 from .lost_drives import FILTERS, FITTED, SEEDS, UNSEEN, Course, Numbers, all_numbers
 

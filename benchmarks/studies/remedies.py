@@ -28,8 +28,8 @@ from maurice_datasets.trials.statistics import rate
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.session import convert_to_log
 from maurice_loaders.libraries.files import save_library
-from maurice_viz.app.understand.branch import open_branch
-from maurice_viz.app.understand.candidates import candidates
+from maurice_viz.app.branch import open_branch
+from maurice_viz.app.candidates import candidates
 from maurice_viz.errors import OptionError
 
 from .planted.places import SETS

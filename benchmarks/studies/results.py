@@ -22,7 +22,7 @@ from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.statistics import Clusters, Interval, mean, share
 from maurice_datasets.trials.table import clusters_of, curve_of
 from maurice_loaders.errors import InputError
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M
 
 TITLES = (
     "filter, particles",

@@ -25,9 +25,9 @@ from maurice_datasets.trials.statistics import (
     share,
 )
 from maurice_datasets.trials.table import clusters_of
-from maurice_mcl.analysis.failures.kinds import MOTION, PROPOSAL, RESAMPLING
-from maurice_mcl.analysis.metrics import GOAL_M
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.reasons.failures.kinds import MOTION, PROPOSAL, RESAMPLING
+from maurice_mcl.scoring.metrics import GOAL_M
+from maurice_mcl.values.geometry import INCH_M
 
 from .material import Material, MissingRuns, over_drives
 

@@ -10,13 +10,13 @@ import polars as pl
 
 from maurice_datasets.trials.drives import Drive, turning_drive
 from maurice_datasets.trials.statistics import Clusters, mean
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.proposal import belief_at
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import spacing
-from maurice_mcl.records import Belief, FilterState, StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import spacing
+from maurice_mcl.values.records import Belief, FilterState, StepRecord
+from maurice_mcl.values.session import Moment
 from maurice_viz.plots.calibration import ACTUAL, figure, panels
 
 from . import maps

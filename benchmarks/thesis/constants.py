@@ -9,12 +9,12 @@ import numpy as np
 
 from maurice_datasets.robot.motion import TrialPlan, calibration_drive
 from maurice_datasets.trials.drives import survey_log
-from maurice_loaders.calibration import covered_pictures
-from maurice_mcl.arrays import F32
-from maurice_mcl.calibration.motion import calibrate
-from maurice_mcl.calibration.sensor import noise_floor
-from maurice_mcl.calibration.statistics import Fitted
+from maurice_loaders.calibration_trials import covered_pictures
+from maurice_mcl.fitting.motion import calibrate
+from maurice_mcl.fitting.sensor import noise_floor
+from maurice_mcl.fitting.statistics import Fitted
 from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_mcl.values.arrays import F32
 from maurice_viz.plots.calibration import FIGURES as OF_MOTION
 from maurice_viz.plots.calibration import INK, ShownFit, motion_figure, noise_figure
 from maurice_viz.style import units_named

@@ -16,7 +16,7 @@ import numpy as np
 from maurice_datasets.trials.engine import in_processes
 from maurice_datasets.trials.rows import expect_trials, rows_changed
 from maurice_loaders.errors import InputError
-from maurice_loaders.writing import check_target, write_whole
+from maurice_loaders.files.writing import check_target, write_whole
 from maurice_viz.plots.calibration import INK, expect_matplotlib, figure_bytes
 
 from .figures import FIGURES, OF_PICTURES

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 from maurice_viz.plots.calibration import INK, figure, panels
 
 from . import maps

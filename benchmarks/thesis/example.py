@@ -12,12 +12,12 @@ from maurice_datasets.render.image_sensor import Sensor
 from maurice_datasets.trials.drives import Drive
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.errors import InputError
-from maurice_mcl.arrays import F32, F64, I32, U8, Bool
-from maurice_mcl.calibration.sensor import true_entry
-from maurice_mcl.library import Library
+from maurice_mcl.fitting.sensor import true_entry
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F32, F64, I32, U8, Bool
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.session import Moment
 from maurice_viz.drawing.contact_sheet import read_picture
 
 THESIS = "thesis"  # the preset, and its distance

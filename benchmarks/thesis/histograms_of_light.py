@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64
-from maurice_mcl.calibration.sensor import COLORS
+from maurice_mcl.fitting.sensor import COLORS
 from maurice_mcl.sensor.descriptors.channel import BINS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.values.arrays import F32, F64
 from maurice_viz.plots.calibration import HATCHES, INK, RGB, dress
 
 from .example import MORE_LIGHT, DrivePictures, PicturePair, in_other_light

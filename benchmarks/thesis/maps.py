@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena
-from maurice_mcl.records import Belief, Estimate
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.records import Belief, Estimate
 from maurice_viz.plots.calibration import BAND, INK
 
 if TYPE_CHECKING:

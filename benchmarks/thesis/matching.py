@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.arrays import F32
-from maurice_mcl.calibration.sensor import stretched
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.fitting.sensor import stretched
 from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.values.arrays import F32
+from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import INK, dress
 
 from .example import MORE_LIGHT, DrivePictures, PicturePair, ranks_of, reference_picture, rooms_of, with_noise

@@ -18,11 +18,11 @@ from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import LEVEL, Interval, mean
 from maurice_datasets.trials.timing import read_timing
 from maurice_loaders.errors import InputError
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.library import Library
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 
 from .example import DrivePictures
 

@@ -11,8 +11,8 @@ import polars as pl
 
 from maurice_datasets.trials.statistics import Interval, mean
 from maurice_datasets.trials.table import clusters_of
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import INK, panels
 
 from .material import Material, MissingRuns, ThesisFigure

@@ -13,8 +13,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64, I32, Bool
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.arrays import F32, F64, I32, Bool
+from maurice_mcl.values.geometry import INCH_M
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.randomness import Domain, stream
 
 from ..tasks import SimPurpose
 from ..worlds.world import World

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, U8
-from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.values.arrays import F32, U8
+from maurice_mcl.values.randomness import Domain, stream
 
 from ..tasks import SimPurpose
 from .conditions import Conditions

@@ -12,8 +12,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64, I32, Bool
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.arrays import F32, F64, I32, Bool
+from maurice_mcl.values.geometry import INCH_M
 
 from ..worlds.world import Box, Face, Lamp, World, inside
 from .camera import LitFace, LitScene, halvings, scene_of

@@ -11,9 +11,9 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64, Bool
-from maurice_mcl.map import Arena
-from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.values.arrays import F32, F64, Bool
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.randomness import Domain, stream
 
 from ..tasks import SimPurpose
 from ..worlds.palettes import Rgb, dye, near

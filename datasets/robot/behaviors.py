@@ -11,9 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena
 
 # Infrared proximity: a ring of short-sighted distance sensors, and what they show of the space ahead.
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.calibration.motion import Straights, Trials, Turns
-from maurice_mcl.geometry import INCH_M, wrap
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.fitting.motion import Straights, Trials, Turns
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.randomness import Domain, stream
 
 from ..tasks import SimPurpose
 from ..worlds.world import clearance, floor_at

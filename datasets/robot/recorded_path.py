@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.calibration import Cutting, jumps, read_aligned
+from maurice_loaders.calibration_trials import Cutting, jumps, read_aligned
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import (
@@ -22,9 +22,9 @@ from maurice_loaders.session_log.records import (
     read_records,
     with_truth,
 )
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M, wrap
-from maurice_mcl.session import KIDNAPPED
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.session import KIDNAPPED
 
 from .planner import Placement
 from .segments import Happened, Moved, Segment

@@ -8,10 +8,10 @@ from typing import Protocol
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena
-from maurice_mcl.session import KIDNAPPED
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import KIDNAPPED
 
 from ..worlds.world import floor_at
 from .drive import DriveUpdate

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.budget import (
+from maurice_mcl.filter.batch import compared_once
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.reasons.budget import (
     AS_IS,
     LIBRARY,
     MOTION,
@@ -18,10 +20,8 @@ from maurice_mcl.analysis.budget import (
     BudgetLine,
     error_budget_line,
 )
-from maurice_mcl.arrays import F64
-from maurice_mcl.filter.batch import compared_once
-from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import Moment
 
 from .statistics import Clusters, Interval, mean, share
 
@@ -37,7 +37,7 @@ COSTS = {
 class BudgetPart:
     """What remains of the error with one part made perfect, and so what the part costs."""
 
-    part: str  # one of `maurice_mcl.analysis.budget.PARTS`
+    part: str  # one of `maurice_mcl.reasons.budget.PARTS`
     error: Interval  # meters: position error, mean over updates 4 to the last
     cost: Interval | None  # meters: what it takes off, on the same drives and seeds; None: nothing is perfect
     lost: Interval  # share of the runs that were ever lost

@@ -17,15 +17,15 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.header import SESSION_LOG, header_from_json, header_to_json
-from maurice_mcl.analysis.metrics import FIRST_SCORED
-from maurice_mcl.arrays import F64
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
+from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
-from maurice_mcl.session import Frame, Moment, Session, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import Frame, Moment, Session, SessionInfo
 
 from ..robot.behaviors import BehaviorProposal
 from ..robot.drive import Robot

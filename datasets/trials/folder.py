@@ -12,11 +12,11 @@ from typing import Any
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import toml_value
+from maurice_loaders.files.text import toml_value
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.map import Arena
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 
 from .controls import filter_for
 from .drives import FIRST, Drive, arena_of, open_drive

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import read_toml, show
+from maurice_loaders.files.text import read_toml, show
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of

@@ -18,8 +18,8 @@ from typing import Any
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import read_json
-from maurice_loaders.writing import remove_leftovers, write_whole
+from maurice_loaders.files.text import read_json
+from maurice_loaders.files.writing import remove_leftovers, write_whole
 
 from .plan import Plan
 

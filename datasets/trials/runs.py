@@ -16,13 +16,13 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
-from maurice_mcl.analysis.failures.diagnosis import DiagnosisBuilder
-from maurice_mcl.analysis.failures.kinds import UNKNOWN
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.batch_step import can_batch
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.reasons.failures.diagnosis import DiagnosisBuilder
+from maurice_mcl.reasons.failures.kinds import UNKNOWN
 from maurice_mcl.sensor.ahead import compared_ahead
-from maurice_mcl.session import Moment
+from maurice_mcl.values.session import Moment
 
 from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m

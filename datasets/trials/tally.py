@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.analysis.metrics import RunErrors, RunScore, Scorer, SuccessJudge, first_mostly
-from maurice_mcl.analysis.trace_score import DrivenPath, score_trace, trace_errors
-from maurice_mcl.arrays import F64
 from maurice_mcl.filter.batch import SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.map import Arena
-from maurice_mcl.records import FilterState, StepRecord
+from maurice_mcl.scoring.metrics import RunErrors, RunScore, Scorer, SuccessJudge, first_mostly
+from maurice_mcl.scoring.trace_score import DrivenPath, score_trace, trace_errors
 from maurice_mcl.sensor.ahead import Compared
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.records import FilterState, StepRecord
+from maurice_mcl.values.session import Moment
 
 
 @dataclass(frozen=True, slots=True, eq=False)

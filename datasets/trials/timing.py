@@ -17,9 +17,9 @@ import numpy as np
 import polars as pl
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.writing import write_whole
-from maurice_mcl.arrays import F64
+from maurice_loaders.files.writing import write_whole
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.values.arrays import F64
 
 from .drives import Drive, open_drive
 from .plan import SessionSpec

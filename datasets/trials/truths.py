@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.session import Moment
+from maurice_mcl.values.records import Comparison
+from maurice_mcl.values.session import Moment
 
 
 @dataclass(slots=True)

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from maurice_loaders.errors import InputError, PictureError
-from maurice_loaders.pictures import decode_picture, picture_file
-from maurice_mcl.arrays import F32
+from maurice_loaders.files.pictures import decode_picture, picture_file
+from maurice_mcl.values.arrays import F32
 
 from . import textures
 from . import wall_pictures as pictures

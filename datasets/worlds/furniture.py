@@ -12,8 +12,8 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from maurice_mcl.arrays import F32
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.arrays import F32
+from maurice_mcl.values.geometry import INCH_M
 
 from . import textures
 from . import wall_pictures as pictures

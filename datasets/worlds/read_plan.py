@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import read_toml
+from maurice_loaders.files.text import read_toml
 
 from .draw import TEXTURES, read_image
 from .furniture import MAKERS

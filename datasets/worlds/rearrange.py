@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.randomness import Domain, stream
 
 from ..tasks import SimPurpose
 from .world import Box, Face, Piece, World, clearance, inside, touching

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64, Bool
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.arrays import F32, F64, Bool
+from maurice_mcl.values.map import Arena, Region
 
 
 @dataclass(frozen=True, slots=True, eq=False)

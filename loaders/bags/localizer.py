@@ -17,16 +17,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.map import Arena, open_arena
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.map import Arena, open_arena
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..maps import MOST_CELLS, cell_walls
-from ..plane import Plane
-from ..reading import ReadingOptions
-from ..recording import Motion, OdometryPose, Picture, Record, TruthPose
-from ..time_alignment import Aligner, Steps, as_rows
+from ..files.maps import MOST_CELLS, cell_walls
+from ..reading.options import ReadingOptions
+from ..reading.plane import Plane
+from ..reading.recording import Motion, OdometryPose, Picture, Record, TruthPose
+from ..reading.time_alignment import Aligner, Steps, as_rows
 from .messages import (
     CLOUDS,
     IN_XY,

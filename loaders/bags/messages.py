@@ -16,11 +16,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
+from maurice_mcl.values.arrays import F64, U8
 
 from ..errors import PictureError
-from ..pictures import decode_picture, expect_size
-from ..plane import Plane
+from ..files.pictures import decode_picture, expect_size
+from ..reading.plane import Plane
 
 ODOMETRY = "nav_msgs/Odometry"
 ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))

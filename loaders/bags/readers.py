@@ -13,13 +13,13 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..files import read_json
-from ..plane import OutOfPlane, Plane
-from ..recording import Motion, Note, Picture, Readings, TruthPose
+from ..files.text import read_json
+from ..reading.plane import OutOfPlane, Plane
+from ..reading.recording import Motion, Note, Picture, Readings, TruthPose
 from ..session_log.header import header_from_json
 from ..session_log.records import readings_of
 from .messages import (

@@ -12,13 +12,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, cast
 
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..formats.registry import Format
-from ..plane import Plane, Pose, forward_axis, leaning, planar, plane_of
-from ..reading import ReadingOptions
-from ..recording import OdometryPose, Record, Recording, TruthPose
+from ..reading.options import ReadingOptions
+from ..reading.plane import Plane, Pose, forward_axis, leaning, planar, plane_of
+from ..reading.recording import OdometryPose, Record, Recording, TruthPose
 from .containers import COMPRESSED, is_bag_folder, is_mcap, open_mcap, open_ros1, open_ros2
 from .messages import (
     TEXT,

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..errors import InputError
-from ..files import read_json
+from ..files.text import read_json
 
 if TYPE_CHECKING:
     from google.protobuf.message import Message as ProtobufMessage

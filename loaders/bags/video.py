@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maurice_mcl.arrays import U8
+from maurice_mcl.values.arrays import U8
 
 from ..errors import PictureError
-from ..pictures import most_megapixels
+from ..files.pictures import most_megapixels
 from .messages import bytes_of
 
 if TYPE_CHECKING:

@@ -10,13 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo, is_kidnapping
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..pictures import decode_picture, picture_format
-from ..recorded_session import RecordedSession
-from ..recording import Motion, Note, Picture, Readings, TruthPose, checked
+from ..files.pictures import decode_picture, picture_format
+from ..reading.recording import Motion, Note, Picture, Readings, TruthPose, checked
+from ..reading.session import RecordedSession
+from ..reading.time_alignment import TimeSpan
+from ..reading.transforms import PLACEHOLDER
 from ..session_log.header import Kind
 from ..session_log.reader import picture_bytes
 from ..session_log.records import (
@@ -28,8 +30,6 @@ from ..session_log.records import (
     read_records,
     with_truth,
 )
-from ..time_alignment import TimeSpan
-from ..transforms import PLACEHOLDER
 
 MOST_EVENTS = 100
 KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading",)

@@ -12,18 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import compose, motion_between
-from maurice_mcl.map import Arena
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..bags.readers import HEADER, MOTIONS, READINGS
 from ..bags.source import INSTALL
 from ..errors import InputError
-from ..pictures import PictureKind, encode_picture
-from ..recording import SimplifiedPath
+from ..files.pictures import PictureKind, encode_picture
+from ..files.writing import expect_absent, scratch_folder, writing
+from ..reading.recording import SimplifiedPath
 from ..runs.writer import weighted_of
-from ..writing import expect_absent, scratch_folder, writing
 from .tables import ExportStep
 
 if TYPE_CHECKING:

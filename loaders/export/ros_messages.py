@@ -21,9 +21,9 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.map import Arena
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..session_log.header import header_to_json
 

@@ -11,20 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose, motion_between
-from maurice_mcl.session import Moment, Session, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.session import Moment, Session, SessionInfo
 
 from ..bags.readers import MOTIONS, READINGS
 from ..errors import InputError, ReadingNotes
-from ..pictures import PictureKind, encode_picture
-from ..recorded_session import RecordedSession
-from ..recording import Motion, Note, OdometryPose, Picture, Readings, Record, Recording, TruthPose, checked
+from ..files.pictures import PictureKind, encode_picture
+from ..files.writing import FolderKind, check_target, discard, expect_absent, filling, scratch_folder, writing
+from ..reading.recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Readings,
+    Record,
+    Recording,
+    TruthPose,
+    checked,
+)
+from ..reading.session import RecordedSession
+from ..reading.transforms import PLACEHOLDER
 from ..session_log.header import FORMAT, header_to_json
 from ..session_log.records import OdometryRecord, PictureRecord, read_header, read_records
 from ..session_log.writer import SessionWriter
-from ..transforms import PLACEHOLDER
-from ..writing import FolderKind, check_target, discard, expect_absent, filling, scratch_folder, writing
 from .mcap import (
     EVENTS,
     MAP,

@@ -23,14 +23,14 @@ import polars as pl
 import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
 
-from maurice_mcl.analysis.metrics import FIRST_SCORED
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import compose
+from maurice_mcl.scoring.metrics import FIRST_SCORED
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import compose
 
 from ..errors import InputError
+from ..files.writing import filling
 from ..runs.store import SavedRun
 from ..runs.writer import StepRows, steps_schema
-from ..writing import filling
 
 PATHS = ("estimate", "truth", "odometry")  # in the order in which files and tables have them
 

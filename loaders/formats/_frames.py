@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ..errors import InputError, ReadingNotes
-from ..recording import Picture, Readings, Record, Recording, RecordingWrapper
-from ..transforms import gray_picture
+from ..reading.recording import Picture, Readings, Record, Recording, RecordingWrapper
+from ..reading.transforms import gray_picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)

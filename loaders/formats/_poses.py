@@ -13,15 +13,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, show, time_falls, up_to
-from ..pictures import decode_picture, picture_in
-from ..plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
-from ..recording import Note, OdometryPose, Picture, Record, TruthPose
-from ..time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
+from ..files.pictures import decode_picture, picture_in
+from ..files.text import MOST_T_S, show, time_falls, up_to
+from ..reading.plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
+from ..reading.recording import Note, OdometryPose, Picture, Record, TruthPose
+from ..reading.time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
 from ._tables import Row, is_number, names_columns, number_of, rows, words_of
 from .cmucam import BEGIN, decode_frame
 

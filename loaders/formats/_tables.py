@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M
 
 from ..errors import InputError
-from ..files import MOST, expect_regular, show, up_to
-from ..time_alignment import PER_SECOND
+from ..files.text import MOST, expect_regular, show, up_to
+from ..reading.time_alignment import PER_SECOND
 
 MAX_ROW_BYTES = 2**20  # a laser scan has ten thousand
 GZIP = b"\x1f\x8b"

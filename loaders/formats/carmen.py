@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose, motion_between
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, show, show_time
-from ..reading import ReadingOptions
-from ..recording import OdometryPose, Record, TruthPose
+from ..files.text import MOST_T_S, show, show_time
+from ..reading.options import ReadingOptions
+from ..reading.recording import OdometryPose, Record, TruthPose
 from ._tables import Row, begin_lines, number_of, rows
 from .registry import Format
 

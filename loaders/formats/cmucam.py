@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..files import natural_order
-from ..reading import ReadingOptions
-from ..recording import Picture, Record
+from ..files.text import natural_order
+from ..reading.options import ReadingOptions
+from ..reading.recording import Picture, Record
 from .registry import Format
 
 BEGIN, LINE, END = b"\x01", b"\x02", b"\x03"

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, items, mapping, number, read_json, text, whole
-from ..reading import ReadingOptions
-from ..recording import Picture, Record
+from ..files.text import MOST_T_S, items, mapping, number, read_json, text, whole
+from ..reading.options import ReadingOptions
+from ..reading.recording import Picture, Record
 from ._poses import read_picture
 from ._tables import Row, begin_lines, rows
 from .registry import Format

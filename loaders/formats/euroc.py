@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..errors import InputError
-from ..files import PICTURES
-from ..reading import ReadingOptions
-from ..recording import OdometryPose, TruthPose
-from ..time_alignment import unit_in
+from ..files.text import PICTURES
+from ..reading.options import ReadingOptions
+from ..reading.recording import OdometryPose, TruthPose
+from ..reading.time_alignment import unit_in
 from ._poses import Layout, PictureList, PoseFile, TimedFolder, layout_of
 from ._tables import begin_lines, begin_of, words_of
 from .registry import Format

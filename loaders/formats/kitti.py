@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, show
-from ..reading import ReadingOptions
-from ..recording import Picture, Record, TruthPose
-from ..time_alignment import clock_s
+from ..files.text import MOST_T_S, show
+from ..reading.options import ReadingOptions
+from ..reading.recording import Picture, Record, TruthPose
+from ..reading.time_alignment import clock_s
 from ._poses import first_file, read_picture
 from ._tables import Row, begin_lines, number_of, rows, words_of
 from .registry import Format

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import FieldError, InputError, ReadingNotes
-from ..pictures import decode_picture
-from ..reading import ReadingOptions
-from ..recording import Motion, Note, Picture, Readings, Record, TruthPose
+from ..files.pictures import decode_picture
+from ..reading.options import ReadingOptions
+from ..reading.recording import Motion, Note, Picture, Readings, Record, TruthPose
+from ..reading.time_alignment import PER_SECOND
 from ..session_log.header import FORMAT, session_in
 from ..session_log.reader import CameraChoice, SessionLog, picture_bytes
 from ..session_log.records import (
@@ -29,7 +30,6 @@ from ..session_log.records import (
     read_records,
     readings_of,
 )
-from ..time_alignment import PER_SECOND
 from .registry import NATIVE, Format
 
 MOST_RAW = 1e25  # of any number of a raw log; nanoseconds since 1970 are 2e18, and squares can be added up

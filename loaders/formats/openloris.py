@@ -11,11 +11,11 @@ from pathlib import Path
 
 import cv2
 
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..errors import InputError
-from ..reading import ReadingOptions
-from ..recording import OdometryPose, TruthPose
+from ..reading.options import ReadingOptions
+from ..reading.recording import OdometryPose, TruthPose
 from ._poses import PictureList, TimedFolder, first_file, pose_file
 from ._tables import begin_lines
 from .registry import Format

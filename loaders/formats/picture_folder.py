@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files import MOST_T_S, PICTURES, pictures_in, show, time_falls
-from ..plane import planar, rotation
-from ..reading import ReadingOptions
-from ..recording import Motion, OdometryPose, Picture, Readings, Record, TruthPose
-from ..time_alignment import PER_SECOND, detect_unit, seconds
+from ..files.text import MOST_T_S, PICTURES, pictures_in, show, time_falls
+from ..reading.options import ReadingOptions
+from ..reading.plane import planar, rotation
+from ..reading.recording import Motion, OdometryPose, Picture, Readings, Record, TruthPose
+from ..reading.time_alignment import PER_SECOND, detect_unit, seconds
 from ._poses import read_picture
 from ._tables import (
     MOTION,

@@ -12,14 +12,14 @@ from shlex import quote
 from typing import Any
 
 from ..errors import InputError
-from ..files import expect_regular
-from ..picture_odometry import odometry_from_pictures
-from ..plane import TURNED
-from ..reading import ReadingOptions
-from ..recorded_session import RecordedSession
-from ..recording import Recording
+from ..files.text import expect_regular
+from ..reading.options import ReadingOptions
+from ..reading.picture_odometry import odometry_from_pictures
+from ..reading.plane import TURNED
+from ..reading.recording import Recording
+from ..reading.session import RecordedSession
+from ..reading.transforms import corrected, odometry_from_truth
 from ..session_log.reader import SessionLog
-from ..transforms import corrected, odometry_from_truth
 from ._frames import FramesOfReadings, with_frames
 
 NATIVE = "session-log"

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError
-from ..reading import ReadingOptions
-from ..recording import OdometryPose, TruthPose
-from ..time_alignment import unit_in
+from ..reading.options import ReadingOptions
+from ..reading.recording import OdometryPose, TruthPose
+from ..reading.time_alignment import unit_in
 from ._poses import COMMENTS, Layout, PictureList, PoseFile, TimedFolder, first_file, layout_of, pose_file
 from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
 from .registry import Format

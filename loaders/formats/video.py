@@ -9,13 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
-from ..pictures import expect_size
-from ..reading import ReadingOptions
-from ..recording import Picture, Record
+from ..files.pictures import expect_size
+from ..reading.options import ReadingOptions
+from ..reading.recording import Picture, Record
 from ._tables import begin_of
 from .registry import Format
 

@@ -19,18 +19,18 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.pose_sensor import PoseSensor
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
-from maurice_mcl.session import Camera
+from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.pose_sensor import PoseSensor
+from maurice_mcl.values.session import Camera
 
 from ..errors import FieldError, InputError
-from ..files import MOST, items, mapping, read_json, show, text, up_to
-from ..maps import check_span
-from ..pictures import leads_outside
+from ..files.maps import check_span
+from ..files.pictures import leads_outside
+from ..files.text import MOST, items, mapping, read_json, show, text, up_to
+from ..files.writing import FolderKind, new_folder
 from ..session_log.header import arena_from_json, arena_to_json, camera_from_json, camera_to_json
-from ..writing import FolderKind, new_folder
 from .remembered import remembered
 
 FORMAT = "maurice-library"

@@ -13,15 +13,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import U8
-from maurice_mcl.library import Library
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
-from maurice_mcl.session import Camera
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.session import Camera
 
 from ..errors import InputError, PictureError
-from ..pictures import decode_picture, picture_file
-from ..writing import cache_root, write_whole
+from ..files.pictures import decode_picture, picture_file
+from ..files.writing import cache_root, write_whole
 from .files import hash_file
 from .remembered import remembered
 

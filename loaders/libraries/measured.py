@@ -24,10 +24,10 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, U8
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
+from maurice_mcl.values.arrays import F32, U8
 
-from ..writing import cache_root
+from ..files.writing import cache_root
 
 FILE = "descriptors.sqlite"
 SWITCH = "MAURICE_DESCRIPTORS"  # "0": measure every picture

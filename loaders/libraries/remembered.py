@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ..errors import InputError
-from ..writing import cache_root, write_whole
+from ..files.writing import cache_root, write_whole
 
 SETTLED_NS = 2_000_000_000  # no file system in use has coarser times
 

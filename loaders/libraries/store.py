@@ -11,19 +11,19 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, F64, U8
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena, open_arena
 from maurice_mcl.sensor.descriptors.channel import Channel
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
-from maurice_mcl.session import Camera
+from maurice_mcl.values.arrays import F32, F64, U8
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena, open_arena
+from maurice_mcl.values.session import Camera
 
 from ..errors import FieldError, InputError, ReadingNotes
-from ..maps import check_span, read_map
+from ..files.maps import check_span, read_map
+from ..files.writing import cache_root, discard
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import PictureRecord, read_header, read_records
-from ..writing import cache_root, discard
 from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in

@@ -13,17 +13,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.arrays import F64, U8, Bool
-from maurice_mcl.radii import fitted_m
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.arrays import F64, U8, Bool
+from maurice_mcl.values.radii import fitted_m
+from maurice_mcl.values.session import Moment, SessionInfo
 
 from ..errors import InputError, ReadingNotes
+from ..files.pictures import encode_jpeg
 from ..formats.picture_folder import TABLES, TableRecording, looks_like_table
 from ..formats.registry import NATIVE, chosen, open_session
-from ..pictures import encode_jpeg
-from ..reading import ReadingOptions
-from ..recorded_session import RecordedSession
-from ..recording import Picture, RecordingWrapper
+from ..reading.options import ReadingOptions
+from ..reading.recording import Picture, RecordingWrapper
+from ..reading.session import RecordedSession
 from ..session_log.header import session_in
 from ..session_log.reader import SessionLog, SurveyPicture
 from ..session_log.records import read_header

@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
-from ..files import MOST_T_S, time_falls, up_to
+from ..files.text import MOST_T_S, time_falls, up_to
 from ..session_log.header import header_from_json
 from ..session_log.reader import picture_bytes
 from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, parse_object, record_of

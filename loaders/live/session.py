@@ -15,12 +15,15 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose, compose_motions
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import compose, compose_motions
+from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
-from ..pictures import decode_picture
+from ..files.pictures import decode_picture
+from ..files.writing import expect_absent
+from ..reading.time_alignment import as_rows
+from ..reading.transforms import Gate
 from ..session_log.header import FORMAT, SESSION_LOG, Kind, header_to_json
 from ..session_log.reader import CameraChoice, picture_bytes
 from ..session_log.records import (
@@ -31,9 +34,6 @@ from ..session_log.records import (
     Record,
     with_truth,
 )
-from ..time_alignment import as_rows
-from ..transforms import Gate
-from ..writing import expect_absent
 from .intake import Counts, Intake, Received
 from .source import Listening, LiveSource, Patience
 
@@ -176,7 +176,7 @@ class ListenOptions:
 
 
 class LiveSession(HasReadingNotes):
-    """A drive in progress, as a `maurice_mcl.session.Session` to iterate once, and a context manager.
+    """A drive in progress, as a `maurice_mcl.values.session.Session` to iterate once, and a context manager.
 
     A recorder gets everything that is valid. InputError for no session log, or when recording fails.
     """

@@ -18,9 +18,9 @@ from typing import BinaryIO, Protocol, TypeAlias
 from urllib.parse import urlsplit
 
 from ..errors import FieldError, InputError, SourceError
-from ..files import expect_regular
-from ..plane import TURNED
-from ..reading import ReadingOptions
+from ..files.text import expect_regular
+from ..reading.options import ReadingOptions
+from ..reading.plane import TURNED
 from ..session_log.header import session_in
 from ..session_log.records import LogLine
 

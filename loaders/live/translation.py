@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import motion_between
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import motion_between
 
 from ..bags.messages import (
     IN_XY,
@@ -33,9 +33,9 @@ from ..bags.source import Message
 from ..bags.topics import PoseTopic
 from ..bags.video import VideoStream, codec_of
 from ..errors import FieldError
-from ..files import MOST_T_S, show, up_to
-from ..pictures import encode_jpeg
-from ..recording import TruthPose, interpolated
+from ..files.pictures import encode_jpeg
+from ..files.text import MOST_T_S, show, up_to
+from ..reading.recording import TruthPose, interpolated
 
 # Poses of a running robot: from each topic's messages, with a short history of each topic.
 

@@ -19,8 +19,8 @@ from ..bags.messages import TRANSFORMS, known_type, links_of
 from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, decode_json, short_type, sorted_topics
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import FieldError, SourceError
-from ..files import items, mapping, read_json
-from ..reading import ReadingOptions
+from ..files.text import items, mapping, read_json
+from ..reading.options import ReadingOptions
 from ..session_log.header import FORMAT, VERSION
 from .translation import MESSAGE_ERRORS, MOST_FRAMES, ChosenTopics, Translator, decoded, short
 

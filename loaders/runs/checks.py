@@ -12,10 +12,10 @@ from typing import Any, NoReturn
 import numpy as np
 import polars as pl
 
-from maurice_mcl.records import AVERAGES, PICTURE
+from maurice_mcl.values.records import AVERAGES, PICTURE
 
 from ..errors import InputError
-from ..files import MOST, MOST_T_S, show, up_to
+from ..files.text import MOST, MOST_T_S, show, up_to
 from .writer import BEST, TABLES, TOOK, StepRows, steps_schema
 
 SLACK = 1e-3  # tolerance of shares and sums of weights: processors round differently

@@ -6,11 +6,11 @@ import math
 from dataclasses import asdict, fields
 from typing import Any
 
-from maurice_mcl.analysis.episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, Episode
-from maurice_mcl.analysis.failures.kinds import CAUSES, Failure, Value
+from maurice_mcl.reasons.failures.kinds import CAUSES, Failure, Value
+from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, Episode
 
 from ..errors import FieldError
-from ..files import flag, items, mapping, number, show, text, whole
+from ..files.text import flag, items, mapping, number, show, text, whole
 
 
 def failure_to_json(failure: Failure) -> dict[str, Any]:

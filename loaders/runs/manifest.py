@@ -19,19 +19,19 @@ import polars as pl
 import scipy
 from numpy.typing import NDArray
 
-from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.library import Library
-from maurice_mcl.radii import NAMES, USUAL, Radii
+from maurice_mcl.reasons.failures.kinds import Failure
 from maurice_mcl.sensor.outside import package_of
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.radii import NAMES, USUAL, Radii
 
 from ..errors import FieldError, InputError
-from ..files import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
+from ..files.text import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
+from ..files.writing import FolderKind, put
 from ..formats.cmucam import ENDINGS as DUMPS
 from ..formats.donkeycar import looks_like_tub
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
-from ..reading import ReadingOptions, reading_from_json, reading_to_json
-from ..writing import FolderKind, put
+from ..reading.options import ReadingOptions, reading_from_json, reading_to_json
 from .failures import failure_to_json, failures_from_json
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"

@@ -14,11 +14,11 @@ import numpy as np
 import polars as pl
 
 from maurice_mcl.config.parameters import Configuration, configure
-from maurice_mcl.map import Arena
+from maurice_mcl.values.map import Arena
 
 from ..config_files import read_config
 from ..errors import FieldError, InputError
-from ..files import expect_regular, items, read_json, show
+from ..files.text import expect_regular, items, read_json, show
 from ..formats.donkeycar import looks_like_tub
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.arrays import F32, F64, U8
-from maurice_mcl.map import Arena
-from maurice_mcl.radii import Radii
-from maurice_mcl.records import (
+from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.values.arrays import F32, F64, U8
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.radii import Radii
+from maurice_mcl.values.records import (
     Belief,
     Estimate,
     LibraryEvidence,
@@ -28,11 +28,11 @@ from maurice_mcl.records import (
     Sighting,
     StepRecord,
 )
-from maurice_mcl.session import Frame, Moment
+from maurice_mcl.values.session import Frame, Moment
 
+from ..files.writing import check_target, new_folder, put
 from ..libraries.files import MANIFEST
 from ..session_log.header import arena_to_json
-from ..writing import check_target, new_folder, put
 from .manifest import (
     COMPARISON,
     CONFIGURATION,

@@ -10,12 +10,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..errors import FieldError, InputError
-from ..files import items, mapping, number, numbers, show, text, whole_characters
-from ..maps import read_ros_map
+from ..files.maps import read_ros_map
+from ..files.text import items, mapping, number, numbers, show, text, whole_characters
 
 REGIONS = ("obstacles", "floors", "rooms")
 SESSION_LOG = "session.log"  # what a folder that holds a session calls it

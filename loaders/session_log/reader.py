@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
-from ..pictures import decode_picture, picture_in
+from ..files.pictures import decode_picture, picture_in
 from .header import Kind, session_in
 from .records import (
     EventRecord,
@@ -39,7 +39,7 @@ class SurveyPicture:
 
 
 class SessionLog(HasReadingNotes):
-    """A log on disk, or in a folder as `session.log`; a `maurice_mcl.session.Session`.
+    """A log on disk, or in a folder as `session.log`; a `maurice_mcl.values.session.Session`.
 
     The header is read at once, records as asked. InputError for what is not a log, and for a broken line
     unless `keep_going`. `camera` chooses whose pictures are read: by default the header's first, or the

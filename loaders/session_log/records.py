@@ -12,13 +12,13 @@ from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import wrap_angle
-from maurice_mcl.session import SessionInfo
-from maurice_mcl.session import is_kidnapping as tells_of_kidnapping
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import wrap_angle
+from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values.session import is_kidnapping as tells_of_kidnapping
 
 from ..errors import FieldError, InputError, ReadingNotes
-from ..files import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text, time_falls
+from ..files.text import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text, time_falls
 from .header import Kind, header_from_json
 
 # A log's lines as JSON objects: streamed, bounded, strict about numbers.

@@ -11,13 +11,13 @@ from typing import Any, BinaryIO, Self
 
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError
-from ..files import MOST, MOST_T_S, up_to
-from ..pictures import PictureKind, encode_picture
-from ..writing import expect_absent
+from ..files.pictures import PictureKind, encode_picture
+from ..files.text import MOST, MOST_T_S, up_to
+from ..files.writing import expect_absent
 from .header import FORMAT, KINDS, Kind, header_to_json
 
 Numbers = F64 | Sequence[float]
@@ -32,7 +32,7 @@ class SessionWriter:
     may hold (NaN, numbers too large, a time before the last one, a survey's picture without its pose).
 
         >>> from maurice_loaders import SessionWriter
-        >>> from maurice_mcl.session import SessionInfo
+        >>> from maurice_mcl.values.session import SessionInfo
         >>> with SessionWriter("new.log", SessionInfo(name="new"), force=True) as log:
         ...     log.odometry(0.1, (0.05, 0.0, 0.0))
     """

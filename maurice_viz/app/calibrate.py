@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.calibration import (
+from maurice_loaders.calibration_trials import (
     METERS,
     covered_pictures,
     floor_between,
@@ -21,22 +21,22 @@ from maurice_loaders.calibration import (
 )
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recorded_session import drive_segments
+from maurice_loaders.files.writing import expect_absent, write_whole
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import drive_segments
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import read_header
-from maurice_loaders.writing import expect_absent, write_whole
-from maurice_mcl.calibration.motion import Calibration, FloorOf, MotionSegment, Trials
-from maurice_mcl.calibration.motion import calibrate as fit_trials
-from maurice_mcl.calibration.odometry import LinearMaurice, LinearModel, LinearOdometry
-from maurice_mcl.calibration.odometry_fit import MotionConstant, MotionFit, fit_motion
-from maurice_mcl.calibration.sensor import NoiseFloor, noise_floor
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.fitting.motion import Calibration, FloorOf, MotionSegment, Trials
+from maurice_mcl.fitting.motion import calibrate as fit_trials
+from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry
+from maurice_mcl.fitting.odometry_fit import MotionConstant, MotionFit, fit_motion
+from maurice_mcl.fitting.sensor import NoiseFloor, noise_floor
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
+from ..running.open import as_recorded_session, open_session
 from ..style import Units, units_named
-from .open import as_recorded_session, open_session
 
 
 @dataclass(frozen=True, slots=True, eq=False)

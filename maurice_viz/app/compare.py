@@ -12,25 +12,32 @@ import numpy as np
 from maurice_loaders.config_files import motion_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.manifest import library_hash
 from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
-from maurice_mcl.arrays import F64
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
 
 from ..entities import RESERVED
 from ..errors import OptionError
 from ..layouts import DETAILS
 from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
+from ..running.open import (
+    AnySession,
+    make_runs,
+    open_library_for,
+    open_session,
+    remark_skipped,
+    unique_labels,
+)
+from ..running.output import OutputOptions, output_of
+from ..running.run import Playback, Report, RunScores, play, remark_zeros
+from ..running.run_spec import RunSpec, settings_with
+from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
 from ..scene import RunView, Scene
-from .open import AnySession, make_runs, open_library_for, open_session, remark_skipped, unique_labels
-from .output import OutputOptions, output_of
 from .replay import replay_session
-from .run import Playback, Report, RunScores, play, remark_zeros
-from .run_spec import RunSpec, settings_with
-from .saved import Opened, open_saved, playback_of, remark_saved, view_of
 
 COLOR_AND_BLENDED = ("color", "blended")
 MOST_RUNS = 4

@@ -35,21 +35,21 @@ from maurice_loaders.export.tables import (
     path_sink,
     tum_line,
 )
+from maurice_loaders.files.pictures import PictureKind
+from maurice_loaders.files.writing import expect_apart
 from maurice_loaders.formats.registry import NATIVE, chosen
-from maurice_loaders.pictures import PictureKind
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recorded_session import begin_of
-from maurice_loaders.recording import Picture, Recording
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture, Recording
+from maurice_loaders.reading.session import begin_of
+from maurice_loaders.reading.transforms import PLACEHOLDER
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG, session_in
-from maurice_loaders.transforms import PLACEHOLDER
-from maurice_loaders.writing import expect_apart
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from .open import AnySession, as_recorded_session, open_session
-from .saved import session_of
-from .saved_steps import Pictures
+from ..running.open import AnySession, as_recorded_session, open_session
+from ..running.saved import session_of
+from ..running.saved_steps import Pictures
 
 LOG, MCAP = ".log", ".mcap"
 PICTURES = ("png", "jpeg")

@@ -10,16 +10,22 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import toml_value
+from maurice_loaders.files.text import toml_value
+from maurice_loaders.files.writing import (
+    check_target,
+    expect_absent,
+    expect_apart,
+    temporary_folder,
+    write_whole,
+)
 from maurice_loaders.libraries.files import LIBRARY, hash_file
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
 from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.header import session_in
-from maurice_loaders.writing import check_target, expect_absent, expect_apart, temporary_folder, write_whole
-from maurice_mcl.calibration.sensor import (
+from maurice_mcl.fitting.sensor import (
     Measuring,
     Sample,
     Scores,
@@ -31,25 +37,25 @@ from maurice_mcl.calibration.sensor import (
     rows_of,
     spread_out,
 )
-from maurice_mcl.calibration.sensor import tune as fit_channels
-from maurice_mcl.library import Library
-from maurice_mcl.library_quality import Coverage, coverage_of
+from maurice_mcl.fitting.sensor import tune as fit_channels
+from maurice_mcl.library.quality import Coverage, coverage_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.library import Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
-from ..text.places import drive_said
-from .drive_check import score_feature
-from .library_check import default_said, scales_said
-from .open import (
+from ..running.drive_check import score_feature
+from ..running.open import (
     as_recorded_session,
     library_at,
     open_session,
     remark_open,
     remark_skipped,
 )
+from ..text.places import drive_said
+from .library_check import default_said, scales_said
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,26 +10,26 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.writing import expect_absent, write_whole
-from maurice_mcl.arrays import F64
+from maurice_loaders.files.writing import expect_absent, write_whole
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.config.build import adapted
 from maurice_mcl.config.parameters import Layer, configure
-from maurice_mcl.library import Library
-from maurice_mcl.library_advice import Confusion, LibraryAdvice, ProposedReference, advise
-from maurice_mcl.library_quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
+from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
+from maurice_mcl.library.drive_score import DriveScore
+from maurice_mcl.library.left_out import PlaceScore, score_places
+from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.sensor.drive_score import DriveScore
-from maurice_mcl.sensor.left_out import PlaceScore, score_places
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
+from ..running.drive_check import score_feature
+from ..running.open import as_recorded_session, library_at, open_session
 from ..style import scale_for
 from ..text.places import places_said
-from .drive_check import score_feature
-from .open import as_recorded_session, library_at, open_session
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 

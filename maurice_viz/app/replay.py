@@ -11,23 +11,30 @@ from typing import Any
 from maurice_loaders.errors import SourceError
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
-from maurice_loaders.reading import MADE_ODOMETRY, ReadingOptions
+from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
+from maurice_loaders.reading.transforms import Gate
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
-from maurice_loaders.transforms import Gate
-from maurice_mcl.arrays import F64
-from maurice_mcl.library import Library
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
 
 from ..errors import OptionError
 from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
+from ..running.open import (
+    AnySession,
+    as_recorded_session,
+    library_at,
+    make_runs,
+    open_library_for,
+    open_session,
+)
+from ..running.output import OutputOptions, output_of, show_recording
+from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
+from ..running.run_spec import RunSpec, settings_with, words_of
+from ..running.saved import Inputs, open_saved, playback_of, saving
 from ..scene import RunView, Scene
-from .open import AnySession, as_recorded_session, library_at, make_runs, open_library_for, open_session
-from .output import OutputOptions, output_of, show_recording
-from .run import Playback, Report, RunScores, play, remark, remark_zeros
-from .run_spec import RunSpec, settings_with, words_of
-from .saved import Inputs, open_saved, playback_of, saving
 
 
 def replay(
@@ -113,7 +120,7 @@ def _replayed(
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-        from .drive import open_several, playback_together  # imports Rerun
+        from ..running.drive import open_several, playback_together  # imports Rerun
 
         recorded = playback_together(open_several(path, how), listener)
         return play(recorded, output.named(["as recorded"]), listener, report=report)
@@ -156,7 +163,7 @@ def replay_session(
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and output.alone and not output.no_recording
     if alone and asked is None and opened.info.survey is None:
-        from .drive import show_alone  # imports Rerun
+        from ..running.drive import show_alone  # imports Rerun
 
         written = show_alone(as_recorded_session(opened, reading), output.named(["drive"]), listener)
         return RunScores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)

@@ -9,20 +9,20 @@ from typing import Annotated
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from maurice_loaders.calibration import METERS
-from maurice_loaders.writing import expect_absent
-from maurice_mcl.calibration.motion import Calibration
-from maurice_mcl.calibration.odometry_fit import MotionFit
-from maurice_mcl.calibration.sensor import NoiseFloor
-from maurice_mcl.calibration.statistics import NOT_NORMAL, Fitted, Spread
+from maurice_loaders.calibration_trials import METERS
+from maurice_loaders.files.writing import expect_absent
+from maurice_mcl.fitting.motion import Calibration
+from maurice_mcl.fitting.odometry_fit import MotionFit
+from maurice_mcl.fitting.sensor import NoiseFloor
+from maurice_mcl.fitting.statistics import NOT_NORMAL, Fitted, Spread
 
+from ..app.belief import CalibratedBelief, calibrate_belief
 from ..app.calibrate import (
     MODELS,
     calibrate_drive,
     calibrate_motion,
     calibrate_noise,
 )
-from ..app.understand.belief import CalibratedBelief, calibrate_belief
 from ..plots.calibration import expect_matplotlib
 from ..style import Units
 from .shared import options as opt

@@ -10,9 +10,9 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from ..app.understand.check import CheckResult
-from ..app.understand.check import check as run_check
-from ..app.understand.gate.drive import DriveCheck
+from ..app.check.check import CheckResult
+from ..app.check.check import check as run_check
+from ..app.check.drive import DriveCheck
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option, read_length, reading_of, settings_of

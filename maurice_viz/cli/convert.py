@@ -184,7 +184,7 @@ def formats(
     json_output: opt.Json = False,
 ) -> None:
     """List the formats of recordings that can be read, or detect a file's."""
-    from ..app.understand.inspect import formats as find_formats
+    from ..app.inspect import formats as find_formats
 
     found = find_formats(path)
     if json_output:

@@ -34,8 +34,8 @@ def diagnose(
     keep_going: opt.KeepGoing = False,
 ) -> None:
     """Say why a filter was lost: one cause for each time, with the step and the numbers that decided."""
-    from ..app.understand.diagnose import diagnose as diagnose_runs
-    from ..app.understand.diagnose import draw, expect_drawable
+    from ..app.diagnose import diagnose as diagnose_runs
+    from ..app.diagnose import draw, expect_drawable
 
     with listening(usage=False) as listener:
         if output is not None:

@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from maurice_loaders.files import read_json
+from maurice_loaders.files.text import read_json
 
 from .main import bound_threads
 from .shared.visible import visible
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from maurice_loaders.session_log.reader import SessionLog
 
-    from ..app.run import Playback
+    from ..running.run import Playback
 
 NOT_MINE = 66
 MANIFEST = "manifest.json"  # stands for a saved run: Rerun opens a folder file by file
@@ -103,7 +103,7 @@ def _import(path: Path, recording_id: str | None) -> int:
 def _draw(path: Path, recording_id: str | None) -> None:
     from maurice_loaders.session_log.reader import SessionLog
 
-    from ..app.saved import open_saved, playback_of
+    from ..running.saved import open_saved, playback_of
     from .shared.console import TO_CONSOLE
 
     if path.name == MANIFEST:
@@ -118,9 +118,9 @@ def _draw(path: Path, recording_id: str | None) -> None:
 
 
 def _usual_run(log: SessionLog) -> Playback:
-    from ..app.open import make_runs, open_library_for
     from ..app.replay import playback_of_session
-    from ..app.run_spec import RunSpec
+    from ..running.open import make_runs, open_library_for
+    from ..running.run_spec import RunSpec
     from .shared.console import TO_CONSOLE
 
     library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)
@@ -130,8 +130,8 @@ def _usual_run(log: SessionLog) -> Playback:
 
 def _play(playback: Playback, recording_id: str | None) -> None:
     """Draw runs as they go, so that the viewer shows the first steps at once."""
-    from ..app.output import layout_of, observed
-    from ..app.run import collector_of, step_through
+    from ..running.output import layout_of, observed
+    from ..running.run import collector_of, step_through
     from ..viewer.sinks import recording
     from .shared.console import TO_CONSOLE
 
@@ -145,8 +145,8 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 
 
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
-    from ..app.drive import glances_of, moments_of
     from ..layouts.drive import DriveView, draw_drive, drive_blueprint, drive_paths
+    from ..running.drive import glances_of, moments_of
     from ..viewer.sinks import recording
     from .shared.console import note
 

@@ -11,15 +11,15 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.library_advice import AMBIGUITY, CONFUSED, GAP, HEADING, LibraryAdvice
-from maurice_mcl.library_quality import CURVE, Coverage, SelfSimilarity
+from maurice_mcl.library.advice import AMBIGUITY, CONFUSED, GAP, HEADING, LibraryAdvice
+from maurice_mcl.library.quality import CURVE, Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
+from maurice_mcl.values.library import ChannelIndex, Library
 
 from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
 from ..app.library_check import check_library
-from ..app.open import library_at
+from ..running.open import library_at
 from ..style import Scale, scale_for, units_named
 from ..text.places import drive_said, drive_score_of, places_said, scores_of
 from .shared import options as opt

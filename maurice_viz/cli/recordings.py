@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from maurice_loaders.doctor.diagnosis import Diagnosis, fixed_options, odometry_advice
+from maurice_loaders.doctor.examination import Diagnosis, fixed_options, odometry_advice
 from maurice_loaders.doctor.inspection import Inspection
 
-from ..app.understand.inspect import doctor as diagnose
-from ..app.understand.inspect import inspect as inspect_recording
+from ..app.inspect import doctor as diagnose
+from ..app.inspect import inspect as inspect_recording
 from ..style import Units, units_named
 from ..text.diagnosis import describe, evidence_for, fix_for
 from .shared import options as opt

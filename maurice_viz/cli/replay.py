@@ -26,8 +26,8 @@ from .shared.console import TO_CONSOLE, listening, note, print_json, results
 from .shared.options import output_of, reading_of, sensor_pairs, settings_of
 
 if TYPE_CHECKING:
-    from ..app.run import Report, RunScores
     from ..playback import RunResult
+    from ..running.run import Report, RunScores
 
 QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
 KIDNAPPED, FEATURES = STORIES = ("kidnapped", "features")  # of the demo
@@ -63,9 +63,9 @@ def replay(
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
     if follow or is_live(session):
         os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
-    from ..app.output import serving
     from ..app.replay import LiveOptions
     from ..app.replay import replay as replay_once
+    from ..running.output import serving
 
     output = output_of(drive_name(session), rrd, save_run, layout, detail, web=web, force=force)
     output = replace(output, alone=not json_output)
@@ -131,7 +131,7 @@ def compare(
     """
     from ..app.compare import SEVERAL
     from ..app.compare import compare as compare_runs
-    from ..app.output import serving
+    from ..running.output import serving
 
     stem = drive_name(paths[0]) if len(paths) == 1 else SEVERAL
     output = output_of(stem, rrd, save_run, layout, detail, web=web, force=force)
@@ -189,7 +189,7 @@ def demo(
 
     from ..app.compare import COLOR_AND_BLENDED
     from ..app.compare import compare as compare_runs
-    from ..app.output import serving
+    from ..running.output import serving
 
     with listening(usage=False) as listener:
         if session_only is None:
@@ -224,7 +224,7 @@ def demo(
 
 def verify(run: opt.Run, json_output: opt.Json = False) -> None:
     """Filter a saved run again; exit status 0 if every step is the same bit by bit, else 1."""
-    from ..app.saved import verify as verify_run
+    from ..running.saved import verify as verify_run
 
     with listening() as listener:
         verdicts = verify_run(run, listener=listener)

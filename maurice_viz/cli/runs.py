@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from maurice_mcl.analysis.events import KINDS, RunEvent
+from maurice_mcl.scoring.events import KINDS, RunEvent
 
 from ..entities import Phase
 from .shared import options as opt
@@ -98,7 +98,7 @@ def explain(
     json_output: opt.Json = False,
 ) -> None:
     """Explain why the filter believed what it believed at one update of a saved run."""
-    from ..app.understand.explain import explain as explain_run
+    from ..app.explain import explain as explain_run
 
     with listening() as listener:
         explained = explain_run(
@@ -172,7 +172,7 @@ def snapshot(
     force: opt.Force = False,
 ) -> None:
     """Write a picture or a movie of the viewer with a saved run or a recording; no screen is needed."""
-    from ..app.understand import snapshot as app
+    from ..app import snapshot as app
     from ..viewer.movie import SUFFIXES
 
     is_movie = output.suffix in SUFFIXES
@@ -217,7 +217,7 @@ def budget(
     Each part in turn is made perfect by the truth, on the same seeds; what that takes off the error is what
     the part costs.
     """
-    from ..app.understand.budget import error_budget
+    from ..app.budget import error_budget
     from ..text.budget import budget_rows, say_budget
 
     with listening() as listener:

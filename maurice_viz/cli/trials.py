@@ -31,7 +31,7 @@ from maurice_datasets.trials.table import (
     load_trials,
     paired,
 )
-from maurice_loaders.writing import expect_absent, write_whole
+from maurice_loaders.files.writing import expect_absent, write_whole
 
 from ..listener import progress_of
 from ..text.trials import metric_title, name_of

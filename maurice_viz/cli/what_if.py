@@ -20,8 +20,8 @@ from .shared.console import TO_CONSOLE, listening, note, print_json, results
 from .shared.options import option, output_of, settings_of
 
 if TYPE_CHECKING:
-    from ..app.understand.remedies import Remedies
-    from ..app.understand.what_if import WhatIf
+    from ..app.remedies import Remedies
+    from ..app.what_if import WhatIf
 
 REMEDIES = "Remedies"
 
@@ -73,8 +73,8 @@ def what_if(
 
     The branch draws the same random numbers as the run, so whatever differs comes from the change.
     """
-    from ..app.output import serving
-    from ..app.understand.what_if import what_if as branch
+    from ..app.what_if import what_if as branch
+    from ..running.output import serving
 
     if remedy:
         if preset or feature or particles or seed is not None or settings or anywhere or rrd or web:
@@ -105,7 +105,7 @@ def what_if(
 
 
 def _remedies(run: Path, from_step: int | None, seeds: int, run_label: str | None, json_output: bool) -> None:
-    from ..app.understand.remedies import remedies
+    from ..app.remedies import remedies
 
     with listening(usage=False) as listener:
         found = remedies(run, from_step, seeds=seeds, run_label=run_label, listener=listener)

@@ -12,9 +12,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from maurice_mcl.library import ChannelIndex
 from maurice_mcl.sensor.descriptors.channel import BINS
 from maurice_mcl.sensor.distances import DISTANCES, contributions
+from maurice_mcl.values.library import ChannelIndex
 
 from ..style import PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
 

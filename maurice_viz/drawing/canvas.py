@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.map import Arena, Region
 
 from ..style import EMPTY, GROUND, OBSTACLE, PALE, RGB, Scale
 

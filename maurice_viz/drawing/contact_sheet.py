@@ -15,10 +15,10 @@ import cv2
 import numpy as np
 
 from maurice_loaders.errors import PictureError
-from maurice_loaders.pictures import decode_picture, picture_file
-from maurice_mcl.arrays import U8
-from maurice_mcl.library import Library
-from maurice_mcl.records import Comparison
+from maurice_loaders.files.pictures import decode_picture, picture_file
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.records import Comparison
 
 from ..style import GROUND, MISSING, PALE, RANK, RGB, RUN_COLORS, TRUTH, Scale
 from .canvas import blank, jpeg, put_text, text_size

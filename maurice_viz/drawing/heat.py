@@ -8,8 +8,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F32, U8
 from maurice_mcl.sensor.descriptors import chromaticity
+from maurice_mcl.values.arrays import F32, U8
 
 from ..style import BAR, EMPTY, GROUND, PALE
 from .bars import REFERENCE, SAMPLE, SMALLEST

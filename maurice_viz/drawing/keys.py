@@ -13,8 +13,8 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import U8
-from maurice_mcl.map import Arena
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.map import Arena
 
 from .. import style
 from ..entities import Phase

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.analysis.explanation import ChannelExplanation, EntryExplanation
-from maurice_mcl.arrays import F32, F64, I32, U8
+from maurice_mcl.reasons.explanation import ChannelExplanation, EntryExplanation
+from maurice_mcl.values.arrays import F32, F64, I32, U8
 
 from ..style import BAR, EMPTY, GROUND, PALE, PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
 from .bars import REFERENCE, SAMPLE, SMALLEST, bands_of

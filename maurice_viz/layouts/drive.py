@@ -12,14 +12,14 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from maurice_loaders.recording import SimplifiedPath
-from maurice_loaders.transforms import PLACEHOLDER
-from maurice_mcl.arrays import F32, F64
-from maurice_mcl.geometry import compose, compose_motions, motion_between
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
+from maurice_loaders.reading.recording import SimplifiedPath
+from maurice_loaders.reading.transforms import PLACEHOLDER
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values.geometry import compose, compose_motions, motion_between
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import Moment, SessionInfo
 
 from .. import entities
 from ..drawing.canvas import Extent, long_side, map_extent

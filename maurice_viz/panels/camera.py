@@ -8,8 +8,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.arrays import U8
 from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.values.arrays import U8
 
 from .. import entities
 from ..drawing.arrow import blob_of, row_of

@@ -8,11 +8,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.analysis.run_comparison import Step, StepComparison
-from maurice_mcl.arrays import F32, F64, I32, U8
-from maurice_mcl.map import Arena
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.scoring.comparison import Step, StepComparison
+from maurice_mcl.values.arrays import F32, F64, I32, U8
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 
 from .. import entities
 from ..drawing.canvas import jpeg, long_side

@@ -10,11 +10,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.analysis import events as kinds
-from maurice_mcl.analysis import events as states
-from maurice_mcl.analysis.events import KINDS, RunEvent
-from maurice_mcl.analysis.failures.kinds import CAUSES, Failure
-from maurice_mcl.session import Moment, first_word
+from maurice_mcl.reasons.failures.kinds import CAUSES, Failure
+from maurice_mcl.scoring import events as kinds
+from maurice_mcl.scoring import events as states
+from maurice_mcl.scoring.events import KINDS, RunEvent
+from maurice_mcl.values.session import Moment, first_word
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths

@@ -16,7 +16,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.analysis.explanation import (
+from maurice_mcl.reasons.explanation import (
     ESTIMATE,
     TRUTH,
     WINNER,
@@ -24,9 +24,9 @@ from maurice_mcl.analysis.explanation import (
     StepExplanation,
     explain_step,
 )
-from maurice_mcl.arrays import U8
 from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.values.arrays import U8
 
 from .. import entities
 from .. import style as look

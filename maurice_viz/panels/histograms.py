@@ -11,9 +11,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.arrays import F32
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
+from maurice_mcl.values.arrays import F32
 
 from ..drawing.arrow import blob_of, row_of, tensor_of
 from ..drawing.bars import (

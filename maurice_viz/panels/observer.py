@@ -9,13 +9,13 @@ from typing import Protocol
 
 import rerun as rr
 
-from maurice_mcl.analysis.events import EventDetector
-from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.library import Library
-from maurice_mcl.radii import USUAL, Radii
-from maurice_mcl.records import StepRecord
+from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.radii import USUAL, Radii
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment, SessionInfo
 
 from ..entities import Phase, RunPaths
 from ..scene import Detail

@@ -12,17 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
-from maurice_mcl.analysis.events import RunEvent
-from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.analysis.modes import TrackedMode
-from maurice_mcl.arrays import F64, U8
 from maurice_mcl.filter.localizer import EXPANDED
-from maurice_mcl.library import Library
-from maurice_mcl.radii import USUAL, Radii
-from maurice_mcl.records import StepRecord
+from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.scoring.events import RunEvent
+from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.radii import USUAL, Radii
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 
 from ..drawing.canvas import png
 from ..entities import PHASE, SESSION, STEP, Phase, RunPaths, phase_number

@@ -10,9 +10,9 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from maurice_mcl.analysis.modes import Ancestry, TrackedMode
-from maurice_mcl.arrays import F32, F64, U8
-from maurice_mcl.records import Belief, StepRecord
+from maurice_mcl.scoring.modes import Ancestry, TrackedMode
+from maurice_mcl.values.arrays import F32, F64, U8
+from maurice_mcl.values.records import Belief, StepRecord
 
 from .. import style
 from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars, strips_of, texts_of

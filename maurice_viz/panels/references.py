@@ -12,10 +12,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from scipy.spatial import cKDTree
 
-from maurice_mcl.arrays import F32, F64
-from maurice_mcl.library import Library
-from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.references import NearestReference
+from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.records import Comparison
 
 from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of

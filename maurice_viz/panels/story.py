@@ -9,11 +9,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.analysis.events import KIDNAPPED
-from maurice_mcl.analysis.failures.verdict import RunVerdict, decisive_step
-from maurice_mcl.analysis.tour import tour_of
-from maurice_mcl.arrays import F64
-from maurice_mcl.session import Moment
+from maurice_mcl.reasons.failures.verdict import RunVerdict, decisive_step
+from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.scoring.events import KIDNAPPED
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import Moment
 
 from ..drawing.arrow import points_of, row_of, strips_of, texts_of
 from ..drawing.canvas import long_side

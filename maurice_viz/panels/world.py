@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 
-from maurice_mcl.analysis.events import KIDNAPPED
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
+from maurice_mcl.scoring.events import KIDNAPPED
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
 
 from .. import entities
 from ..drawing import keys

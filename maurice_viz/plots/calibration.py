@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.writing import expect_absent, write_whole
-from maurice_mcl.arrays import F64
-from maurice_mcl.calibration.motion import Calibration, Trials
-from maurice_mcl.calibration.sensor import COLORS, NoiseFloor, stretched
-from maurice_mcl.calibration.statistics import Fitted, Spread
+from maurice_loaders.files.writing import expect_absent, write_whole
+from maurice_mcl.fitting.motion import Calibration, Trials
+from maurice_mcl.fitting.sensor import COLORS, NoiseFloor, stretched
+from maurice_mcl.fitting.statistics import Fitted, Spread
 from maurice_mcl.sensor.descriptors.channel import BINS, LOW, WIDTH
+from maurice_mcl.values.arrays import F64
 
 from ..style import Units
 

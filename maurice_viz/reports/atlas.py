@@ -15,9 +15,9 @@ from maurice_datasets.trials.atlas import FailureAtlas, failure_atlas
 from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.rows import KEY
 from maurice_loaders.errors import InputError
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena
 
 from ..drawing.canvas import ticks as round_ticks
 from ..text.trials import name_of

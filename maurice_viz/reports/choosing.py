@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.analysis.events import KINDS, RunEvent
+from maurice_mcl.scoring.events import KINDS, RunEvent
 
-from ..app.saved_steps import Collected
+from ..running.saved_steps import Collected
 
 MAX_PICTURES = 12
 MANY = 20  # a kind with more events in a run is counted, not listed

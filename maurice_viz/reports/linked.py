@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
+from maurice_mcl.values.arrays import F64
 
-from ..app.saved_steps import Collected
+from ..running.saved_steps import Collected
 from ..style import Scale
 from .charts import Axes, DrawnChart
 from .map import DrawnMap

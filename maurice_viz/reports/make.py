@@ -11,20 +11,20 @@ import numpy as np
 from markupsafe import Markup
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import read_toml
+from maurice_loaders.files.text import read_toml
+from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
-from maurice_loaders.writing import expect_absent, write_whole
-from maurice_mcl.analysis.events import KINDS
-from maurice_mcl.analysis.failures.verdict import decisive_step
-from maurice_mcl.library import Library
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.reasons.failures.verdict import decisive_step
+from maurice_mcl.scoring.events import KINDS
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.session import SessionInfo
 
-from ..app.saved import Opened, open_saved
-from ..app.saved_steps import Collected, Pictures, collect, restored_together
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..playback import RunResult
+from ..running.saved import Opened, open_saved
+from ..running.saved_steps import Collected, Pictures, collect, restored_together
 from ..style import RGB, RUN_COLORS, TRUTH, Scale, scale_for
 from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line

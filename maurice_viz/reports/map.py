@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.map import Arena
-from maurice_mcl.radii import USUAL
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.radii import USUAL
 
-from ..app.saved_steps import Track
 from ..drawing.canvas import ticks
 from ..panels.world import clipped
+from ..running.saved_steps import Track
 from ..style import Scale
 from .charts import DASHES, Axes
 

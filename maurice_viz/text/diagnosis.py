@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from maurice_mcl.diagnosis.findings import Finding
+from maurice_loaders.doctor.findings import Finding
 
 from ..style import Units, units_named
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.analysis.explanation import (
+from maurice_mcl.reasons.explanation import (
     ASKED,
     ESTIMATE,
     TRUTH,
@@ -22,10 +22,10 @@ from maurice_mcl.analysis.explanation import (
     PoseOffset,
     StepExplanation,
 )
-from maurice_mcl.arrays import F64
 from maurice_mcl.sensor.descriptors import chromaticity, color_grid, color_layout, gain_color, hog, tiny
 from maurice_mcl.sensor.descriptors.channel import BINS, HIGH, LOW, WIDTH
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.values.arrays import F64
 
 from ..style import Scale
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from maurice_mcl.analysis.explanation import (
+from maurice_mcl.reasons.explanation import (
     TRUTH,
     WINNER,
     EntryExplanation,

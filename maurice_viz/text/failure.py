@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from maurice_mcl.analysis.events import FAILURE, KINDS, RunEvent, joined
-from maurice_mcl.analysis.failures.kinds import (
+from maurice_mcl.reasons.failures.kinds import (
     AMBIGUITY,
     DATA,
     KIDNAPPED,
@@ -22,6 +21,7 @@ from maurice_mcl.analysis.failures.kinds import (
     VIEW,
     Failure,
 )
+from maurice_mcl.scoring.events import FAILURE, KINDS, RunEvent, joined
 
 from ..style import Scale
 from .explanation import planes_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from maurice_mcl.analysis.events import say_recovery_test
-from maurice_mcl.arrays import F64, Bool
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER, RESAMPLED
-from maurice_mcl.geometry import angle_between, circular_mean
-from maurice_mcl.records import Belief, Estimate, StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.scoring.events import say_recovery_test
+from maurice_mcl.values.arrays import F64, Bool
+from maurice_mcl.values.geometry import angle_between, circular_mean
+from maurice_mcl.values.records import Belief, Estimate, StepRecord
+from maurice_mcl.values.session import Moment
 
 from ..entities import PHASES_PER_STEP, Phase
 from ..style import Scale

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.analysis.failures.verdict import RunVerdict
-from maurice_mcl.analysis.run_comparison import ErrorDifference
+from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.scoring.comparison import ErrorDifference
 
 from ..playback import RunResult
 from ..style import Scale

@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from maurice_mcl.arrays import F64
-from maurice_mcl.map import Arena
-from maurice_mcl.pose_sensor import MovedThing, PoseSensor, Shown
-from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.landmarks.sensor import OTHER_SHAPE, Landmarks
-from maurice_mcl.session import Frame
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.pose_sensor import MovedThing, PoseSensor, Shown
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Frame
 
 from ..style import Scale
 

@@ -6,17 +6,17 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from maurice_mcl.analysis.dead_reckoning import CAMERA, SENSORS
-from maurice_mcl.analysis.episodes import SEARCHING
-from maurice_mcl.analysis.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
-from maurice_mcl.analysis.run_comparison import (
+from maurice_mcl.scoring.comparison import (
     APART_FOR,
     ComparisonResult,
     ErrorDifference,
     Step,
     StepComparison,
 )
-from maurice_mcl.radii import Radii
+from maurice_mcl.scoring.dead_reckoning import CAMERA, SENSORS
+from maurice_mcl.scoring.episodes import SEARCHING
+from maurice_mcl.scoring.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
+from maurice_mcl.values.radii import Radii
 
 from ..playback import RunResult
 from ..style import COLOR_WORDS, Scale, Units

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.analysis.episodes import Episode
-from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause
-from maurice_mcl.analysis.failures.kinds import Failure
-from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong
-from maurice_mcl.analysis.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
+from maurice_mcl.reasons.failures.ambiguity import Ambiguity
+from maurice_mcl.reasons.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause
+from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.failures.verdict import RunVerdict, SureAndWrong
+from maurice_mcl.reasons.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
+from maurice_mcl.scoring.episodes import Episode
 
 from ..scene import EVENLY, LIKELY, NEVER, RunView
 from ..style import Scale

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from maurice_datasets.trials.rows import SCHEMA
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M
 
 UNITS = {"_m": ("in", 1 / INCH_M), "_rad": ("deg", 180 / math.pi), "_s": ("s", 1.0)}
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.analysis.episodes import KIDNAPPED, SEARCHING, Episode
-from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, TURNED, Cause
-from maurice_mcl.analysis.failures.kinds import KIDNAPPED as WAS_KIDNAPPED
-from maurice_mcl.analysis.failures.kinds import LIGHTING, MOTION
-from maurice_mcl.analysis.failures.verdict import RunVerdict
-from maurice_mcl.analysis.metrics import RIGHT_RAD, StepScore
+from maurice_mcl.reasons.failures.ambiguity import Ambiguity
+from maurice_mcl.reasons.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, TURNED, Cause
+from maurice_mcl.reasons.failures.kinds import KIDNAPPED as WAS_KIDNAPPED
+from maurice_mcl.reasons.failures.kinds import LIGHTING, MOTION
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
+from maurice_mcl.scoring.metrics import RIGHT_RAD, StepScore
 
 from ..style import Scale
 from .failure import say_cause

@@ -18,7 +18,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_loaders.writing import remove_leftovers
+from maurice_loaders.files.writing import remove_leftovers
 
 from ..errors import SinkError
 from .blocks import BlockRecording

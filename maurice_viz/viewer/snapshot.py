@@ -19,7 +19,7 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.writing import temporary_folder
+from maurice_loaders.files.writing import temporary_folder
 
 from ..entities import PHASE, STEP
 from .open_viewers import Tied, address, free_port, start_viewer

@@ -15,12 +15,8 @@ from ..filter.motion import motion_model
 from ..filter.proposal import regions
 from ..filter.recovery import STRATEGIES, RecoveryStep
 from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
-from ..library import Library
-from ..map import spacing
-from ..pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
-from ..radii import Radii, radii_of
+from ..library.left_out import PlaceScore, is_sparse, score_places
 from ..sensor.descriptors.registry import CHANNELS, weights_of
-from ..sensor.left_out import PlaceScore, is_sparse, score_places
 from ..sensor.model import SensorModel
 from ..sensor.outside import with_sensors
 from ..sensor.references import (
@@ -29,7 +25,11 @@ from ..sensor.references import (
     nearest_reference,
 )
 from ..sensor.virtual_references import virtual_references
-from ..session import Session
+from ..values.library import Library
+from ..values.map import spacing
+from ..values.pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
+from ..values.radii import Radii, radii_of
+from ..values.session import Session
 from .parameters import (
     PRESETS,
     Configuration,

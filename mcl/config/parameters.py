@@ -16,14 +16,14 @@ from ..filter.guided_motion import GuidedMotionParameters
 from ..filter.motion import MotionOutliers
 from ..filter.recovery import STRATEGIES, RecoveryParameters
 from ..filter.resampling import POLICIES, RESAMPLERS, KldParameters
-from ..map import OBSTACLES, SOLID
-from ..radii import RadiiParameters
 from ..sensor.descriptors.registry import FEATURES, weights_of
 from ..sensor.distances import DISTANCES
 from ..sensor.model import SensorParameters
 from ..sensor.outside import load_sensor
 from ..sensor.references import InterpolationParameters
-from ..setting_rules import SHARE, Rule, choice, number, rules_of, table, truth, whole
+from ..values.map import OBSTACLES, SOLID
+from ..values.radii import RadiiParameters
+from ..values.setting_rules import SHARE, Rule, choice, number, rules_of, table, truth, whole
 from .rules import channels, check_channel, weights
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from ..pose_sensor import POSE_SENSORS
 from ..sensor.descriptors.registry import CHANNELS
-from ..setting_rules import Rule, number
+from ..values.pose_sensor import POSE_SENSORS
+from ..values.setting_rules import Rule, number
 
 
 def channels(inner: Rule) -> Rule:

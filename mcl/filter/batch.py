@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32
-from ..radii import Radii
-from ..records import Comparison, Estimate, FilterState, StepRecord
 from ..sensor.ahead import Compared, KnownDescriptors, compared_ahead
 from ..sensor.model import SensorModel
-from ..session import Frame, Moment
+from ..values.arrays import F32, F64, I32
+from ..values.radii import Radii
+from ..values.records import Comparison, Estimate, FilterState, StepRecord
+from ..values.session import Frame, Moment
 from .batch_step import Batch, Runs, can_batch
 from .estimate import CIRCLE_M, share_within
 from .localizer import RESAMPLED, Localizer

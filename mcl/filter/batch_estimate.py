@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, Bool
-from ..radii import Radii
+from ..values.arrays import F32, F64, Bool
+from ..values.radii import Radii
 from .estimate import CELLS_A_CLUSTER, CIRCLE_M, MOST_CELLS_A_SIDE, MOST_SHIFTS, SETTLED_M, TIE, disc
 
 Ints = NDArray[np.int64]

@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32, U64, Bool
-from ..randomness import (
+from ..sensor.ahead import Compared
+from ..sensor.references import InterpolatedReference
+from ..values.arrays import F32, F64, I32, U64, Bool
+from ..values.randomness import (
     Domain,
     Purpose,
     address_words,
@@ -23,10 +25,8 @@ from ..randomness import (
     normals_of,
     random_bits,
 )
-from ..records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
-from ..sensor.ahead import Compared
-from ..sensor.references import InterpolatedReference
-from ..session import Frame
+from ..values.records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
+from ..values.session import Frame
 from .batch_estimate import Clouds, are_wide, batch_estimates
 from .localizer import Localizer
 from .motion import with_outliers

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..randomness import Domain, Purpose, stream
-from ..records import NO_HISTORY, Belief, FilterState, RecoveryState, StepRecord, uniform_log_weights
+from ..values.randomness import Domain, Purpose, stream
+from ..values.records import NO_HISTORY, Belief, FilterState, RecoveryState, StepRecord, uniform_log_weights
 from .localizer import LEFT_MAP, Localizer, usable_evidence
 from .recovery import RecoveryStrategy
 from .resampling import systematic

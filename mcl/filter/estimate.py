@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32, Bool, dot
-from ..geometry import INCH_M, circular_mean, circular_mean_of, wrap
-from ..radii import USUAL, Radii
-from ..records import Belief, EntryLikelihood, Estimate
+from ..values.arrays import F32, F64, I32, Bool, dot
+from ..values.geometry import INCH_M, circular_mean, circular_mean_of, wrap
+from ..values.radii import USUAL, Radii
+from ..values.records import Belief, EntryLikelihood, Estimate
 
 CELLS_A_CLUSTER = 4  # in its radius: the mode is first sought on a raster of such cells ...
 MOST_CELLS_A_SIDE = 400  # ... or of larger ones, where the cloud is spread over more than a hundred radii

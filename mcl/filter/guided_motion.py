@@ -18,9 +18,9 @@ from typing import Annotated
 
 import numpy as np
 
-from ..arrays import F32, F64
-from ..geometry import wrap
-from ..setting_rules import number
+from ..values.arrays import F32, F64
+from ..values.geometry import wrap
+from ..values.setting_rules import number
 from .sensor_proposal import SURE
 
 UNIT = np.float32(0.5)  # standard deviations by which noise is changed to see what it does

@@ -17,13 +17,16 @@ from typing import Literal
 
 import numpy as np
 
-from ..arrays import F32, F64
 from ..errors import InputError
-from ..library import Library
-from ..map import SOLID, Arena, spacing
-from ..radii import USUAL, Radii
-from ..randomness import Domain, Purpose, normals, stream
-from ..records import (
+from ..sensor.ahead import Compared
+from ..sensor.model import SensorModel
+from ..sensor.references import NearestReference
+from ..values.arrays import F32, F64
+from ..values.library import Library
+from ..values.map import SOLID, Arena, spacing
+from ..values.radii import USUAL, Radii
+from ..values.randomness import Domain, Purpose, normals, stream
+from ..values.records import (
     Belief,
     Comparison,
     FilterState,
@@ -32,10 +35,7 @@ from ..records import (
     effective_sample_size,
     normalize,
 )
-from ..sensor.ahead import Compared
-from ..sensor.model import SensorModel
-from ..sensor.references import NearestReference
-from ..session import Frame, Moment, Session
+from ..values.session import Frame, Moment, Session
 from .estimate import entry_weights, estimates, log_mean_likelihood
 from .guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
 from .motion import MotionModel, MotionOutliers, keep_in, motion_model, widths, with_outliers

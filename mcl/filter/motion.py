@@ -16,11 +16,11 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64
-from ..geometry import INCH_M, wrap
-from ..map import Grid
-from ..records import Belief
-from ..setting_rules import SHARE, number
+from ..values.arrays import F32, F64
+from ..values.geometry import INCH_M, wrap
+from ..values.map import Grid
+from ..values.records import Belief
+from ..values.setting_rules import SHARE, number
 
 MOST = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 

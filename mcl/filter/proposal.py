@@ -16,13 +16,13 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32
-from ..geometry import wrap
-from ..map import Grid
-from ..pose_sensor import PoseProposal
-from ..records import Belief, uniform_log_weights
 from ..sensor.references import HEADING_BINS, NearestReference
-from ..setting_rules import SHARE, number
+from ..values.arrays import F32, F64, I32
+from ..values.geometry import wrap
+from ..values.map import Grid
+from ..values.pose_sensor import PoseProposal
+from ..values.records import Belief, uniform_log_weights
+from ..values.setting_rules import SHARE, number
 from .resampling import systematic
 from .sensor_proposal import OF_SENSORS, density, draw_poses
 

@@ -12,10 +12,11 @@ from typing import Annotated
 
 import numpy as np
 
-from ..geometry import wrap
-from ..map import spacing
-from ..randomness import normals
-from ..records import (
+from ..sensor.references import NearestReference
+from ..values.geometry import wrap
+from ..values.map import spacing
+from ..values.randomness import normals
+from ..values.records import (
     AVERAGES,
     NO_HISTORY,
     PICTURE,
@@ -25,8 +26,7 @@ from ..records import (
     RecoveryTest,
     uniform_log_weights,
 )
-from ..sensor.references import NearestReference
-from ..setting_rules import NATS, SHARE, choice, number, whole
+from ..values.setting_rules import NATS, SHARE, choice, number, whole
 from .proposal import MixtureParameters, Regions, likely_poses, uniform_poses
 from .resampling import Resampled
 from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of

@@ -14,11 +14,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import F32, F64, I32, Bool
-from ..geometry import INCH_M, circular_mean, wrap
-from ..randomness import Purpose, normals
-from ..records import Belief, effective_sample_size, uniform_log_weights
-from ..setting_rules import number, whole
+from ..values.arrays import F32, F64, I32, Bool
+from ..values.geometry import INCH_M, circular_mean, wrap
+from ..values.randomness import Purpose, normals
+from ..values.records import Belief, effective_sample_size, uniform_log_weights
+from ..values.setting_rules import number, whole
 
 # Schemes: from normalized weights (N,) and a generator to the parent of each of n new particles.
 

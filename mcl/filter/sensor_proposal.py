@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..arrays import F32, F64
-from ..geometry import wrap, wrap_angle
-from ..pose_sensor import PoseProposal, PoseSensor
-from ..records import Belief, Comparison
+from ..values.arrays import F32, F64
+from ..values.geometry import wrap, wrap_angle
+from ..values.pose_sensor import PoseProposal, PoseSensor
+from ..values.records import Belief, Comparison
 
 OF_SENSORS = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
 COVERED = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself

@@ -8,6 +8,4 @@
 - `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
 - `outside`: pose sensors of other packages, loaded by name
 - `landmarks`: points of the library's pictures whose place in space is known, a pose sensor of its own
-- `left_out`: whether a library can tell its places apart, by leaving each place out
-- `drive_score`: whether a drive's pictures fit where they were taken
 """

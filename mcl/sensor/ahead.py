@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Protocol
 
-from ..arrays import F32, U8
-from ..pose_sensor import PoseSensor
-from ..records import Comparison
-from ..session import Frame, Moment
+from ..values.arrays import F32, U8
+from ..values.pose_sensor import PoseSensor
+from ..values.records import Comparison
+from ..values.session import Frame, Moment
 from .descriptors.registry import CHANNELS
 from .model import SensorModel
 

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..arrays import F32
-from ..library import Centered, ChannelIndex
+from ..values.arrays import F32
+from ..values.library import Centered, ChannelIndex
 
 Distance = Callable[[F32, ChannelIndex], F32]
 

@@ -13,12 +13,12 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from ..arrays import F32, F64, U8
-from ..library import ChannelIndex, Library
-from ..pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed
-from ..records import Comparison, Sighting
-from ..session import Frame
-from ..setting_rules import choice, number, texts
+from ..values.arrays import F32, F64, U8
+from ..values.library import ChannelIndex, Library
+from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed
+from ..values.records import Comparison, Sighting
+from ..values.session import Frame
+from ..values.setting_rules import choice, number, texts
 from .descriptors.registry import CHANNELS, SCALES
 from .distances import DISTANCES
 from .references import ReferenceLookup

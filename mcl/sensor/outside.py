@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import F32, F64
 from ..errors import InputError
-from ..library import Library
-from ..pose_sensor import EXACT, POSE_SENSORS, PoseProposal, PoseSensor, PoseSpread, Shown
-from ..session import Frame
+from ..values.arrays import F32, F64
+from ..values.library import Library
+from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseProposal, PoseSensor, PoseSpread, Shown
+from ..values.session import Frame
 from .descriptors.registry import CHANNELS, NAME
 
 GROUP = "maurice_replay.sensors"

@@ -17,10 +17,10 @@ from typing import Annotated, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F32, F64, I32, Bool
-from ..geometry import INCH_M, wrap_angle
-from ..map import Arena, Grid, crosses, make_grid, place_tree, spacing
-from ..setting_rules import number, truth, whole
+from ..values.arrays import F32, F64, I32, Bool
+from ..values.geometry import INCH_M, wrap_angle
+from ..values.map import Arena, Grid, crosses, make_grid, place_tree, spacing
+from ..values.setting_rules import number, truth, whole
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
 

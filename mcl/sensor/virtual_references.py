@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import F64, I32
-from ..geometry import wrap
-from ..library import ChannelIndex
-from ..map import Arena, crosses, place_tree, spacing
+from ..values.arrays import F64, I32
+from ..values.geometry import wrap
+from ..values.library import ChannelIndex
+from ..values.map import Arena, crosses, place_tree, spacing
 from .references import MOST_TURNED, SAME_PLACE_M, distinct_places
 
 VIRTUAL_NEIGHBORS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..arrays import F32, F64, U8, Bool
-from ..geometry import wrap, wrap_angle
+from ..values.arrays import F32, F64, U8, Bool
+from ..values.geometry import wrap, wrap_angle
 
 FEATURES_OF_PICTURE = 500
 CONTRAST, EDGE = 0.01, 20  # of SIFT: many weak points, as pictures are small and walls bare

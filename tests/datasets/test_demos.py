@@ -9,7 +9,7 @@ import sys
 from maurice_datasets import demos, sessions
 from maurice_datasets.folders import seal
 from maurice_datasets.tasks import simulation_key
-from maurice_loaders.writing import cache_root
+from maurice_loaders.files.writing import cache_root
 
 
 def test_keys_are_those_of_the_plans():

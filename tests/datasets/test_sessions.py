@@ -17,8 +17,8 @@ from maurice_datasets.trials.drives import Held
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.session import Frame, Moment
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.session import Frame, Moment
 
 QUICK = Surveyor(headings=1, covered=2)
 UPDATES = 6

@@ -20,10 +20,10 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
-from maurice_loaders.calibration import trials_from_session
+from maurice_loaders.calibration_trials import trials_from_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.geometry import compose_motions
+from maurice_mcl.values.geometry import compose_motions
 
 QUICK = Surveyor(headings=1, covered=1)
 SHORT = SimulationPlan(TASKS["tracking"], updates=4)

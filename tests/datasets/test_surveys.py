@@ -5,7 +5,7 @@ import pytest
 
 from maurice_datasets.render.camera_session import session_camera, survey_camera
 from maurice_datasets.surveys import Surveyor, placed_poses, reference_poses, references
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M
 
 NODES = np.array([[1.0, 2.0], [3.0, 4.0], [0.5, 0.25]])
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.pictures import encode_jpeg
 
 HEADER: dict[str, Any] = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "drive"}
 FULL: dict[str, Any] = HEADER | {

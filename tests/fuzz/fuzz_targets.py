@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import FieldError, InputError, PictureError, ReadingNotes
+from maurice_loaders.files.pictures import decode_picture
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
 from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.intake import Intake, Received
@@ -30,9 +31,8 @@ from maurice_loaders.live.session import LiveRecorder
 from maurice_loaders.live.source import Listening, LiveSource, Patience
 from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import ASK, HEAD, Foxglove, Rosbridge, WebsocketStream
-from maurice_loaders.pictures import decode_picture
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Picture
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture
 from maurice_loaders.session_log.reader import SessionLog, picture_bytes
 from maurice_loaders.session_log.records import PictureRecord, read_header, read_records
 

@@ -19,7 +19,7 @@ from fuzz_watch import TookTooLong, in_memory, in_time
 from maurice_loaders.formats.cmucam import decode_frame, frames
 from maurice_loaders.live.source import LineCutter
 from maurice_loaders.live.websocket import ASK, WebsocketStream
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import PictureRecord, record_of
 

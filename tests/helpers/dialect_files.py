@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from helpers.recordings import read
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Picture
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture
 
 BEGIN_S = 1305031102.1753
 BEGIN_NS = 1403636579763555584

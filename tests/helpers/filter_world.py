@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.geometry import compose
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena, Region
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 WIDTH_M, DEPTH_M, PITCH_M, DOOR_M = 4.0, 3.0, 0.5, 2.0
 MAURICE = {"model": "maurice", "drift": {"": {"sd_rad_per_m": 0.02}, "carpet": {"bias_rad_per_m": -0.05}}}

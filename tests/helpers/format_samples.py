@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.session import SessionInfo
 
 BEGIN_S = 1_700_000_000
 SMALL = 4  # updates

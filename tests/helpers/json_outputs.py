@@ -14,8 +14,8 @@ from helpers.commands import run
 from helpers.pages import prepare
 from helpers.small_session import picture_at, small_arena, write_small_survey
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.geometry import compose
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.session import SessionInfo
 
 LOST = "--preset thesis --particles 200 --rrd none"
 FIRST = (f"replay drive {LOST} --save-run lost", "trials run plan.toml -o made --workers 1")

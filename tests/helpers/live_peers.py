@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.pictures import encode_jpeg
 
 HEADER = json.dumps({"format": "maurice-session-log", "version": 1, "kind": "session", "name": "live"})
 PICTURE = base64.b64encode(encode_jpeg(np.full((6, 8, 3), 90, np.uint8))).decode()

@@ -12,10 +12,10 @@ import pytest
 
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import OdometryPose, Record, Recording, TruthPose
-from maurice_mcl.arrays import F64
-from maurice_mcl.session import Session, SessionInfo
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import OdometryPose, Record, Recording, TruthPose
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import Session, SessionInfo
 
 GIVEN = SessionInfo("given")
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import compose
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import SessionInfo
 
 COLUMNS, ROWS, HEADINGS, SPACING_M = 5, 4, 8, 0.5
 UPDATES = 14

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
-from maurice_mcl.records import Belief, Comparison, Sighting, StepRecord, effective_sample_size
-from maurice_mcl.session import Frame, Moment
+from maurice_mcl.values.records import Belief, Comparison, Sighting, StepRecord, effective_sample_size
+from maurice_mcl.values.session import Frame, Moment
 
 Cloud = Sequence[tuple[float, float, float]]  # x_m, y_m and share of the weight, one a particle
 NO_IMAGE = np.zeros((2, 2, 3), np.uint8)

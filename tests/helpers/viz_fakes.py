@@ -10,16 +10,16 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.arrays import F64, U8
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.geometry import INCH_M, compose
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import INCH_M, compose
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 SPACING_M = 18 * INCH_M
 

@@ -12,11 +12,11 @@ import pyarrow as pa
 from rerun.chunk import RrdReader
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
-from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver

@@ -19,14 +19,14 @@ from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import U8
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
-from maurice_mcl.radii import radii_of
-from maurice_mcl.records import StepRecord
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.radii import radii_of
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment, SessionInfo
 
 HEADER = {"format": "maurice-session-log", "version": 1, "kind": "session", "name": "test"}
 PIXEL = "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAIAAAB7QOjdAAAADUlEQVQIHWPkEpEDAgAB2gCYpjaFTAAAAABJRU5ErkJggg=="

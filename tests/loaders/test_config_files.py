@@ -8,7 +8,7 @@ import pytest
 
 from maurice_loaders.config_files import motion_to_toml, read_motion
 from maurice_loaders.errors import InputError
-from maurice_loaders.reading import (
+from maurice_loaders.reading.options import (
     CORRECTIONS,
     FIELDS,
     ReadingOptions,

@@ -12,13 +12,13 @@ import pytest
 import maurice_viz as mv
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.events import EventDetector
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.radii import USUAL
-from maurice_mcl.records import PICTURE
-from maurice_mcl.session import Moment
+from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.values.radii import USUAL
+from maurice_mcl.values.records import PICTURE
+from maurice_mcl.values.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.panels.belief import positions

@@ -14,15 +14,15 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.arrays import F64, U8
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, RecoveryParameters
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena, Region
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorParameters
-from maurice_mcl.session import Moment
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint

@@ -15,8 +15,8 @@ from helpers.commands import failure, maurice
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders.errors import InputError
-from maurice_mcl.analysis.demands import Demands, RunTrack, judge_run
-from maurice_viz.app.understand.gate.rules import demand_results, enough
+from maurice_mcl.scoring.demands import Demands, RunTrack, judge_run
+from maurice_viz.app.check.rules import demand_results, enough
 from maurice_viz.errors import OptionError
 from maurice_viz.style import Scale, units_named
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_mcl.analysis.demands import CONVERGED, KEPT, LOCALIZED, Demands, RunJudgement
-from maurice_mcl.arrays import F64
-from maurice_viz.app.understand.gate.rules import CHANGED, LEAST_PAIRS, BaselineChange, changes
+from maurice_mcl.scoring.demands import CONVERGED, KEPT, LOCALIZED, Demands, RunJudgement
+from maurice_mcl.values.arrays import F64
+from maurice_viz.app.check.rules import CHANGED, LEAST_PAIRS, BaselineChange, changes
 from maurice_viz.style import Scale, units_named
 
 DEMANDS = Demands(max_error_m=np.inf, localized_by=20, converged_by=20)

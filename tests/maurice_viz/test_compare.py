@@ -16,11 +16,11 @@ from helpers.commands import maurice, one_line, runs_of
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app.compare import names_of
-from maurice_viz.app.open import make_runs, open_library_for
-from maurice_viz.app.run_spec import RunSpec
-from maurice_viz.app.understand.snapshot import draw_saved
+from maurice_viz.app.snapshot import draw_saved
 from maurice_viz.entities import APART, RESULT, TEXT
 from maurice_viz.playback import run_together
+from maurice_viz.running.open import make_runs, open_library_for
+from maurice_viz.running.run_spec import RunSpec
 
 FEW = ("--particles", "150", "--rrd", "none", "--json")
 AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_step"}

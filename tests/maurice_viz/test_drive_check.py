@@ -14,18 +14,18 @@ import pytest
 
 import maurice_mcl as mcl
 from helpers.commands import maurice
-from maurice_mcl.analysis.dead_reckoning import DeadReckoning
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Layer, configure
 from maurice_mcl.examples import picture_at
-from maurice_mcl.geometry import motion_between, wrap
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena
+from maurice_mcl.library.drive_score import DrivePicture, spread_groups
+from maurice_mcl.scoring.dead_reckoning import DeadReckoning
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.sensor.drive_score import DrivePicture, spread_groups
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.session import Frame, Moment, SessionInfo
-from maurice_viz.app.drive_check import suited
+from maurice_mcl.values.geometry import motion_between, wrap
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import Frame, Moment, SessionInfo
+from maurice_viz.running.drive_check import suited
 
 START = np.array([0.4, 0.9, 0.2])
 

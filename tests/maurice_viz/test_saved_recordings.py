@@ -14,10 +14,10 @@ import pytest
 from helpers import format_samples
 from helpers.commands import failure, maurice
 from maurice_loaders.errors import FieldError, InputError
-from maurice_loaders.reading import ReadingOptions, reading_from_json, reading_to_json
+from maurice_loaders.reading.options import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.runs.manifest import read_manifest, source_hash
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.geometry import compose
+from maurice_mcl.values.geometry import compose
 from maurice_viz.app import compare as side_by_side
 
 COMMON = ("--rrd", "none", "--json", "--particles", 100, "--start", "global")

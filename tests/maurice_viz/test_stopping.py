@@ -20,9 +20,9 @@ from typer.testing import CliRunner
 
 from maurice_loaders.runs.manifest import read_manifest
 from maurice_loaders.runs.writer import RunWriter
-from maurice_viz.app.run import stops_between
 from maurice_viz.cli.app import app
 from maurice_viz.cli.shared.errors import errors_end_the_command
+from maurice_viz.running.run import stops_between
 from maurice_viz.viewer import sinks
 
 
@@ -178,7 +178,7 @@ IGNORED = """
 import os, signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for a job in the background, and nohup
 import maurice_viz.cli.app, maurice_viz.cli.main
-from maurice_viz.app.run import stops_between
+from maurice_viz.running.run import stops_between
 def app():
     with stops_between() as stops, stops.wait():
         os.kill(os.getpid(), signal.SIGINT)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.map import Arena
+from maurice_mcl.values.map import Arena
 from maurice_viz import style
 from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels.traces import ALL_TOGETHER, COLORS, EVIDENCE_COLORS

@@ -16,8 +16,8 @@ from helpers.commands import failure, maurice, run
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders import InputError
-from maurice_viz.app.understand.branch import BranchChange, open_branch
-from maurice_viz.app.understand.remedies import BETTER, UNCLEAR, WORSE, Remedy, SeedResults, judged
+from maurice_viz.app.branch import BranchChange, open_branch
+from maurice_viz.app.remedies import BETTER, UNCLEAR, WORSE, Remedy, SeedResults, judged
 from maurice_viz.errors import OptionError
 
 
@@ -197,7 +197,7 @@ def test_by_chance_alone_hardly_any_set_of_remedies_holds_a_better_one():
 
 def test_a_branch_with_another_feature_gets_new_scales_and_keeps_chosen_ones(folder, monkeypatch):
     """Where the library fitted the run's scales, they are its own channels'."""
-    import maurice_mcl.sensor.left_out as left_out
+    import maurice_mcl.library.left_out as left_out
 
     monkeypatch.setattr(left_out, "FITTED_SPACING_M", 0.1)  # so that half a meter is far apart
     session = folder / "session.log"

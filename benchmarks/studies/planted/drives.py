@@ -14,10 +14,10 @@ from maurice_datasets.sessions import SimulatedSession, session_info
 from maurice_datasets.simulation import SimulationPlan, stage
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.trials.drives import Held
-from maurice_loaders.writing import cache_root, write_whole
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.geometry import wrap
-from maurice_mcl.session import Frame, Moment, SessionInfo
+from maurice_loaders.files.writing import cache_root, write_whole
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import wrap
+from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 from .places import Ground
 

@@ -9,15 +9,15 @@ from functools import lru_cache
 import numpy as np
 
 from maurice_datasets.trials.drives import Bench, Held
-from maurice_mcl.analysis.failures.kinds import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
-from maurice_mcl.analysis.failures.near_truth import near_truth
-from maurice_mcl.analysis.metrics import LOST_FOR, StepScore, first_mostly, first_run_of, score_step
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.filter.localizer import LEFT_MAP as LEFT
-from maurice_mcl.library import Library
-from maurice_mcl.records import Comparison, StepRecord
+from maurice_mcl.reasons.failures.kinds import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
+from maurice_mcl.scoring.metrics import LOST_FOR, StepScore, first_mostly, first_run_of, score_step
+from maurice_mcl.scoring.near_truth import near_truth
 from maurice_mcl.sensor.ahead import Compared, compared
-from maurice_mcl.session import Moment
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.records import Comparison, StepRecord
+from maurice_mcl.values.session import Moment
 
 from .ways import HEALTHY, LOOKS, Planting
 

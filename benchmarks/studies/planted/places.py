@@ -15,10 +15,10 @@ from maurice_datasets.tasks import FITTING, SURVEY, TEST
 from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World
 from maurice_loaders.libraries.store import open_library
-from maurice_mcl.arrays import F64, Bool
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena, Region
 from maurice_mcl.sensor.descriptors.registry import weights_of
+from maurice_mcl.values.arrays import F64, Bool
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena, Region
 
 FEATURE = "best"
 CHANNELS = (*weights_of(FEATURE), "color")

@@ -11,10 +11,10 @@ from functools import lru_cache
 import numpy as np
 
 from maurice_datasets.trials.drives import Held
-from maurice_loaders.writing import cache_root
+from maurice_loaders.files.writing import cache_root
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.records import Comparison, StepRecord
-from maurice_mcl.session import Moment
+from maurice_mcl.values.records import Comparison, StepRecord
+from maurice_mcl.values.session import Moment
 
 from .drives import VERSION, anywhere, plain_drive
 from .harm import Outcome, compared_with, is_harm, localizer_of, outcome_of, steps_of

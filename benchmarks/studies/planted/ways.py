@@ -13,7 +13,7 @@ from maurice_datasets.robot.motion import Chassis
 from maurice_datasets.robot.planner import free_pose, raster
 from maurice_datasets.trials.drives import Held
 from maurice_datasets.worlds.world import clearance
-from maurice_mcl.analysis.failures.kinds import (
+from maurice_mcl.reasons.failures.kinds import (
     AMBIGUITY,
     DATA,
     KIDNAPPED,
@@ -27,9 +27,9 @@ from maurice_mcl.analysis.failures.kinds import (
     SENSOR,
     VIEW,
 )
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import weights_of
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.library import Library
 
 from .drives import (
     Picture,

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maurice_loaders.files import parse_toml
-from maurice_loaders.reading import FIELDS, ReadingOptions, option_value, read_reading
+from maurice_loaders.files.text import parse_toml
+from maurice_loaders.reading.options import FIELDS, ReadingOptions, option_value, read_reading
 from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
@@ -23,7 +23,7 @@ from ...layouts import DETAILS, LAYOUT_NAMES
 from .startup import skip_pandas
 
 if TYPE_CHECKING:
-    from ...app.output import OutputOptions
+    from ...running.output import OutputOptions
 
 KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # of reading, as typed: angles in degrees
 FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
@@ -233,7 +233,7 @@ def output_of(
     force: bool,
 ) -> OutputOptions:
     """Return where the output goes; `stem` names the recording where `rrd` does not."""
-    from ...app.output import OutputOptions
+    from ...running.output import OutputOptions
 
     if web and rrd is not None:
         raise OptionError("--web serves the recording and -o writes it: give one of them")

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 from .channel import camera_histogram
 
 BLUR_PX = 2.0  # sd of the Gaussian: removes the sensor's noise, which widens every peak

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 
 
 class Channel(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 from .channel import BINS, HIGH, LOW, camera_histogram
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 from .channel import BINS, camera_histogram
 
 

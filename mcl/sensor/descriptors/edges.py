@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 from .channel import BINS, HIGH, LOW, camera_histogram
 
 BLUR_PX = 1.0  # sd of the Gaussian, at the width for which it was chosen

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 from .channel import BINS, SCALE
 from .chromaticity import BLACK
 from .smoothed import smooth

@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points
 
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 from ..distances import DISTANCES
 from .blurred import Blurred
 from .channel import Channel

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, I32, U8
-from ...library import Library
-from ...session import Camera
+from ...values.arrays import F32, F64, I32, U8
+from ...values.library import Library
+from ...values.session import Camera
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
 from .calibration import (
     AGREE_PX,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ...arrays import F64, Bool
+from ...values.arrays import F64, Bool
 from .camera import Linearized, PinholeCamera, directions, linearize
 
 STEPS = 6

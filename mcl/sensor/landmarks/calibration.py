@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F64
-from ...session import Camera
+from ...values.arrays import F64
+from ...values.session import Camera
 from .bundle import Tolerance
 from .camera import PinholeCamera
 from .matching import disagreement

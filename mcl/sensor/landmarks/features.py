@@ -9,7 +9,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 
-from ...arrays import F32, U8
+from ...values.arrays import F32, U8
 
 MOST = 220  # keypoints of one picture
 CONTRAST = 0.02  # SIFT's threshold, of a picture whose contrast was made equal

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, Bool
-from ...geometry import wrap
-from ...map import spacing
+from ...values.arrays import F32, F64, Bool
+from ...values.geometry import wrap
+from ...values.map import spacing
 from .camera import PinholeCamera, directions
 from .features import Keypoints
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, Bool
-from ...pose_sensor import MovedThing
+from ...values.arrays import F32, F64, Bool
+from ...values.pose_sensor import MovedThing
 from .camera import PinholeCamera, project
 
 FARTHEST_M, STEP_M = 1.2, 0.04  # of shifts that are tried, along each axis

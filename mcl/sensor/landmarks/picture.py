@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, U8, Bool
-from ...pose_sensor import Beside, PoseProposal, Shown, ShownMarks
+from ...values.arrays import F32, F64, U8, Bool
+from ...values.pose_sensor import Beside, PoseProposal, Shown, ShownMarks
 from .camera import project
 from .landmark_set import LandmarkSet
 from .moved import moved_things

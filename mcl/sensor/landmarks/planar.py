@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64
-from ...geometry import wrap
+from ...values.arrays import F32, F64
+from ...values.geometry import wrap
 from .camera import PinholeCamera, directions, linearize_poses, project
 
 HYPOTHESES = 400

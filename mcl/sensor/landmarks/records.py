@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import F32, F64, I32, Bool
-from ...geometry import wrap
+from ...values.arrays import F32, F64, I32, Bool
+from ...values.geometry import wrap
 from .bundle import Bundle, Views
 from .camera import project
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import F64, I32, Bool
-from ...map import Region
+from ...values.arrays import F64, I32, Bool
+from ...values.map import Region
 
 NONE = -1  # the number of no obstacle: walls, or a map that does not tell
 REACH_M = 0.12  # a landmark that is farther outside of an obstacle is not on it

@@ -19,7 +19,7 @@ from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.table import with_settings
 from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
 from maurice_loaders.errors import InputError
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M
 
 OURS = (*clouds.FIGURES, *costs.FIGURES, *drives.FIGURES, *traces.FIGURES)
 SESSION = 'seeds = 2\n[[sessions]]\ntask = "{task}"\nupdates = 14\narenas = 1\n{more}\n'

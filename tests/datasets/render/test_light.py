@@ -18,7 +18,7 @@ from maurice_datasets.render.light import (
     windows_of,
 )
 from maurice_datasets.worlds.world import Box, Face, Lamp, RoomLight, World
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.map import Arena, Region
 
 UNIT = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 

@@ -17,7 +17,7 @@ from maurice_datasets.render.people import (
     stands_at,
 )
 from maurice_datasets.worlds.world import Box, World, clearance
-from maurice_mcl.map import Arena
+from maurice_mcl.values.map import Arena
 
 OPEN = Arena((-9, -9, 9, 9), np.array([[-9.0, -9, 9, -9]]))
 ORIGIN = np.zeros(3)

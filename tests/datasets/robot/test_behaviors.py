@@ -19,8 +19,8 @@ from maurice_datasets.robot.behaviors import (
     sense,
 )
 from maurice_datasets.robot.drive import BEHAVIORS
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena, Region
 
 RING = Ring()
 BEARINGS = np.arange(RING.count) * (2 * np.pi / RING.count)

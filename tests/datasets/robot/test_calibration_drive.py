@@ -16,7 +16,7 @@ from maurice_datasets.robot.motion import (
     floor_everywhere,
     turn_by,
 )
-from maurice_mcl.calibration.motion import Calibration, MotionSegment, calibrate, trials_of
+from maurice_mcl.fitting.motion import Calibration, MotionSegment, calibrate, trials_of
 
 CHASSIS = Chassis()
 SEEDS = 60

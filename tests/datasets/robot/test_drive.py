@@ -13,9 +13,9 @@ from maurice_datasets.robot.planner import is_free, raster
 from maurice_datasets.tasks import SimPurpose
 from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import World, clearance, floor_at
-from maurice_mcl.geometry import INCH_M, wrap
-from maurice_mcl.map import Arena
-from maurice_mcl.randomness import Domain, stream
+from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.randomness import Domain, stream
 
 SEEDS = (0, 1, 2, 3, 4, 5)
 CELL_M = 18 * INCH_M

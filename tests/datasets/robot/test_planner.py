@@ -5,8 +5,8 @@ import pytest
 
 from maurice_datasets.robot.planner import KEEP_M, Placement, Raster, fit, free_pose, is_free, raster
 from maurice_datasets.worlds.world import clearance
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena, Region
 
 
 def room(width: float = 2.0, depth: float = 2.0, *obstacles: Region) -> Arena:

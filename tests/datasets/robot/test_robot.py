@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from maurice_datasets.robot.motion import Chassis, Luck, draw_luck, draw_slip, drive_by, turn_by
-from maurice_mcl.geometry import INCH_M, wrap
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.map import Arena, Region
 
 DRAWS = 4000
 CHASSIS = Chassis()

@@ -29,7 +29,7 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.filter.batch import SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.sensor.ahead import compared_ahead
-from maurice_mcl.session import Frame, Moment
+from maurice_mcl.values.session import Frame, Moment
 
 PLAN = """
 seeds = {seeds}

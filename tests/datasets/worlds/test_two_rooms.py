@@ -6,7 +6,7 @@ import pytest
 from maurice_datasets.surveys import reference_poses
 from maurice_datasets.worlds.build import grid_nodes, load_plan, load_world
 from maurice_datasets.worlds.world import World, clearance, floor_at, inside, touching
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M
 
 SEEDS = range(12)
 LIBRARY = load_plan("two-rooms").library

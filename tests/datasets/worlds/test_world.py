@@ -6,8 +6,8 @@ import pytest
 from maurice_datasets.worlds.rearrange import door_middles, move_things
 from maurice_datasets.worlds.world import Face, World, clearance, floor_at, inside, segment_distance, touching
 from maurice_loaders.errors import InputError
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.map import Arena, Region
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.map import Arena, Region
 
 SQUARE = np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 2.0], [1.0, 2.0]])
 

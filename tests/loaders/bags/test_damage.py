@@ -21,7 +21,7 @@ from helpers import bags as making
 from helpers.bags import Ros, Said
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 
 
 def _in_folder(folder: Path, name: str, **how: str) -> Path:

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from helpers import bags as making
 from maurice_loaders.bags.source import bag_errors, decode, decode_protobuf
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import read_json
+from maurice_loaders.files.text import read_json
 from maurice_loaders.formats.registry import open_session
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from maurice_loaders.bags.messages import PLAIN, picture_of
 from maurice_loaders.errors import PictureError
-from maurice_mcl.arrays import U8
+from maurice_mcl.values.arrays import U8
 
 RED, GREEN, BLUE = (200, 30, 20), (25, 180, 40), (15, 35, 220)
 

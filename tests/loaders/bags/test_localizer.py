@@ -22,15 +22,19 @@ from maurice_loaders.bags.localizer import (
 )
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.files.maps import MOST_WALLS
 from maurice_loaders.formats.registry import guess, open_session
-from maurice_loaders.maps import MOST_WALLS
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.filter.estimate import modes, share_within
-from maurice_mcl.map import open_arena
-from maurice_mcl.radii import USUAL
-from maurice_mcl.records import Belief, StepRecord, uniform_log_weights
-from maurice_mcl.session import Moment
-from maurice_viz.app.drive import (
+from maurice_mcl.values.map import open_arena
+from maurice_mcl.values.radii import USUAL
+from maurice_mcl.values.records import Belief, StepRecord, uniform_log_weights
+from maurice_mcl.values.session import Moment
+from maurice_viz.app.replay import replay
+from maurice_viz.cli.app import app
+from maurice_viz.entities import Phase
+from maurice_viz.panels.belief import ellipse_of
+from maurice_viz.running.drive import (
     AFTER_RESAMPLING,
     WITHOUT_CLOUD,
     open_as_recorded,
@@ -38,11 +42,7 @@ from maurice_viz.app.drive import (
     playback_as_recorded,
     together,
 )
-from maurice_viz.app.output import layout_of
-from maurice_viz.app.replay import replay
-from maurice_viz.cli.app import app
-from maurice_viz.entities import Phase
-from maurice_viz.panels.belief import ellipse_of
+from maurice_viz.running.output import layout_of
 from maurice_viz.style import scale_for
 from maurice_viz.text import narration as narrate
 

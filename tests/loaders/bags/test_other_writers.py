@@ -17,8 +17,8 @@ from helpers.recordings import counted
 from maurice_loaders.bags.containers import open_mcap
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import OdometryPose
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import OdometryPose
 
 DRIVE = {"Picture": 5, "OdometryPose": 10, "TruthPose": 10}
 

@@ -21,9 +21,9 @@ from helpers.bags import BEGIN_NS, Ros, Said
 from helpers.recordings import counted, read
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recorded_session import RecordedSession
-from maurice_loaders.recording import Picture
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture
+from maurice_loaders.reading.session import RecordedSession
 
 Write = Callable[[Path], Path]
 DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"

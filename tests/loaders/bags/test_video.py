@@ -19,7 +19,7 @@ from helpers.bags import BEGIN_NS, Said
 from maurice_loaders.bags import video as bag_video
 from maurice_loaders.errors import InputError, PictureError
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 
 PICTURES = 24
 GROUP = 8  # pictures from one key frame to the next

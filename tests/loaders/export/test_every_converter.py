@@ -12,9 +12,9 @@ import maurice_viz as mv
 from maurice_loaders import InputError, SessionWriter, open_session
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Readings, TruthPose
-from maurice_mcl.arrays import U8
-from maurice_mcl.session import Moment, SessionInfo
+from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Readings, TruthPose
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.session import Moment, SessionInfo
 
 pytest.importorskip("rosbags")
 

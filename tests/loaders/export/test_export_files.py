@@ -22,7 +22,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.export import tables
 from maurice_loaders.runs.store import open_runs
 from maurice_loaders.runs.writer import StepRows
-from maurice_mcl.geometry import compose
+from maurice_mcl.values.geometry import compose
 
 from ..conftest import Save
 

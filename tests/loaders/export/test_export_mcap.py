@@ -29,12 +29,12 @@ from maurice_loaders.export.mcap import (
     scene_of,
 )
 from maurice_loaders.export.tables import export_steps
+from maurice_loaders.files.pictures import decode_picture
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.pictures import decode_picture
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import open_runs
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..conftest import Save
 

@@ -19,14 +19,22 @@ from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap
 from maurice_loaders.formats._frames import with_frames
 from maurice_loaders.formats.registry import open_recording, open_session
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recorded_session import RecordedSession
-from maurice_loaders.recording import Motion, Note, OdometryPose, Picture, Readings, Record, TruthPose
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Readings,
+    Record,
+    TruthPose,
+)
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import header_to_json
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.arrays import U8
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.session import Camera, Frame, Moment, SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo
 
 pytest.importorskip("rosbags")
 

@@ -13,9 +13,9 @@ from helpers.recordings import read
 from maurice_loaders.errors import PictureError
 from maurice_loaders.formats.cmucam import decode_frame, frames
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Picture
-from maurice_mcl.arrays import U8
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture
+from maurice_mcl.values.arrays import U8
 
 WIDTH, HEIGHT = 7, 5
 SIZE = bytes([WIDTH, HEIGHT])

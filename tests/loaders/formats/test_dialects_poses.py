@@ -15,9 +15,9 @@ from helpers.dialect_files import BEGIN_NS, COUNTS, QUARTER, STAMPS, counts, ima
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Picture, TruthPose
-from maurice_loaders.time_alignment import clock_s
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture, TruthPose
+from maurice_loaders.reading.time_alignment import clock_s
 
 # TUM
 

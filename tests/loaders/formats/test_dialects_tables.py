@@ -17,8 +17,8 @@ from helpers.format_samples import write_tub
 from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Motion, OdometryPose, Picture, TruthPose
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Motion, OdometryPose, Picture, TruthPose
 from maurice_loaders.runs.manifest import source_hash
 from maurice_loaders.runs.store import is_saved
 

@@ -19,8 +19,8 @@ from helpers.format_samples import SAMPLES, SMALL, sample
 from helpers.recordings import read
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import formats, guess, open_recording, open_session
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import (
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import (
     Motion,
     Note,
     OdometryPose,

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from maurice_loaders.doctor.inspection import inspect_session
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.importing import (
     ImportOptions,
     PoseRow,
@@ -27,13 +28,12 @@ from maurice_loaders.importing import (
 )
 from maurice_loaders.libraries.landmarks import with_landmarks
 from maurice_loaders.libraries.store import build_library
-from maurice_loaders.pictures import encode_jpeg
-from maurice_loaders.recording import Picture
+from maurice_loaders.reading.recording import Picture
+from maurice_loaders.reading.transforms import OdometryNoise
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.transforms import OdometryNoise
-from maurice_mcl.arrays import U8
-from maurice_mcl.geometry import angle_between, compose
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.geometry import angle_between, compose
 
 POSES = [(0.3 * k, 0.1 * k, 45 * (k % 3)) for k in range(12) for _ in range(2 + k % 2)]
 OPTIONS = ImportOptions(session_every=4, guard_m=0.5)

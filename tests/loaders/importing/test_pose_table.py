@@ -13,11 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.maps import arena_from_lines
 from maurice_loaders.formats.picture_folder import open_table
 from maurice_loaders.importing import PoseRow, pose_runs, read_rows
-from maurice_loaders.maps import arena_from_lines
-from maurice_loaders.reading import ReadingOptions
-from maurice_loaders.recording import Picture
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import Picture
 
 NO_PICTURE = Picture(0.0, lambda: np.zeros((1, 1, 3), np.uint8), "")
 HEAD = "image,x_m,y_m,heading_deg"

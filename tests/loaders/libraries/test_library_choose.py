@@ -17,11 +17,11 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries import survey as surveys
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library, library_key, open_library
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.session import SessionInfo
 
 EVERY = surveys.Spacing(0.4, float(np.radians(45)))
 

@@ -16,7 +16,7 @@ import pytest
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file, load_library, save_library
 from maurice_loaders.libraries.store import build_library
-from maurice_mcl.library import Library
+from maurice_mcl.values.library import Library
 
 
 @pytest.fixture

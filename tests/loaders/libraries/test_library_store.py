@@ -15,9 +15,9 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries import store as library_store
 from maurice_loaders.libraries.store import build_library, library_key, open_library, save_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.library import Library
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.library import Library
 
 from ..conftest import WriteLog
 

@@ -22,7 +22,7 @@ from rerun.chunk import RrdReader
 from typer.testing import CliRunner, Result
 
 from helpers.live_peers import HEADER, Act, free_address, line, peer, says
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.cli.app import app
 

@@ -15,8 +15,8 @@ from maurice_loaders.live.intake import APART_S, SET_BACK, LiveClock
 from maurice_loaders.live.session import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
 from maurice_loaders.live.source import LineCutter
 from maurice_loaders.session_log.records import PictureRecord
-from maurice_mcl.arrays import F64
-from maurice_mcl.geometry import compose
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import compose
 
 TIMES = st.floats(-1e6, 1e6, allow_nan=False)
 

@@ -8,7 +8,7 @@ import pytest
 
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_viz.app.output import layout_of
+from maurice_viz.running.output import layout_of
 from maurice_viz.scene import RunView, Scene
 
 

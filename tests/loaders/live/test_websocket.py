@@ -27,9 +27,9 @@ from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSessio
 from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator
 from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
-from maurice_loaders.reading import ReadingOptions
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.session import Moment
+from maurice_mcl.values.session import Moment
 
 pytest.importorskip("websockets")
 pytest.importorskip("rosbags")

@@ -29,7 +29,7 @@ from maurice_loaders.runs.manifest import (
     write_manifest,
 )
 from maurice_loaders.runs.store import first_difference, open_runs, same
-from maurice_mcl.library import Library
+from maurice_mcl.values.library import Library
 
 from ..conftest import Save, edit, opened
 

@@ -18,8 +18,8 @@ from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.session_log import records as log_lines
 from maurice_loaders.session_log.header import header_from_json, header_to_json
 from maurice_loaders.session_log.records import Record, read_header, read_records
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..conftest import WriteLog
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import U8
-from maurice_mcl.session import Frame, Moment, Session, SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.session import Frame, Moment, Session, SessionInfo
 
 from ..conftest import WriteLog
 

@@ -11,15 +11,15 @@ import jsonschema
 import numpy as np
 import pytest
 
-from maurice_loaders.files import MOST, MOST_T_S
-from maurice_loaders.maps import MOST_SPAN_M
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.maps import MOST_SPAN_M
+from maurice_loaders.files.pictures import encode_jpeg
+from maurice_loaders.files.text import MOST, MOST_T_S
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import RECORD_KEYS
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import U8
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.session import Camera, SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import Camera, SessionInfo
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "session-log.md").read_text(encoding="utf-8")

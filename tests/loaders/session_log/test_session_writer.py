@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError, ReadingNotes
-from maurice_loaders.pictures import encode_jpeg
+from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.records import (
     EventRecord,
@@ -25,8 +25,8 @@ from maurice_loaders.session_log.records import (
     read_records,
 )
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import U8
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.session import SessionInfo
 
 INFO = SessionInfo("drive")
 finite = st.floats(-1e9, 1e9)

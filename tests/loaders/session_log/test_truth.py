@@ -18,7 +18,7 @@ from maurice_loaders.session_log.records import (
     TruthRecord,
     with_truth,
 )
-from maurice_mcl.arrays import F64
+from maurice_mcl.values.arrays import F64
 
 
 def truth(t_s: float, *pose: float) -> TruthRecord:

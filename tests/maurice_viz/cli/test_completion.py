@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import failure, maurice, run
-from maurice_mcl.analysis.events import KINDS
 from maurice_mcl.config.parameters import PRESETS, RULES
+from maurice_mcl.scoring.events import KINDS
 from maurice_viz.cli.app import COMMANDS
 from maurice_viz.layouts import LAYOUT_NAMES
 

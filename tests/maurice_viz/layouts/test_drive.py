@@ -15,15 +15,15 @@ from rerun.chunk import RrdReader
 from helpers.commands import run
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.recorded_session import Glance, RecordedSession
-from maurice_loaders.transforms import PLACEHOLDER, Placeholders
-from maurice_mcl.geometry import compose
-from maurice_mcl.map import Arena
-from maurice_mcl.session import SessionInfo
-from maurice_viz.app import drive as drive_alone
+from maurice_loaders.reading.session import Glance, RecordedSession
+from maurice_loaders.reading.transforms import PLACEHOLDER, Placeholders
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import SessionInfo
 from maurice_viz.layouts import drive as drive_ways
 from maurice_viz.layouts.drive import DriveView, drive_paths, reach
 from maurice_viz.listener import SILENT
+from maurice_viz.running import drive as drive_alone
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
 

@@ -13,10 +13,10 @@ from rerun.chunk import RrdReader
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as read
-from maurice_mcl.analysis.run_comparison import Step, StepComparison
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.geometry import INCH_M
+from maurice_mcl.scoring.comparison import Step, StepComparison
+from maurice_mcl.values.geometry import INCH_M
 from maurice_viz import entities
 from maurice_viz import entities as paths
 from maurice_viz.drawing.keys import belief_keys, key_extent, runs_key

@@ -9,10 +9,10 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.episodes import Episode
-from maurice_mcl.analysis.events import FAILURE, KINDS, PARTED, STATES, RunEvent
-from maurice_mcl.analysis.failures.kinds import CAUSES, LIGHTING, Failure
 from maurice_mcl.filter.localizer import RESAMPLED
+from maurice_mcl.reasons.failures.kinds import CAUSES, LIGHTING, Failure
+from maurice_mcl.scoring.episodes import Episode
+from maurice_mcl.scoring.events import FAILURE, KINDS, PARTED, STATES, RunEvent
 from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels import events as draw_events
 from maurice_viz.panels.events import BRIEF, WORD

@@ -13,7 +13,10 @@ import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.explanation import (
+from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.parameters import FilterParameters, of_feature
+from maurice_mcl.filter.localizer import run
+from maurice_mcl.reasons.explanation import (
     ESTIMATE,
     TRUTH,
     WINNER,
@@ -22,14 +25,11 @@ from maurice_mcl.analysis.explanation import (
     PoseOffset,
     explain_step,
 )
-from maurice_mcl.config.build import build_localizer
-from maurice_mcl.config.parameters import FilterParameters, of_feature
-from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
-from maurice_mcl.records import StepRecord
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
-from maurice_mcl.session import Moment
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 from maurice_viz.drawing.bars import REFERENCE, SAMPLE
 from maurice_viz.drawing.heat import CHART, HEATS, SHADES, grid_of, heat_of
 from maurice_viz.drawing.reference_chart import (

@@ -12,10 +12,10 @@ from PIL import Image
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.analysis.events import RunEvent
-from maurice_mcl.analysis.modes import Ancestry, TrackedMode
 from maurice_mcl.filter.estimate import weighted_mean
-from maurice_mcl.records import Belief, uniform_log_weights
+from maurice_mcl.scoring.events import RunEvent
+from maurice_mcl.scoring.modes import Ancestry, TrackedMode
+from maurice_mcl.values.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels.belief import seen_whole

@@ -9,9 +9,9 @@ import pytest
 
 from helpers import viz_fakes as fakes
 from helpers.step_records import made
-from maurice_mcl.analysis.modes import TrackedMode
 from maurice_mcl.filter.estimate import heaviest_cluster
-from maurice_mcl.map import Arena
+from maurice_mcl.scoring.modes import TrackedMode
+from maurice_mcl.values.map import Arena
 from maurice_viz.panels.population import rings_of
 from maurice_viz.panels.references import MatchCircles, nearness, node_spacing
 from maurice_viz.panels.world import clipped, distinct_places

@@ -13,8 +13,8 @@ from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
 from maurice_mcl.sensor.distances import contributions
+from maurice_mcl.values.library import Library
 from maurice_viz import entities
 from maurice_viz.drawing.keys import MATCHES, PHASES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths

@@ -9,9 +9,9 @@ import pytest
 
 import maurice_mcl as mcl
 from helpers import viz_recordings as recordings
-from maurice_loaders.pictures import decode_picture
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.pose_sensor import BESIDE_GAP_PX, EXACT, Beside, MovedThing, Shown, ShownMarks
+from maurice_loaders.files.pictures import decode_picture
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.pose_sensor import BESIDE_GAP_PX, EXACT, Beside, MovedThing, Shown, ShownMarks
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from maurice_loaders.libraries.store import build_library
-from maurice_mcl.arrays import U8
-from maurice_mcl.library import Library
-from maurice_mcl.library_quality import SelfSimilarity, self_similarity_of
+from maurice_mcl.library.quality import SelfSimilarity, self_similarity_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.library import Library
 from maurice_viz.plots.sheets import draw_ambiguity
 from maurice_viz.style import DEAD, WALL, scale_for
 

@@ -14,9 +14,9 @@ import pytest
 from helpers.browser import CHROMIUM, Page, browser, needs_browser
 from helpers.commands import maurice, one_line
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import F64, U8
-from maurice_mcl.map import Arena, Region
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.session import SessionInfo
 
 SECTIONS = ("summary", "map", "traces", "events", "pictures", "configuration", "facts")
 VOID = {"meta", "link", "img", "br", "hr", "input"}

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.analysis.events import KINDS, RunEvent
-from maurice_viz.app.saved_steps import NOWHERE, NUMBERS, Collected, Track
+from maurice_mcl.scoring.events import KINDS, RunEvent
 from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
 from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
 from maurice_viz.reports.pages import templates
+from maurice_viz.running.saved_steps import NOWHERE, NUMBERS, Collected, Track
 
 
 def test_text_is_escaped_in_tables_and_attributes():

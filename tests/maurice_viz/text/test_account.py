@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from helpers.step_records import at, made, moment
-from maurice_mcl.analysis.episodes import KIDNAPPED, LOST, SEARCHING
-from maurice_mcl.analysis.events import EventDetector
-from maurice_mcl.analysis.tour import tour_of
-from maurice_mcl.records import Opinion
-from maurice_viz.app.understand.diagnose import RunDiagnosis
+from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, SEARCHING
+from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.values.records import Opinion
+from maurice_viz.app.diagnose import RunDiagnosis
 from maurice_viz.playback import ResultCollector, RunResult
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.failure import with_failures

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.analysis.explanation import Asked, ChannelExplanation, StepExplanation, explain_step
-from maurice_mcl.arrays import F32
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.library import Library
+from maurice_mcl.reasons.explanation import Asked, ChannelExplanation, StepExplanation, explain_step
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.values.arrays import F32
+from maurice_mcl.values.library import Library
 from maurice_viz.style import scale_for
 from maurice_viz.text.explanation import KNOWN, ordinal, planes_of, say_behind, say_step, where_lost
 from maurice_viz.text.explanation_table import brief_table, to_json

@@ -7,10 +7,10 @@ import pytest
 from rich.console import Console
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.analysis.failures.causes import Cause
-from maurice_mcl.analysis.failures.verdict import RunVerdict
-from maurice_mcl.analysis.metrics import Scorer, Success
-from maurice_mcl.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
+from maurice_mcl.reasons.failures.causes import Cause
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.scoring.metrics import Scorer, Success
+from maurice_mcl.values.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
 from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
 from maurice_viz.playback import RunResult

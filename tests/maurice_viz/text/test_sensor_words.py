@@ -12,8 +12,8 @@ import pytest
 import maurice_viz as mv
 from maurice_mcl.sensor.landmarks.camera import PinholeCamera
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
-from maurice_mcl.session import Frame
-from maurice_viz.app import run
+from maurice_mcl.values.session import Frame
+from maurice_viz.running import run
 from maurice_viz.text.sensors import say_other_shape
 
 CAMERA = SimpleNamespace(fit=SimpleNamespace(camera=PinholeCamera(176, 144, 188.0)))

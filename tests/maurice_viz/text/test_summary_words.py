@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.analysis.episodes import Episode
-from maurice_mcl.analysis.failures.verdict import RunVerdict
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.scoring.episodes import Episode
 from maurice_viz.text import summary
 
 

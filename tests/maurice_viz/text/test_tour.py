@@ -2,10 +2,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from maurice_mcl.analysis.episodes import Episode
-from maurice_mcl.analysis.failures.causes import CARRIED, Cause
-from maurice_mcl.analysis.failures.verdict import RunVerdict
-from maurice_mcl.analysis.tour import tour_of
+from maurice_mcl.reasons.failures.causes import CARRIED, Cause
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.scoring.episodes import Episode
 from maurice_viz.scene import LIKELY, NEVER, RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words

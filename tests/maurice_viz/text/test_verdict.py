@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.analysis.dead_reckoning import OdometryAlone
-from maurice_mcl.analysis.episodes import PROBABLY_LOST, Episode
-from maurice_mcl.analysis.failures.ambiguity import Ambiguity
-from maurice_mcl.analysis.failures.causes import CARRIED, Cause, InObstacle
-from maurice_mcl.analysis.failures.kinds import AMBIGUITY, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
-from maurice_mcl.analysis.failures.verdict import RunVerdict, SureAndWrong
-from maurice_mcl.analysis.metrics import StepScore
-from maurice_mcl.analysis.run_comparison import ErrorDifference
+from maurice_mcl.reasons.failures.ambiguity import Ambiguity
+from maurice_mcl.reasons.failures.causes import CARRIED, Cause, InObstacle
+from maurice_mcl.reasons.failures.kinds import AMBIGUITY, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
+from maurice_mcl.reasons.failures.verdict import RunVerdict, SureAndWrong
+from maurice_mcl.scoring.comparison import ErrorDifference
+from maurice_mcl.scoring.dead_reckoning import OdometryAlone
+from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+from maurice_mcl.scoring.metrics import StepScore
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.failure import say_cause
 from maurice_viz.text.verdict import said, verdict_line

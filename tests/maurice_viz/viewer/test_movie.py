@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.writing import sibling
-from maurice_mcl.arrays import U8
+from maurice_loaders.files.writing import sibling
+from maurice_mcl.values.arrays import U8
 from maurice_viz.drawing.canvas import png
 from maurice_viz.viewer.movie import film, from_png
 

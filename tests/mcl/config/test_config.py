@@ -22,9 +22,9 @@ from maurice_mcl.filter.localizer import RESEEDED, run
 from maurice_mcl.filter.motion import MotionOutliers
 from maurice_mcl.filter.proposal import MixtureParameters
 from maurice_mcl.filter.resampling import KldParameters
-from maurice_mcl.map import OBSTACLES, Region
 from maurice_mcl.sensor.model import SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.map import OBSTACLES, Region
 
 
 @pytest.mark.parametrize(

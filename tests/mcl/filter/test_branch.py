@@ -11,7 +11,7 @@ import maurice_mcl as mcl
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import branched, recovery_evidence, resized
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.records import Belief
+from maurice_mcl.values.records import Belief
 
 SETTINGS = {
     "thesis": dict(mcl.PRESETS["thesis"]),

@@ -17,12 +17,12 @@ from scipy.special import ndtr
 
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorParameters
-from maurice_mcl.session import Frame, SessionInfo
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import Frame, SessionInfo
 
 COLUMNS, ROWS, HEADINGS, PITCH = 4, 3, 8, 18.0  # inches throughout, but for poses
 WIDTH, DEPTH = COLUMNS * PITCH, ROWS * PITCH

@@ -16,9 +16,9 @@ from maurice_mcl.filter.estimate import (
     share_within,
     weighted_mean,
 )
-from maurice_mcl.geometry import INCH_M
-from maurice_mcl.radii import USUAL
-from maurice_mcl.records import Belief, EntryLikelihood, normalize, uniform_log_weights
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.radii import USUAL
+from maurice_mcl.values.records import Belief, EntryLikelihood, normalize, uniform_log_weights
 
 RADIUS_M = 24 * INCH_M
 

@@ -18,14 +18,14 @@ from maurice_mcl.filter.localizer import Localizer, weigh
 from maurice_mcl.filter.proposal import MixtureParameters, ProposedParticles, regions
 from maurice_mcl.filter.recovery import RecoveryStep, none
 from maurice_mcl.filter.resampling import RESAMPLERS, Resampling, always, below_effective
-from maurice_mcl.library import ChannelIndex, Library
-from maurice_mcl.map import Arena
-from maurice_mcl.randomness import stream
-from maurice_mcl.records import Belief, FilterState, uniform_log_weights
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.session import Frame
+from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.randomness import stream
+from maurice_mcl.values.records import Belief, FilterState, uniform_log_weights
+from maurice_mcl.values.session import Frame
 
 COLUMNS, ROWS, HEADINGS, UPDATES = 8, 6, 8, 12
 STATES = COLUMNS * ROWS * HEADINGS

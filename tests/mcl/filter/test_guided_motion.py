@@ -11,10 +11,10 @@ import maurice_mcl as mcl
 from maurice_mcl.filter.guided_motion import DrawnNoise, GuidedMotionParameters, guided_motion
 from maurice_mcl.filter.localizer import GUIDED
 from maurice_mcl.filter.motion import MauriceMotion, MauriceParameters, MotionOutliers, OdometryMotion, widths
-from maurice_mcl.geometry import wrap
-from maurice_mcl.map import Arena, make_grid
-from maurice_mcl.pose_sensor import PoseProposal
-from maurice_mcl.randomness import normals, stream
+from maurice_mcl.values.geometry import wrap
+from maurice_mcl.values.map import Arena, make_grid
+from maurice_mcl.values.pose_sensor import PoseProposal
+from maurice_mcl.values.randomness import normals, stream
 
 N = 60_000
 HERE = np.zeros(2)

@@ -5,8 +5,6 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
-from maurice_mcl.analysis.events import EventDetector
-from maurice_mcl.analysis.metrics import Scorer
 from maurice_mcl.config.build import build_localizer, make_localizer
 from maurice_mcl.config.parameters import FilterParameters, ReferenceParameters, ResamplingParameters
 from maurice_mcl.filter.localizer import (
@@ -23,13 +21,15 @@ from maurice_mcl.filter.localizer import (
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
 from maurice_mcl.filter.resampling import always, never
-from maurice_mcl.geometry import wrap
-from maurice_mcl.map import Arena, Region, make_grid
-from maurice_mcl.randomness import stream
-from maurice_mcl.records import Belief, uniform_log_weights
+from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.scoring.metrics import Scorer
 from maurice_mcl.sensor.ahead import compared as compare_picture
 from maurice_mcl.sensor.model import SensorParameters
-from maurice_mcl.session import Frame, Moment
+from maurice_mcl.values.geometry import wrap
+from maurice_mcl.values.map import Arena, Region, make_grid
+from maurice_mcl.values.randomness import stream
+from maurice_mcl.values.records import Belief, uniform_log_weights
+from maurice_mcl.values.session import Frame, Moment
 
 BY = {"color": "thesis", "edges": "thesis"}
 FEATURES = {"color": {"color": 1.0}, "edges": {"edges": 1.0}, "blended": {"color": 0.5, "edges": 0.5}}

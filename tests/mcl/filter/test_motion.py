@@ -16,9 +16,9 @@ from maurice_mcl.filter.motion import (
     turns_of,
     with_outliers,
 )
-from maurice_mcl.geometry import INCH_M, compose, wrap
-from maurice_mcl.map import Arena, Region, make_grid
-from maurice_mcl.randomness import normals, stream
+from maurice_mcl.values.geometry import INCH_M, compose, wrap
+from maurice_mcl.values.map import Arena, Region, make_grid
+from maurice_mcl.values.randomness import normals, stream
 
 N = 120_000
 HERE = np.zeros(2)

@@ -12,11 +12,11 @@ from maurice_mcl.filter.proposal import (
     shares_of,
     uniform_poses,
 )
-from maurice_mcl.map import Arena, Region, make_grid
-from maurice_mcl.pose_sensor import PoseProposal
-from maurice_mcl.randomness import stream
-from maurice_mcl.records import Belief, normalize
 from maurice_mcl.sensor.references import HEADING_BINS, nearest_reference
+from maurice_mcl.values.map import Arena, Region, make_grid
+from maurice_mcl.values.pose_sensor import PoseProposal
+from maurice_mcl.values.randomness import stream
+from maurice_mcl.values.records import Belief, normalize
 
 MIDDLE = np.array([2.0, 1.5])
 BOX = Region("box", np.array([[0.0, 0.0], [1.2, 0.0], [1.2, 0.9], [0.0, 0.9]]))

@@ -32,10 +32,10 @@ from maurice_mcl.filter.resampling import (
     every,
     never,
 )
-from maurice_mcl.map import Arena
-from maurice_mcl.randomness import Domain, Purpose, stream
-from maurice_mcl.records import NO_HISTORY, Belief, Comparison, RecoveryState, normalize
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.randomness import Domain, Purpose, stream
+from maurice_mcl.values.records import NO_HISTORY, Belief, Comparison, RecoveryState, normalize
 
 MIDDLE = np.array([2.0, 1.5])
 EACH = pytest.mark.parametrize("resampler", sorted(RESAMPLERS))

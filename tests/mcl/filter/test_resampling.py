@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 from maurice_mcl.filter import resampling
-from maurice_mcl.randomness import normals, stream
-from maurice_mcl.records import Belief, normalize, uniform_log_weights
+from maurice_mcl.values.randomness import normals, stream
+from maurice_mcl.values.records import Belief, normalize, uniform_log_weights
 
 EACH = pytest.mark.parametrize("name", sorted(resampling.RESAMPLERS))
 WEIGHTS = np.array([0.02, 0.31, 0.0, 0.17, 0.0003, 0.4, 0.0997, 0.0])

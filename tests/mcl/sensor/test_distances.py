@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.library import ChannelIndex
 from maurice_mcl.sensor.distances import (
     DISTANCES,
     chi2,
@@ -17,6 +16,7 @@ from maurice_mcl.sensor.distances import (
     relevance_only,
     thesis,
 )
+from maurice_mcl.values.library import ChannelIndex
 
 EACH = pytest.mark.parametrize("name", sorted(DISTANCES))
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.records import Comparison
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
 from maurice_mcl.sensor.model import BLENDS, LIKELIHOODS, QUALITIES, SensorModel, SensorParameters
 from maurice_mcl.sensor.references import interpolated_reference, nearest_reference
+from maurice_mcl.values.records import Comparison
 
 BY = {"color": "thesis", "edges": "thesis"}
 THESIS = SensorParameters({"color": 1.0}, sharpness=2.0, likelihood="power", blend="sum", distances=BY)

@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.arrays import F64
 from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.filter.batch import run_batch
-from maurice_mcl.library import Library
-from maurice_mcl.map import Arena
 from maurice_mcl.sensor.references import (
     InterpolatedReference,
     NearestReference,
@@ -21,6 +18,9 @@ from maurice_mcl.sensor.references import (
     nearest_reference,
 )
 from maurice_mcl.sensor.virtual_references import virtual_references
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.map import Arena
 
 ARENA = Arena((0.0, 0.0, 8.0, 3.0), np.array([[5.0, 0.0, 5.0, 2.0]]))
 HERE = np.zeros(2)

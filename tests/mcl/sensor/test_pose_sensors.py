@@ -12,10 +12,10 @@ from maurice_mcl.config.build import adapted, available
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.sensor_proposal import density, draw_poses, elsewhere
-from maurice_mcl.pose_sensor import EXACT, PoseProposal, Shown
-from maurice_mcl.randomness import stream
 from maurice_mcl.sensor.descriptors.registry import weights_of
 from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.values.pose_sensor import EXACT, PoseProposal, Shown
+from maurice_mcl.values.randomness import stream
 
 SD_M = 0.05
 LEAST = -8.0

@@ -3,13 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_mcl.map import Arena, Region, crosses
 from maurice_mcl.sensor.references import (
     InterpolationParameters,
     interpolated_reference,
     nearest_reference,
     spacing,
 )
+from maurice_mcl.values.map import Arena, Region, crosses
 
 HERE = np.zeros(2)
 SLANTED = np.array([[2.0, 0.0, 2.0, 2.0], [2.6, 0.7, 3.6, 2.3], [0.4, 2.4, 1.1, 1.9]])

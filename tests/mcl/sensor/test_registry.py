@@ -74,8 +74,8 @@ def test_it_is_used_by_name_wherever_channels_are(tmp_path):
     _package(tmp_path, "mean_channel", MEAN, "mean_channel:Mean")
     program = """
 import numpy as np
-from maurice_mcl.map import Arena
-from maurice_mcl.library import ChannelIndex, Library
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 poses = np.array([[0.5, 0.5, 0.0], [1.5, 0.5, 0.0]])

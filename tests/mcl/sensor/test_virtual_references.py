@@ -5,10 +5,10 @@ import pytest
 
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.geometry import wrap
-from maurice_mcl.library import ChannelIndex
-from maurice_mcl.map import Arena, crosses
 from maurice_mcl.sensor.virtual_references import virtual_references
+from maurice_mcl.values.geometry import wrap
+from maurice_mcl.values.library import ChannelIndex
+from maurice_mcl.values.map import Arena, crosses
 
 PITCH = 0.5
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from maurice_mcl.arrays import F64
 from maurice_mcl.sensor.visual_odometry import (
     MatchedPoints,
     PicturePoints,
@@ -15,6 +14,7 @@ from maurice_mcl.sensor.visual_odometry import (
     relative_motion,
     tells_tilt,
 )
+from maurice_mcl.values.arrays import F64
 
 PIXEL = 1 / 190
 HEIGHT_M = 0.25

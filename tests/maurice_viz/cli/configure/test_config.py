@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from maurice_loaders.config_files import configuration_of, read_config, to_toml
 from maurice_loaders.errors import InputError
-from maurice_loaders.files import toml_value
+from maurice_loaders.files.text import toml_value
 from maurice_mcl.config.parameters import PRESETS, RULES, Layer, configure, defaults
 from maurice_viz.cli.app import app
 

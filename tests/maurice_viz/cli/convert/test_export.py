@@ -11,7 +11,7 @@ import pytest
 from helpers.commands import failure, run
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.session import SessionInfo
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from helpers.commands import maurice, run
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_mcl.geometry import compose
+from maurice_mcl.values.geometry import compose
 from maurice_viz.cli.shared.options import columns_of
 
 
@@ -59,7 +59,7 @@ def test_formats_are_listed_and_extras_named(small_session, monkeypatch):
     assert [one["name"] for one in listed] == list(all_formats())
     assert [one["name"] for one in told] == ["session-log"]
     run("formats", small_session.with_name("nowhere"), expect=1)
-    monkeypatch.setattr("maurice_viz.app.understand.inspect.find_spec", lambda name: None)
+    monkeypatch.setattr("maurice_viz.app.inspect.find_spec", lambda name: None)
     assert "pip install 'maurice-replay[ros]'" in run("formats").stdout
 
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.session import SessionInfo
 from maurice_viz.cli.app import app
 from maurice_viz.text.places import WORSE
 

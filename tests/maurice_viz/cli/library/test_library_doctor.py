@@ -16,8 +16,8 @@ from helpers.small_session import picture_at, small_arena, write_small_session, 
 from maurice_datasets.surveys import read_poses
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.arrays import F64
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import SessionInfo
 
 SPACING_M = 0.5
 

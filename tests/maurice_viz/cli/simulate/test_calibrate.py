@@ -14,11 +14,11 @@ import pytest
 
 from helpers.commands import failure, run, runs_of
 from maurice_datasets.robot.motion import TrialPlan, calibration_drive
-from maurice_loaders.calibration import write_trials
+from maurice_loaders.calibration_trials import write_trials
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
-from maurice_mcl.geometry import compose
-from maurice_mcl.session import SessionInfo
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.session import SessionInfo
 
 FIGURES = {
     4: "turns",

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import failure, run, runs_of
-from maurice_loaders.reading import ReadingOptions, read_reading
+from maurice_loaders.reading.options import ReadingOptions, read_reading
 from maurice_viz.cli.shared.options import reading_of, typed
 
 

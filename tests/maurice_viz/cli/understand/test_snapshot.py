@@ -78,8 +78,8 @@ def test_pictures_of_a_saved_run(small_session, tmp_path):
 )
 def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small_session, monkeypatch, asked):
     maurice(small_session, "--particles", "50", "--save-run", "kept", "--rrd", "none")
-    monkeypatch.setattr("maurice_viz.app.understand.snapshot.draw_saved", None)
-    monkeypatch.setattr("maurice_viz.app.understand.snapshot.expect_driver", lambda source: None)
+    monkeypatch.setattr("maurice_viz.app.snapshot.draw_saved", None)
+    monkeypatch.setattr("maurice_viz.app.snapshot.expect_driver", lambda source: None)
     found = one_line(maurice("snapshot", "kept", *asked, expect=1)[1])
     assert "kept: found no step 500, expected one from 1 to 14" in found
 
@@ -93,8 +93,8 @@ def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small
 )
 def test_a_step_that_a_recording_lacks_is_refused_before_a_viewer_starts(small_session, monkeypatch, asked):
     maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
-    monkeypatch.setattr("maurice_viz.app.understand.snapshot.expect_driver", lambda source: None)
-    monkeypatch.setattr("maurice_viz.app.understand.snapshot.headless_viewer", None)
+    monkeypatch.setattr("maurice_viz.app.snapshot.expect_driver", lambda source: None)
+    monkeypatch.setattr("maurice_viz.app.snapshot.headless_viewer", None)
     found = one_line(maurice("snapshot", "a.rrd", *asked, expect=1)[1])
     assert "a.rrd: found no step 500, expected one from 1 to 14" in found
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from maurice_mcl.arrays import F32, F64
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, landmarks_of
 from maurice_mcl.sensor.landmarks.camera import PinholeCamera, linearize
 from maurice_mcl.sensor.landmarks.features import Keypoints
 from maurice_mcl.sensor.landmarks.landmark_set import LandmarkSet
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
-from maurice_mcl.session import Camera
+from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values.session import Camera
 
 CAMERA = PinholeCamera(176, 144, 188.0, tilt_rad=0.1, height_m=0.24)
 KNOWN = Camera("front", 176, 144, float(2 * np.arctan(88 / 188.0)), 0.0, 0.24)

@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_mcl.map import Region
-from maurice_mcl.pose_sensor import EXACT, PoseSpread, Sensed
 from maurice_mcl.sensor.landmarks import building
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks, landmarks_of
 from maurice_mcl.sensor.landmarks.camera import linearize
@@ -19,7 +17,9 @@ from maurice_mcl.sensor.landmarks.matching import spread_out
 from maurice_mcl.sensor.landmarks.picture import BESIDE, PICTURE
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.sensor.landmarks.things import besides_one_thing, things_of
-from maurice_mcl.session import Frame
+from maurice_mcl.values.map import Region
+from maurice_mcl.values.pose_sensor import EXACT, PoseSpread, Sensed
+from maurice_mcl.values.session import Frame
 
 from .conftest import CAMERA, KNOWN, built
 

@@ -1,0 +1,377 @@
+"""Calibration trials: from a CSV table, a session log with truth, or a folder of odometry and truth."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from maurice_mcl.filter.motion import MauriceParameters
+from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, trials_of
+from maurice_mcl.values.arrays import F64, U8, Bool
+from maurice_mcl.values.geometry import INCH_M, motion_between
+from maurice_mcl.values.map import Arena
+from maurice_mcl.values.session import first_word
+
+from .errors import InputError, PictureError, ReadingNotes
+from .files.pictures import decode_picture, picture_file
+from .files.text import PICTURES, number_in, read_csv, read_number_rows, show
+from .files.writing import write_whole
+from .reading.transforms import GATE
+from .session_log.reader import picture_bytes
+from .session_log.records import (
+    EventRecord,
+    OdometryRecord,
+    PictureRecord,
+    TruthRecord,
+    is_kidnapping,
+    read_header,
+    read_records,
+)
+
+# A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
+
+NEEDED = ("kind", "measured", "actual")
+COLUMNS = (*NEEDED, "heading_error_deg", "floor")
+KINDS = ("turn", "straight")
+METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    straight: bool
+    measured: float  # m or rad
+    actual: float
+    drift_rad: float  # nan: not given
+    floor: str
+
+
+def read_trials(file: Path, unit: str = "m") -> Trials:
+    """Read turns (degrees) and straights (in `unit`: m, cm, mm, in). InputError names row and column."""
+    if unit not in METERS:
+        raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
+    rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
+    return _trials(rows)
+
+
+def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
+    """Write trials for `read_trials`, in meters. InputError if the file exists and `force` is not given."""
+    text = io.StringIO(newline="")
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(COLUMNS)
+    for measured, actual in np.degrees(np.column_stack([trials.turns.measured_rad, trials.turns.actual_rad])):
+        table.writerow(["turn", f"{measured:.4f}", f"{actual:.4f}", "", ""])
+    s = trials.straights
+    for measured, actual, drift, floor in zip(s.measured_m, s.actual_m, s.drift_rad, s.floors, strict=True):
+        turned = f"{np.degrees(drift):.4f}" if math.isfinite(drift) else ""
+        table.writerow(["straight", f"{measured:.6f}", f"{actual:.6f}", turned, floor or ""])
+    write_whole(file, text.getvalue().encode(), force=force)
+
+
+def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Row]:
+    _check_columns(file, table.fieldnames or [])
+    for row in table:
+        line = table.line_num
+        if None in row:
+            raise InputError(file, f"found more values than the {len(table.fieldnames or [])} columns", line)
+        kind = (row["kind"] or "").strip()
+        if kind not in KINDS:
+            raise InputError(file, f"found kind {show(row['kind'])}, expected turn or straight", line)
+        straight = kind == "straight"
+        unit = meters if straight else math.pi / 180
+        measured, actual = (number_in(file, line, name, row[name]) * unit for name in ("measured", "actual"))
+        if measured == 0:
+            raise InputError(file, "found measured 0, expected a movement", line)
+        given = (row.get("heading_error_deg") or "").strip()
+        drift = math.radians(number_in(file, line, "heading_error_deg", given)) if given else math.nan
+        yield _Row(straight, measured, actual, drift, (row.get("floor") or "").strip())
+
+
+def _check_columns(file: Path, found: Sequence[str]) -> None:
+    unknown = [name for name in found if name not in COLUMNS]
+    missing = [name for name in NEEDED if name not in found]
+    if unknown or missing or len(set(found)) < len(found):
+        names = ", ".join(found) or "none"
+        wanted = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
+        raise InputError(file, f"found columns {names}; expected {wanted}, each once", 1)
+
+
+def _trials(rows: list[_Row]) -> Trials:
+    turns, ways = ([r for r in rows if r.straight is kind] for kind in (False, True))
+
+    def column(of: list[_Row], name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        return np.array([getattr(row, name) for row in of], np.float64)
+
+    return Trials(
+        Turns(column(turns, "measured"), column(turns, "actual")),
+        Straights(
+            column(ways, "measured"),
+            column(ways, "actual"),
+            column(ways, "drift_rad"),
+            tuple(row.floor for row in ways),
+        ),
+    )
+
+
+# Calibration trials from a session log with truth: what each movement did, by the poses around it.
+
+MISHAPS = ("slip", "bump")  # events of movements that no constant explains
+SAMPLES = 9  # points of a path at which the floor is looked up
+
+
+def trials_from_session(path: Path) -> Trials:
+    """Read a session's movements and truth. Raises InputError for what is no session, or has no truth."""
+    info, kind = read_header(path)
+    if kind != "session":
+        raise InputError(path, f"found a {kind} log, expected a session log with odometry and truth", 1)
+    reader = _Legs(path)
+    trials = trials_of(reader, lambda a, b: floor_between(info.arena, a, b))
+    trials = replace(trials, left_out=trials.left_out + reader.bent)
+    if reader.truths < 2:
+        found = "no truth" if not reader.truths else "one truth"
+        raise InputError(path, f"found {found}, expected truth records before and after the movements")
+    return trials
+
+
+class _Legs:
+    """The movements between truths, each with the first truth after it; none across a kidnapping."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.truths = 0  # seen so far ...
+        self.bent = 0  # ... and movements left out because they are arcs
+
+    def __iter__(self) -> Iterator[MotionSegment]:
+        self.truths = self.bent = 0
+        before: F64 | None = None
+        motions: list[F64] = []
+        for record in read_records(self._path, "session", ReadingNotes(keep_going=False)):
+            if isinstance(record, OdometryRecord):
+                motions.append(record.motion)
+            elif is_kidnapping(record):
+                before, motions = None, []
+            elif isinstance(record, TruthRecord):
+                self.truths += 1
+                if before is not None and motions:
+                    leg = plain(MotionSegment(before, tuple(motions), record.pose))
+                    self.bent += 0 if leg else len(motions)
+                    yield from (leg,) if leg else ()
+                if before is None or motions:
+                    before, motions = record.pose, []
+
+
+def mishaps(path: Path) -> dict[str, int]:
+    """Count what a session log tells of slips and bumps: events that begin with these words."""
+    found = dict.fromkeys(MISHAPS, 0)
+    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
+        if isinstance(record, EventRecord) and (word := first_word(record.text)) in found:
+            found[word] += 1
+    return found
+
+
+def plain(leg: MotionSegment) -> MotionSegment | None:
+    """Return a leg of turns or straights, never both; None for arcs, which cannot be separated.
+
+    A movement by itself counts as what it nearly is.
+    """
+    least, limits = MauriceParameters(), Cutting()
+    way_m, turn = float(np.hypot(*leg.motions[0][:2])), float(leg.motions[0][2])
+    both = [
+        np.hypot(*m[:2]) >= least.straight_from_m and abs(m[2]) >= least.turn_from_rad for m in leg.motions
+    ]
+    if not any(both):
+        return leg
+    if len(both) > 1 or (way_m >= limits.least_m) == (abs(turn) >= limits.least_rad):
+        return None
+    if way_m >= limits.least_m:
+        return MotionSegment(leg.before, (leg.motions[0] * [1, 1, 0],), leg.after - [0, 0, turn])
+    return MotionSegment(leg.before, (np.array([0, 0, turn]),), leg.after)
+
+
+def floor_between(arena: Arena | None, start: F64, end: F64) -> str | None:
+    """Name the floor of a straight path between two points (2,); "" without one, None across several."""
+    if arena is None:
+        return ""
+    names = {floor_at(arena, point) for point in np.linspace(start, end, SAMPLES)}
+    return names.pop() if len(names) == 1 else None
+
+
+def floor_at(arena: Arena, point: F64) -> str:
+    """Name the topmost floor at a point (2,); "" where there is none."""
+    return next((floor.name for floor in reversed(arena.floors) if floor.depth_m(point[None])[0] >= 0), "")
+
+
+# Pictures taken with the lens covered, from a survey log, its folder, or a folder of pictures.
+
+
+def covered_pictures(path: Path) -> Iterator[U8]:
+    """Yield the covered pictures of a log, or all pictures of a folder. InputError if there are none."""
+    log = _log_of(path) if path.is_dir() else path
+    return _of_folder(path) if log is None else _of_log(log)
+
+
+def _log_of(folder: Path) -> Path | None:
+    logs = sorted(folder.glob("*.log"))
+    named = folder / "survey.log"
+    if named in logs:
+        return named
+    if len(logs) > 1:
+        raise InputError(folder, f"found {len(logs)} logs, expected one or survey.log; name the log instead")
+    return logs[0] if logs else None
+
+
+def _of_log(log: Path) -> Iterator[U8]:
+    _, kind = read_header(log)
+    none = True
+    for record in read_records(log, kind, ReadingNotes(keep_going=False)):
+        if isinstance(record, PictureRecord) and record.covered:
+            none = False
+            try:
+                yield decode_picture(picture_bytes(record, log))
+            except PictureError as problem:
+                raise InputError(log, f"{record.path or 'inline picture'}: {problem}", record.line) from None
+    if none:
+        wanted = "expected some taken with the lens cap on"
+        raise InputError(log, f'found no picture with "covered": true, {wanted}')
+
+
+def _of_folder(folder: Path) -> Iterator[U8]:
+    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURES and file.is_file())
+    if not files:
+        wanted = "expected pictures taken with the lens cap on"
+        raise InputError(folder, f"found neither pictures nor a log, {wanted}")
+    for file in files:
+        try:
+            yield decode_picture(picture_file(file))
+        except PictureError as problem:
+            raise InputError(file, str(problem)) from None
+
+
+# A folder of odometry beside motion-capture truth, one row per sample: the true x y theta, the x y of the
+# robot's own odometry, and the z w of its heading, in a frame of its own. The robot never stops to be
+# measured, so the drive is cut where it changes between turning and going.
+
+FILES = {"gt.txt": 3, "odom_pose.txt": 2, "odom_quaternion.txt": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Cutting:
+    """How a drive is cut into movements; all ours."""
+
+    turning_m: float = 0.05  # turning: heading change times this (half a track) exceeds the distance
+    still_m: float = 0.0005  # a row in which neither goes further than this is standing
+    least_rad: float = float(np.radians(10))  # a smaller turn is left out, a straight that bends more as well
+    least_m: float = 0.05  # shorter straights are left out
+    jump: float = 3.0  # truth that goes this many times as far as the wheels, in a row or altogether ...
+    noise_rad: float = 0.1  # ... is not believed; but truth may be noisy by this in a row
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlignedDrive:
+    """Odometry and truth, row by row; headings are not wrapped."""
+
+    odometry: F64  # (n, 3) x_m, y_m, heading_rad, in the odometry's own frame
+    truth: F64  # (n, 3)
+
+
+def is_odometry_folder(folder: Path) -> bool:
+    """Return whether a folder holds the three files."""
+    return all((folder / name).is_file() for name in FILES)
+
+
+def read_aligned(folder: Path) -> AlignedDrive:
+    """Read the three files. Raises InputError naming the file and the line, or files of different lengths."""
+    missing = [name for name in FILES if not (folder / name).is_file()]
+    if missing:
+        raise InputError(folder, f"found no {', '.join(missing)} in it, expected {', '.join(FILES)}")
+    truth, places, turns = (_table(folder / name, columns) for name, columns in FILES.items())
+    if not len(truth) == len(places) == len(turns):
+        counts = ", ".join(f"{len(t)} in {n}" for n, t in zip(FILES, (truth, places, turns), strict=True))
+        raise InputError(folder, f"found rows of different number ({counts}), expected them aligned")
+    if len(truth) < 2:
+        raise InputError(folder, f"found {len(truth)} rows, expected a drive")
+    heading = np.unwrap(2 * np.arctan2(turns[:, 0], turns[:, 1]))
+    return AlignedDrive(
+        np.column_stack([places, heading]), np.column_stack([truth[:, :2], np.unwrap(truth[:, 2])])
+    )
+
+
+def _table(file: Path, columns: int) -> F64:
+    rows = read_number_rows(file, "a table of numbers", "a table", columns, f"{columns} finite numbers")
+    return np.array(rows, np.float64).reshape(-1, columns)
+
+
+def segments_from_folder(folder: Path) -> list[MotionSegment]:
+    """Read a drive and cut it wherever the robot has moved as far as between two pictures."""
+    drive, found, first = read_aligned(folder), [], 0
+    jumped = jumps(drive, Cutting())
+    for last in range(1, len(drive.truth)):
+        motion = motion_between(drive.odometry[first], drive.odometry[last])
+        if GATE.open_after(motion):
+            if not jumped[first:last].any():
+                found.append(MotionSegment(drive.truth[first], (motion,), drive.truth[last]))
+            first = last
+    return found
+
+
+def trials_from_folder(folder: Path, cutting: Cutting | None = None) -> Trials:
+    """Read a drive and cut it into turns and straights."""
+    return cut(read_aligned(folder), cutting or Cutting())
+
+
+STANDING, TURNING, FORWARD, BACKWARD = range(4)
+
+
+def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
+    """Cut a drive where it changes between turning and going, forward and backward.
+
+    A drift is what the heading changed less what odometry saw. Movements that are too small, arcs, and those
+    in which the truth jumps are left out and counted.
+    """
+    kinds, jumped = _kinds(drive.odometry, cutting), jumps(drive, cutting)
+    edges = np.flatnonzero(np.diff(kinds)) + 1
+    turns, ways, left_out = [], [], 0
+    for first, last in zip([0, *edges], [*edges, len(kinds)], strict=True):  # steps first to last - 1
+        moved, went = (rows[last] - rows[first] for rows in (drive.odometry, drive.truth))
+        kind = kinds[first]
+        if kind == STANDING:
+            continue
+        if jumped[first:last].any() or not _believed(moved, went, kind == TURNING, cutting):
+            left_out += 1
+        elif kind == TURNING:
+            turns.append((moved[2], went[2]))
+        else:
+            ways.append((np.hypot(*moved[:2]), np.hypot(*went[:2]), went[2] - moved[2]))
+    measured, actual = np.array(turns, np.float64).reshape(-1, 2).T
+    way_m, went_m, drift_rad = np.array(ways, np.float64).reshape(-1, 3).T
+    straights = Straights(way_m, went_m, drift_rad, ("",) * len(ways))
+    return Trials(Turns(measured, actual), straights, left_out)
+
+
+def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
+    if turning:
+        return bool(cutting.least_rad <= abs(moved[2]) and abs(went[2]) < cutting.jump * abs(moved[2]))
+    way, really = (float(np.hypot(*step[:2])) for step in (moved, went))
+    return bool(abs(moved[2]) <= cutting.least_rad and cutting.least_m <= way and really < cutting.jump * way)
+
+
+def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
+    steps = np.diff(odometry, axis=0)
+    way, arc = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) * cutting.turning_m
+    ahead = steps[:, 0] * np.cos(odometry[:-1, 2]) + steps[:, 1] * np.sin(odometry[:-1, 2])
+    going = np.where(arc > way, TURNING, np.where(ahead >= 0, FORWARD, BACKWARD))
+    return np.where(np.maximum(way, arc) < cutting.still_m, STANDING, going).astype(np.int64)
+
+
+def jumps(drive: AlignedDrive, cutting: Cutting) -> Bool:
+    """Return the steps (n - 1,) in which the truth goes or turns further than the wheels ever could."""
+    wheels, truth = (np.abs(np.diff(rows, axis=0)) for rows in (drive.odometry, drive.truth))
+    most_m = cutting.jump * float(np.hypot(wheels[:, 0], wheels[:, 1]).max())
+    most_rad = max(cutting.jump * float(wheels[:, 2].max()), cutting.noise_rad)
+    return np.asarray((np.hypot(truth[:, 0], truth[:, 1]) > most_m) | (truth[:, 2] > most_rad))

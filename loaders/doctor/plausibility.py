@@ -1,0 +1,217 @@
+"""Whether times and numbers can be what they are called: without pictures, a library or a comparison."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maurice_mcl.values.arrays import F64
+
+from .findings import (
+    TURNS,
+    Evidence,
+    Finding,
+    RecordedDrive,
+    RecordedOdometry,
+    Value,
+    direction_finding,
+    frame_finding,
+    motions_of,
+    scale_finding,
+    turn_finding,
+)
+from .odometry import FASTEST_M_S, Reading, direction_of, motions_read, moves_of, readings
+
+# Numbers of the odometry by themselves.
+
+SLOWEST_M_S = 0.002  # minimum speed of a robot that looks around, 95th percentile
+FASTEST_RAD_S = 12.0  # two turns a second
+USUAL_M_S = 0.3
+PER_SECOND = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+FEWEST = 8  # records that move
+MOST_OF_ONE = 10.0  # times the median distance: the most that one record counts
+OFF_RAD = 0.44  # angle from forward beyond which the main direction is reported
+ASIDE, NOT_ASIDE = 0.5, 0.15  # share of the distance that is sideways: too much, and hardly any
+
+
+def speeds(odometry: RecordedOdometry) -> tuple[float, float]:
+    """Return speed (m/s) and turning (rad/s, not wrapped) as 95th percentiles; 0 for nothing."""
+    motions = motions_of(odometry)
+    turns = np.diff(odometry.values[:, 2], prepend=odometry.values[0, 2]) if odometry.poses else motions[:, 2]
+    passed = np.diff(odometry.t_s, prepend=np.nan)
+    ways = np.hypot(motions[:, 0], motions[:, 1])
+    return _high(ways, passed), _high(np.abs(turns), passed)
+
+
+def _high(amounts: F64, passed_s: F64) -> float:
+    moves = (amounts > 0) & (passed_s > 0)
+    if moves.sum() < FEWEST:
+        return 0.0
+    return float(np.percentile(amounts[moves] / passed_s[moves], 95))
+
+
+def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
+    """Return the factor that turns times into seconds, and a finding if it is not 1."""
+    way, turn = speeds(drive.odometry) if drive.odometry.size else (0.0, 0.0)
+    if not (0 < way < SLOWEST_M_S and turn < SLOWEST_M_S):
+        return 1.0, []
+    unit = min(PER_SECOND, key=lambda one: abs(np.log(way * PER_SECOND[one] / USUAL_M_S)))
+    factor = PER_SECOND[unit]
+    seen = Evidence("slow", {"m_s": way, "rad_s": turn, "unit": unit, "per_s": factor})
+    short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
+    found = Finding("time-unit", (seen,), {"per_s": factor}, {"time_unit": short}, {"unit": unit})
+    return 1 / factor, [found]
+
+
+MOST_AT_ONE = 3.0  # records that move at one time, on average; a robot's clock has one or two
+COARSE_S = 0.5  # between such times
+
+
+def coarse_times(drive: RecordedDrive) -> list[Finding]:
+    """Return a finding where many records share few times: their stamps were written with too few digits."""
+    odometry, truth = drive.odometry, drive.truth
+    moves = np.abs(motions_of(odometry)).sum(axis=1) > 0 if odometry.size else np.zeros(0, bool)
+    went = np.abs(np.diff(truth.poses, axis=0, prepend=truth.poses[:1])).sum(axis=1) > 0
+    kinds = {"odometry": odometry.t_s[moves], "truth": truth.t_s[went], "pictures": drive.picture_t_s}
+    findings = []
+    for name, t_s in kinds.items():
+        times = np.unique(t_s)
+        if len(times) < 2 or len(t_s) < FEWEST or len(t_s) < MOST_AT_ONE * len(times):
+            continue
+        step_s = float(np.median(np.diff(times)))
+        if step_s < COARSE_S:
+            continue
+        seen = Evidence("steps", {"step_s": step_s, "each": len(t_s) / len(times)})
+        details: dict[str, Value] = {"name": name, "records": len(t_s), "times": len(times)}
+        findings.append(Finding("times-coarse", (seen,), {"step_s": step_s}, details=details))
+    return findings
+
+
+def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
+    """Return what is wrong with the odometry by its own numbers."""
+    odometry = drive.odometry
+    if odometry.size < FEWEST:
+        return []
+    findings, reading = [], best_reading(odometry)
+    way, turn = speeds(odometry)
+    aside = aside_share(odometry, Reading())
+    if reading.frame or (reading.turn and odometry.poses):
+        seen = Evidence("sideways", {"aside": aside, "then": aside_share(odometry, reading)})
+        if reading.frame:
+            offset = -direction_of(odometry, reading) if reading.frame == "world" else 0.0
+            findings.append(frame_finding(reading.frame, seen, offset_rad=offset))
+        findings += [turn_finding(reading.turn, seen)] if reading.turn else []
+    elif turn > FASTEST_RAD_S:
+        seen = Evidence("spins", {"rad_s": turn, "in_degrees": turn * TURNS["degrees"]})
+        findings.append(turn_finding("degrees", seen, rad_s=turn))
+    elif abs(np.sin(side := direction_of(odometry, Reading()))) > np.sin(OFF_RAD):
+        seen = Evidence("one-way", {"off_deg": float(np.degrees(side)), "aside": aside})
+        findings.append(direction_finding(-side, seen, aside=aside))
+    if way > FASTEST_M_S and reading.frame != "absolute":
+        findings.append(_too_fast(way, drive.size_m))
+    return findings
+
+
+def best_reading(odometry: RecordedOdometry) -> Reading:
+    """Return the reading with hardly any sideways motion; the usual one if it has little."""
+    if aside_share(odometry, Reading()) < ASIDE:
+        return Reading()
+    small = odometry.poses and np.abs(odometry.values[:, 2]).max() <= np.pi  # headings of quaternions are
+    tried = [one for one in readings(odometry) if one.frame or odometry.poses]
+    tried = [one for one in tried if not (small and "degrees" in one.turn)]
+    best = min(tried, key=lambda one: aside_share(odometry, one))
+    return best if aside_share(odometry, best) < NOT_ASIDE else Reading()
+
+
+def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
+    """Return the sideways share of the distance, 0 to 1, under a reading."""
+    if odometry.poses:
+        motions = moves_of(odometry.values * [1, 1, TURNS[reading.turn]])
+    else:
+        motions = motions_read(odometry, reading)
+    ways = np.hypot(motions[:, 0], motions[:, 1])
+    if not ways.any():
+        return 0.0
+    counted = np.minimum(ways, MOST_OF_ONE * np.median(ways[ways > 0]))  # one outlier does not decide
+    aside = np.divide(np.abs(motions[:, 1]), ways, out=np.zeros_like(ways), where=ways > 0)
+    return float(counted @ aside / counted.sum())
+
+
+def _too_fast(way: float, size_m: float) -> Finding:
+    scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
+    seen = Evidence("fast", {"m_s": way, "map_m": size_m, "then_m_s": way * scale})
+    return scale_finding(scale, seen, m_s=way)
+
+
+# Clocks of pictures, odometry and truth that have no time in common, and what would align them.
+
+FEW = 0.2  # share of the pictures
+MAX_GAP_S = 1.0  # longest gap across which truth is interpolated
+MOST_TIMES = 5000  # of one kind to compare
+MOST_PICTURES = 60
+ALIKE_S = 2e-3  # times that differ by less are equal
+MOST, OTHER = 0.8, 0.5  # share of times that coincide at an offset, and at most at any other
+
+
+def same_moments(late_t_s: F64, t_s: F64) -> float | None:
+    """Return the delay at which nearly all of the fewer times coincide with the others; None for several."""
+    most = (MOST_PICTURES, MOST_TIMES) if len(late_t_s) <= len(t_s) else (MOST_TIMES, MOST_PICTURES)
+    late, ours = late_t_s[: most[0]], t_s[: most[1]]
+    fewer = min(len(late), len(ours))
+    if fewer < FEWEST:
+        return None
+    apart = np.sort((late[:, None] - ours).ravel())
+    met = np.searchsorted(apart, apart + ALIKE_S, side="right") - np.arange(len(apart))
+    best = int(met.argmax())
+    others = met[np.abs(apart - apart[best]) > 2 * ALIKE_S]
+    if met[best] < MOST * fewer or (len(others) and others.max() > OTHER * fewer):
+        return None
+    return float(np.median(apart[best : best + met[best]]))
+
+
+def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:
+    """Return findings where pictures, odometry and truth share no time; `movement_s` aligns truth's."""
+    findings: list[Finding] = []
+    ours, others = drive.picture_t_s, {"odometry": drive.odometry.t_s, "truth": drive.truth.t_s}
+    shared = {name: _overlap(times, ours) for name, times in others.items()}
+    for name, times in others.items():
+        if not len(times) or not len(ours) or shared[name]:
+            continue
+        other = shared["truth" if name == "odometry" else "odometry"]
+        moved_s = None if movement_s is None or not other else movement_s
+        late, by = _late(times, ours, moved_s if name == "odometry" or moved_s is None else -moved_s)
+        spans: dict[str, Value] = {"name": name, "from_s": float(times.min()), "to_s": float(times.max())}
+        spans |= {"pictures_from_s": float(ours.min()), "pictures_to_s": float(ours.max())}
+        evidence, options = (Evidence("spans", spans),), {f"{name}_offset_s": -round(late, 3)}
+        findings.append(Finding(f"{name}-clock", evidence, {"late_s": late}, options, {"by": by}))
+    return findings
+
+
+def _overlap(times: F64, ours: F64) -> bool:
+    return bool(len(times) and len(ours) and times.min() <= ours.max() and ours.min() <= times.max())
+
+
+def _late(times: F64, ours: F64, moved_s: float | None) -> tuple[float, str]:
+    """Return the delay of a clock by the best available source, and the name of that source."""
+    exact = same_moments(times, ours)
+    if exact is not None:
+        return exact, "pictures"
+    if moved_s is not None:
+        return moved_s, "movement"
+    return float(times.min() - ours.min()), "beginnings"
+
+
+def truth_apart(drive: RecordedDrive) -> list[Finding]:
+    """Return a finding if hardly any picture has truth at its time, though their times overlap."""
+    truth, pictures = drive.truth, drive.picture_t_s
+    if truth.size < FEWEST or len(pictures) < FEWEST:
+        return []
+    after = np.clip(np.searchsorted(truth.t_s, pictures), 1, truth.size - 1)
+    before = after - 1
+    exact = (truth.t_s[after] == pictures) | (truth.t_s[before] == pictures)
+    between = (truth.t_s[after] - truth.t_s[before] <= MAX_GAP_S) & (truth.t_s[before] <= pictures)
+    known = float((exact | (between & (pictures <= truth.t_s[after]))).mean())
+    if known >= FEW:
+        return []
+    late = float(np.median(pictures - truth.t_s[before]))
+    seen = {"share": known, "pictures": len(pictures), "gap_s": MAX_GAP_S, "age_s": late}
+    return [Finding("truth-apart", (Evidence("no-truth", seen),), {"share": known, "age_s": late})]

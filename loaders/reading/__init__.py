@@ -1,0 +1,8 @@
+"""From a recording of any format to a session, as a stream.
+
+* `options`: how a recording is read; `recording`: records in time order, which every format is read into
+* `transforms`: recordings corrected, with odometry made, with fewer pictures
+* `picture_odometry`: odometry from pictures; `plane`: the plane of the motion
+* `time_alignment`: clocks, and pictures paired with odometry and truth by time
+* `session`: a recording as a session
+"""

@@ -1,0 +1,268 @@
+"""How a recording is read: `ReadingOptions`, and its TOML file.
+
+Each field of `ReadingOptions` is one option. The command line, the manifest of a saved run and the file
+(docs/formats.md) follow from it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
+
+from ..errors import FieldError, InputError
+from ..files.text import flag, mapping, number, read_toml, show, text, toml_value, whole
+from ..files.writing import write_whole
+from .plane import PLANES, TURNED
+
+MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
+TIME_UNITS = ("s", "ms", "us", "ns")
+MOTIONS_ARE = ("poses", "steps")  # what numbers may hold that a format reports as motions
+TABLE = "reading"  # of the TOML file
+MADE_ODOMETRY = ("odometry_from_truth", "odometry_from_pictures")  # options that make odometry
+
+Group = Literal["source", "table", "pictures", "made odometry", "correction", "errors"]
+
+
+class Meaning(NamedTuple):
+    """What a field of `ReadingOptions` stands for."""
+
+    text: str  # one line, as the command line's help shows it; angles are typed in degrees
+    group: Group
+    choices: tuple[str, ...] = ()  # for texts
+    least: float | None = None  # for numbers; a number whose default is 1 is a factor, never 0
+
+
+Text = str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingOptions:
+    """How a recording is read; the defaults detect what they can and change nothing.
+
+    Meters, radians, seconds. `FIELDS` holds the meaning of each.
+
+        >>> from maurice_loaders import ReadingOptions
+        >>> ReadingOptions(turn_scale=-1.0, camera_yaw_rad=1.5707963).corrections
+        ('--reading turn_scale=-1', '--reading camera_yaw_deg=89.9999985')
+    """
+
+    format: Annotated[Text, Meaning("Format of the recording, if the detected one is wrong.", "source")] = (
+        None
+    )
+    camera: Annotated[Text, Meaning("Camera whose pictures are read. [default: the first]", "source")] = None
+    image_topic: Annotated[
+        Text, Meaning("Topic of a bag's pictures. [default: detected, printed]", "source")
+    ] = None
+    odometry_topic: Annotated[
+        Text, Meaning("Topic of a bag's odometry. [default: detected, printed]", "source")
+    ] = None
+    truth_topic: Annotated[
+        Text, Meaning("Topic of a bag's true poses. [default: detected, printed]", "source")
+    ] = None
+    localizer_topic: Annotated[
+        Text, Meaning("Topics of recorded localizers, with commas. [default: detected, printed]", "source")
+    ] = None
+    readings: Annotated[
+        Text, Meaning("Topics of a bag's numbers, as left=/ir/left. [default: all]", "source")
+    ] = None
+    plane: Annotated[
+        Text,
+        Meaning("Axes of the plane that poses in space move in. [default: auto, printed]", "source", PLANES),
+    ] = None
+    table: Annotated[
+        Path | None, Meaning("CSV table of poses or odometry, for pictures in a folder or video.", "table")
+    ] = None
+    columns: Annotated[Mapping[str, str], Meaning("Columns of a table by role.", "table")] = field(
+        default_factory=dict
+    )
+    time_unit: Annotated[Text, Meaning("Unit of the times. [default: detected]", "table", TIME_UNITS)] = None
+    odometry_offset_s: Annotated[
+        float, Meaning("Seconds added to the times of the odometry.", "correction")
+    ] = 0.0
+    truth_offset_s: Annotated[float, Meaning("Seconds added to the times of the truth.", "correction")] = 0.0
+    picture_offset_s: Annotated[
+        float, Meaning("Seconds added to the times of the pictures.", "correction")
+    ] = 0.0
+    odometry_scale: Annotated[
+        float, Meaning("Factor for lengths of the odometry; 0.001 for millimeters.", "correction")
+    ] = 1.0
+    turn_scale: Annotated[
+        float, Meaning("Factor for turns of the odometry; -1: clockwise, 0.0174533: degrees.", "correction")
+    ] = 1.0
+    turn_gain: Annotated[
+        float, Meaning("True turn over measured turn; also bends a path of poses.", "correction")
+    ] = 1.0
+    odometry_forward_rad: Annotated[
+        float, Meaning("Direction of the robot's forward in the odometry's frame.", "correction")
+    ] = 0.0
+    odometry_are: Annotated[
+        Text,
+        Meaning(
+            "What the odometry's motions hold: poses, or steps along fixed axes.", "correction", MOTIONS_ARE
+        ),
+    ] = None
+    truth_scale: Annotated[float, Meaning("Factor for lengths of the truth.", "correction")] = 1.0
+    truth_turn_scale: Annotated[float, Meaning("Factor for headings of the truth.", "correction")] = 1.0
+    truth_ahead_m: Annotated[
+        float, Meaning("Place on the robot that truth is of: ahead of the wheels' center.", "correction")
+    ] = 0.0
+    truth_left_m: Annotated[float, Meaning("The same, left of the wheels' center.", "correction")] = 0.0
+    camera_yaw_rad: Annotated[
+        float,
+        Meaning("Direction of the camera relative to forward; headings become the camera's.", "correction"),
+    ] = 0.0
+    max_dt_s: Annotated[
+        float, Meaning("Most seconds between a picture and its odometry.", "pictures", least=0.0)
+    ] = MAX_DT_S
+    min_distance_m: Annotated[
+        float, Meaning("Least distance between pictures used.", "pictures", least=0.0)
+    ] = 0.0
+    min_angle_rad: Annotated[float, Meaning("Least turn between pictures used.", "pictures", least=0.0)] = 0.0
+    pictures_outside: Annotated[
+        bool, Meaning("Read pictures that a recording names outside its folder.", "pictures")
+    ] = False
+    odometry_from_truth: Annotated[
+        bool, Meaning("Make odometry from the truth, with noise, if there is none.", "made odometry")
+    ] = False
+    odometry_seed: Annotated[int, Meaning("Seed of that noise.", "made odometry", least=0)] = 0
+    odometry_from_pictures: Annotated[
+        bool, Meaning("Make odometry from the pictures, if there is none.", "made odometry")
+    ] = False
+    picture_step_m: Annotated[
+        float, Meaning("Way between pictures, where the floor tells none. [default: median]", "made odometry")
+    ] = 0.0
+    camera_fov_rad: Annotated[
+        float,
+        Meaning("Horizontal field of view; landmarks use it too. [default: the header's]", "made odometry"),
+    ] = 0.0
+    camera_height_m: Annotated[
+        float, Meaning("Camera above the floor. [default: the header's]", "made odometry")
+    ] = 0.0
+    keep_going: Annotated[bool, Meaning("Skip broken parts and report how many.", "errors")] = False
+
+    @property
+    def corrections(self) -> tuple[str, ...]:
+        """All corrections as they are typed: "--reading turn_scale=-1"."""
+        usual = ReadingOptions()
+        changed = [name for name in CORRECTIONS if getattr(self, name) != getattr(usual, name)]
+        return tuple(f"{option_name(name)}={option_value(name, getattr(self, name))}" for name in changed)
+
+    @property
+    def as_it_is(self) -> bool:
+        """Whether a session log is read unchanged: nothing aligned, made or corrected."""
+        gated = self.min_distance_m or self.min_angle_rad or any(getattr(self, one) for one in MADE_ODOMETRY)
+        turned = self.plane in TURNED
+        return not (gated or turned or self.time_unit not in (None, "s") or self.corrections)
+
+
+FIELDS: dict[str, Meaning] = {
+    name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()
+}
+CORRECTIONS = tuple(name for name, meaning in FIELDS.items() if meaning.group == "correction")
+
+
+def option_name(name: str) -> str:
+    """Return the command-line option of a field: `camera_yaw_rad` is `--reading camera_yaw_deg`."""
+    return "--reading " + (name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name)
+
+
+def option_value(name: str, value: object) -> str:
+    """Return a value as it is typed, angles in degrees."""
+    if not isinstance(value, float):
+        return str(value)
+    return f"{round(math.degrees(value) if name.endswith('_rad') else value, 7):.15g}"
+
+
+# The file: one TOML table, [reading], whose keys are the fields.
+
+
+def read_reading(path: str | Path) -> ReadingOptions:
+    """Read options from a TOML file; missing keys have their defaults.
+
+    The path of `table` counts from the file's folder. Raises InputError for a file that is no such TOML and
+    for unknown keys or bad values.
+
+        >>> from maurice_loaders import ReadingOptions, read_reading, write_reading
+        >>> write_reading("reading.toml", ReadingOptions(turn_scale=-1.0), force=True)
+        >>> read_reading("reading.toml").turn_scale
+        -1.0
+    """
+    path = Path(path)
+    found = read_toml(path, "options of reading")
+    if list(found) != [TABLE]:
+        names = ", ".join(found) or "nothing"
+        raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor -o writes it")
+    try:
+        return _options_of(found[TABLE], path.parent)
+    except FieldError as problem:
+        raise InputError(path, f"{problem}; correct it there") from None
+
+
+def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = False) -> None:
+    """Write the options that differ from their defaults to a TOML file.
+
+    Raises InputError for a file that exists, unless `force`, or cannot be written.
+
+        >>> from maurice_loaders import ReadingOptions, read_reading, write_reading
+        >>> write_reading("reading.toml", ReadingOptions(camera="left"), force=True)
+        >>> read_reading("reading.toml") == ReadingOptions(camera="left")
+        True
+    """
+    path, usual = Path(path), ReadingOptions()
+    lines = ["# How a recording is read; use it with --reading.", f"[{TABLE}]"]
+    for name in FIELDS:
+        value = getattr(options, name)
+        if value == getattr(usual, name):
+            continue
+        if isinstance(value, Path):
+            value = Path(os.path.relpath(value, path.parent)).as_posix()
+        degrees = f"  # {option_value(name, value)} degrees" if name.endswith("_rad") else ""
+        lines.append(f"{name} = {toml_value(value)}{degrees}")
+    write_whole(path, ("\n".join(lines) + "\n").encode(), force=force)
+
+
+def _options_of(value: Any, folder: Path) -> ReadingOptions:
+    found = dict(mapping(value, TABLE))
+    table = found.pop("table", None)
+    options = reading_from_json(found, elsewhere=("table",))
+    return options if table is None else replace(options, table=folder / text(table, "table"))
+
+
+# The same in the manifest of a saved run.
+
+ELSEWHERE = ("table", "keep_going")  # options that a manifest has under names of their own
+
+
+def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
+    """Return the options as a manifest holds them, all but `ELSEWHERE`."""
+    kept = {name: getattr(options, name) for name in FIELDS if name not in ELSEWHERE}
+    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
+
+
+def reading_from_json(value: Any, elsewhere: tuple[str, ...] = ELSEWHERE) -> ReadingOptions:
+    """Return the options that `reading_to_json` wrote. FieldError for unknown names and bad values."""
+    found = mapping(value, TABLE)
+    for name in found:
+        if name not in FIELDS or name in elsewhere:
+            near = get_close_matches(name, FIELDS, 1)
+            meant = f"; did you mean {near[0]}?" if near and near[0] != name else ""
+            raise FieldError(f"found the option of reading {show(name)}, which is not known here{meant}")
+    return replace(ReadingOptions(), **{name: _checked(name, v) for name, v in found.items()})
+
+
+def _checked(name: str, value: Any) -> Any:
+    usual, meaning = getattr(ReadingOptions(), name), FIELDS[name]
+    if usual is None:
+        if value is None or text(value, name) in (meaning.choices or (value,)):
+            return value
+        raise FieldError(f"found {name} {show(value)}, expected one of {', '.join(meaning.choices)}")
+    if isinstance(usual, bool):
+        return flag(value, name)
+    if isinstance(usual, Mapping):
+        return {role: text(column, name) for role, column in mapping(value, name).items()}
+    return whole(value, name) if isinstance(usual, int) else number(value, name)

@@ -1,0 +1,320 @@
+"""A recording of any format as a session: pictures aligned in time with odometry and truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from maurice_mcl.library.drive_score import DrivePicture
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import compose, motion_between, wrap_angle
+from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
+
+from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
+from ..session_log.header import Kind
+from ..session_log.reader import SessionLog, SurveyPicture
+from ..session_log.records import read_records
+from .options import ReadingOptions
+from .recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
+from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
+from .transforms import PLACEHOLDER, Gate, Placeholders
+
+if TYPE_CHECKING:
+    from maurice_mcl.fitting.motion import MotionSegment
+
+WIDEST_RAD = float(np.radians(170))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Glance:
+    """A moment without its picture."""
+
+    motions: F64  # (M, 3) as of a `Frame`
+    truth: F64 | None  # (3,)
+    events: tuple[str, ...]
+
+
+@dataclass(slots=True, eq=False)
+class _Update:
+    aligned: Aligned
+    time_s: float
+    motions: list[F64]
+    truth: F64 | None
+    odometry: F64 | None
+
+
+class RecordedSession(HasReadingNotes):
+    """A recording as a `maurice_mcl.values.session.Session`; nothing is read before it is asked for.
+
+    Odometry poses become one motion a used picture; motions measured as such stay apart. A picture without
+    odometry within `max_dt_s` is left out. InputError as `SessionLog` raises it.
+    """
+
+    kind: Kind = "session"
+
+    def __init__(self, recording: Recording, options: ReadingOptions | None = None) -> None:
+        self.recording = recording
+        self.options = options or ReadingOptions()
+        self._notes = ReadingNotes(self.options.keep_going)
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self.recording.path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What is known before the first picture, with the field of view that the options state."""
+        return with_stated_view(self.path, self.recording.info, self.options)
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What is to be said when it is opened: the header's notes, and what is not read."""
+        not_read = str(getattr(self.recording, "not_read", ""))
+        return (*self.info.notes, *([not_read] if not_read else []))
+
+    def moments(self) -> Iterator[Moment]:
+        """Read the drive from its beginning, a used picture at a time."""
+        notes = self._notes = ReadingNotes(self.options.keep_going)
+        updates = _Updates(self, notes)
+        step = 0
+        for update in updates:
+            picture = update.aligned.picture
+            try:
+                image = picture.read()
+            except PictureError as problem:
+                notes.problem(InputError(self.path, f"{picture.name}: {problem}"))
+                continue
+            updates.used(update)
+            step += 1
+            motions, readings = as_rows(update.motions), updates.readings_taken()
+            frame = Frame(step, update.time_s, motions, image, picture.name, readings)
+            yield Moment(frame, update.truth, tuple(updates.events_taken()))
+
+    def overview(self) -> tuple[int, bool]:
+        """Count the pictures that make a moment, and tell whether any truth is there; decodes no picture."""
+        count, updates = 0, _Updates(self, ReadingNotes(self.options.keep_going))
+        for update in updates:
+            updates.used(update)
+            count += 1
+        return count, updates.truths > 0
+
+    def glances(self, notes: ReadingNotes) -> Iterator[Glance]:
+        """Yield what is known of every moment without its picture; decodes none."""
+        updates = _Updates(self, notes)
+        for update in updates:
+            updates.used(update)
+            yield Glance(as_rows(update.motions), update.truth, tuple(updates.events_taken()))
+
+    def known_pictures(self, most: int) -> list[DrivePicture]:
+        """Return those of the first `most` updates whose true pose is known; decodes none, raises nothing."""
+        updates, found = _Updates(self, ReadingNotes(keep_going=True)), list[DrivePicture]()
+        for update in islice(updates, most):
+            updates.used(update)
+            if update.truth is not None:
+                found.append(DrivePicture(_reader(update.aligned.picture), update.truth))
+        return found
+
+    def count_pictures(self) -> int:
+        """Count all pictures, used or not, without decoding any."""
+        records = checked(self.recording, ReadingNotes(self.options.keep_going))
+        return sum(isinstance(record, Picture) for record in records)
+
+    def survey_pictures(self) -> Iterator[SurveyPicture]:
+        """Yield the used pictures whose true pose is known, as a survey; those without one are left out."""
+        for moment in self.moments():
+            if moment.truth is not None:
+                yield SurveyPicture(None, moment.frame.image, moment.truth, covered=False)
+
+    @cached_property
+    def odometry(self) -> type[OdometryPose] | type[Motion] | None:
+        """Return how odometry comes, if at all; stops at its first record."""
+        for record in checked(self.recording, ReadingNotes(keep_going=True)):
+            if isinstance(record, OdometryPose | Motion):
+                return type(record)
+        return None
+
+
+def _reader(picture: Picture) -> Callable[[], U8 | None]:
+    """Return what decodes a picture, or returns None for one that cannot be read."""
+
+    def read() -> U8 | None:
+        try:
+            return picture.read()
+        except PictureError:
+            return None
+
+    return read
+
+
+def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> SessionInfo:
+    """Return a header whose camera, the one that is read, has the field of view of the options, if any."""
+    view_rad = options.camera_fov_rad
+    if not view_rad:
+        return info
+    if not 0 < view_rad <= WIDEST_RAD:
+        found = f"found a camera's field of view of {np.degrees(view_rad):g} degrees"
+        raise InputError(path, f"{found}, expected 1 to 170; see --reading camera_fov_deg=60")
+    cameras = list(info.cameras or (Camera(options.camera or "camera"),))
+    names = [one.name for one in cameras]
+    at = names.index(options.camera) if options.camera in names else 0
+    cameras[at] = replace(cameras[at], horizontal_fov_rad=view_rad)
+    return replace(info, cameras=tuple(cameras))
+
+
+class _Updates:
+    def __init__(self, session: RecordedSession, notes: ReadingNotes) -> None:
+        self.truths = 0  # seen so far
+        self._session = session
+        self._notes = notes
+        self._gate = Gate(session.options.min_distance_m, session.options.min_angle_rad)
+        self._steps = Steps()
+        self._events: list[str] = []
+        self._readings: dict[str, float] = {}
+        self._begin_s: float | None = None
+        self._spans = {"pictures": TimeSpan(), "odometry": TimeSpan()}
+        self._used = False
+        self._unpaired = 0
+        self._what = "pictures"  # or moments of a recording without any
+
+    def __iter__(self) -> Iterator[_Update]:
+        aligner = Aligner(self._session.options.max_dt_s)
+        for aligned in aligner(self._seen()):
+            self._events += aligned.events
+            self._readings |= aligned.readings
+            pose = aligned.odometry_at(self._session.options.max_dt_s)
+            motions = self._steps.add(aligned.motions, pose, aligner.first_odometry)
+            if pose is None and self._session.odometry is OdometryPose:
+                self._unpaired += 1
+                continue
+            if not self._used or self._gate.open_after(self._steps.way):
+                begin_s = aligned.picture.t_s if self._begin_s is None else self._begin_s
+                time_s = aligned.picture.t_s - begin_s
+                yield _Update(aligned, time_s, motions, aligned.truth_at(), pose)
+        self._tell()
+
+    def used(self, update: _Update) -> None:
+        self._steps.used(update.odometry)
+        self._used = True
+
+    def events_taken(self) -> list[str]:
+        events, self._events = self._events, []
+        return events
+
+    def readings_taken(self) -> Mapping[str, float]:
+        readings, self._readings = self._readings, {}
+        return readings
+
+    def _seen(self) -> Iterator[Record]:
+        for record in checked(self._session.recording, self._notes):
+            self._begin_s = record.t_s if self._begin_s is None else self._begin_s
+            self.truths += isinstance(record, TruthPose)
+            if isinstance(record, Picture):
+                self._what = "moments" if record.name == PLACEHOLDER else "pictures"
+                self._spans["pictures"].add(record.t_s)
+            elif isinstance(record, OdometryPose):
+                self._spans["odometry"].add(record.t_s)
+            yield record
+
+    def _tell(self) -> None:
+        pictures, odometry = self._spans["pictures"], self._spans["odometry"]
+        if pictures.count and self._session.odometry is None:
+            advice = (
+                "name a table of poses with --reading table=..., a bag's topic with odometry_topic=..., "
+                "or try odometry_from_pictures=true"
+            )
+            if self.truths:
+                advice = "--reading odometry_from_truth=true makes some from the truth, for trying things out"
+            only = "the filter only has the pictures to go by"
+            if self._what == "moments":
+                only = "only the true poses are there"
+            self._notes.warning(f"found no odometry: {only}; {advice}")
+        if not self._unpaired:
+            return
+        within = f"within {self._session.options.max_dt_s:g} s"
+        if self._unpaired == pictures.count:
+            where = apart(self._what, pictures, "odometry", odometry)
+            found = f"found no {self._what.removesuffix('s')} with odometry {within}: {where}"
+            text = f"{found}; see --reading odometry_offset_s=... and max_dt_s=..."
+            raise InputError(self._session.path, text)
+        share = f"{self._unpaired} of {pictures.count} {self._what}"
+        self._notes.warning(
+            f"{share} have no odometry {within} and were left out; see --reading max_dt_s=..."
+        )
+
+
+def begin_of(session: SessionLog | RecordedSession) -> float:
+    """Return the time in seconds of the first record; 0 where there is none. InputError as reading."""
+    notes = ReadingNotes(keep_going=True)
+    if isinstance(session, SessionLog):
+        line = next(read_records(session.path, "session", notes), None)
+        return 0.0 if line is None else line.t_s
+    record = next(checked(session.recording, notes), None)
+    return 0.0 if record is None else record.t_s
+
+
+def first_truth(recording: Recording) -> F64 | None:
+    """Return the first true pose (3,), less what odometry saw before it; None without truth."""
+    moved, first = np.zeros(3), None
+    for record in checked(recording, ReadingNotes(keep_going=True)):
+        if isinstance(record, TruthPose):
+            return before(record.pose, moved)
+        if isinstance(record, Motion):
+            moved = compose(moved, record.motion)
+        elif isinstance(record, OdometryPose):
+            first = record.pose if first is None else first
+            moved = motion_between(first, record.pose)
+    return None
+
+
+def before(pose: F64, motion: F64) -> F64:
+    """Return the pose (3,) from which a motion (3,) leads to a pose (3,)."""
+    heading = float(pose[2] - motion[2])
+    cos, sin = np.cos(heading), np.sin(heading)
+    x = pose[0] - (motion[0] * cos - motion[1] * sin)
+    y = pose[1] - (motion[0] * sin + motion[1] * cos)
+    return np.array([x, y, wrap_angle(heading)])
+
+
+def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:
+    """Yield the movements between true poses of a recording of any format; none across a kidnapping.
+
+    Odometry poses become a movement a picture, as the filter gets them, or one for every 0.25 m or 15 degrees
+    where there are no pictures; measured motions need none.
+    """
+    from maurice_mcl.fitting.motion import MotionSegment  # loads scipy, which reading does without
+
+    before: F64 | None = None
+    motions: list[F64] = []
+    for moved, truth, events in _between_truths(session):
+        motions.extend(moved)
+        if any(map(is_kidnapping, events)):
+            before, motions = None, []
+        if truth is None:
+            continue
+        if before is not None and motions:
+            yield MotionSegment(before, tuple(motions), truth)
+        if before is None or motions:
+            before, motions = truth, []
+
+
+def _between_truths(session: RecordedSession) -> Iterator[tuple[Iterable[F64], F64 | None, tuple[str, ...]]]:
+    notes = ReadingNotes(session.options.keep_going)
+    if session.odometry is not Motion:
+        if not session.count_pictures():
+            session = RecordedSession(Placeholders(session.recording), session.options)
+        yield from ((one.motions, one.truth, one.events) for one in session.glances(notes))
+        return
+    for record in checked(session.recording, notes):
+        if isinstance(record, Motion):
+            yield (record.motion,), None, ()
+        elif isinstance(record, TruthPose):
+            yield (), record.pose, ()
+        elif isinstance(record, Note):
+            yield (), None, (record.text,)

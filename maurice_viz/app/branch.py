@@ -1,0 +1,240 @@
+"""Where a saved run is branched, and what is changed from there on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_mcl.config.build import adapted, available, build_localizer
+from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
+from maurice_mcl.filter.branch import branched
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.reasons.failures.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.records import Belief, FilterState, StepRecord
+from maurice_mcl.values.session import Moment
+
+from ..errors import OptionError
+from ..listener import SILENT, Listener
+from ..running.open import AnySession
+from ..running.run_spec import check_name, combined
+from ..running.saved import changed_versions, library_of, localizer_of, session_of
+from ..running.saved_steps import Pictures, Restored, restored_together
+from .convert import chosen_label
+
+KEEPS_SCALES = ("sensor.sharpness", "sensor.widening", "sensor.scales")  # others ask for new ones
+
+
+@dataclass(frozen=True, slots=True)
+class BranchChange:
+    """What is different from the branch on; what is None stays as it was in the run."""
+
+    preset: str | None = None
+    feature: str | None = None
+    particles: int | None = None
+    seed: int | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over the others
+    anywhere: bool = False  # the branch begins with particles spread over all free space
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """What is changed, one thing each: "recovery.strategy=augmented"."""
+        named = {"preset": self.preset, "feature": self.feature}
+        words = [f"{what} {name}" for what, name in named.items() if name is not None]
+        words += [] if self.particles is None else [f"{self.particles} particles"]
+        words += [] if self.seed is None else [f"seed {self.seed}"]
+        words += ["particles anywhere"] if self.anywhere else []
+        return (*words, *(f"{key}={_short(value)}" for key, value in self.settings.items()))
+
+    @property
+    def label(self) -> str:
+        """A short name for the branch, after what is changed."""
+        named = [part for part in (self.preset, self.feature) if part]
+        named += [] if self.particles is None else [f"particles {self.particles}"]
+        named += [] if self.seed is None else [f"seed {self.seed}"]
+        named += ["anywhere"] if self.anywhere else []
+        named += [str(_short(value)).replace("/", "-") for value in self.settings.values()]
+        return " ".join(named)[:24].strip() or "unchanged"
+
+    @property
+    def options(self) -> tuple[str, ...]:
+        """The change as typed on the command line: "--set", "recovery.strategy=augmented"."""
+        named: dict[str, Any] = {"--preset": self.preset, "--feature": self.feature}
+        named |= {"--particles": self.particles, "--seed": self.seed}
+        given = [word for name, value in named.items() if value is not None for word in (name, str(value))]
+        given += ["--anywhere"] if self.anywhere else []
+        settings = [f"{key}={_short(value)}" for key, value in self.settings.items()]
+        return (*given, *(word for setting in settings for word in ("--set", setting)))
+
+    @property
+    def has_other_sensor(self) -> bool:
+        """Whether pictures are compared otherwise, so that scales have to be found again."""
+        return self.feature is not None or any(
+            key.startswith("sensor.") and key not in KEEPS_SCALES for key in self.settings
+        )
+
+    def configuration(self, saved: Configuration, fitted: Sequence[str] = ()) -> Configuration:
+        """Return the settings from the branch on. OptionError for what is not known or out of range.
+
+        A preset is a whole filter: of the run's settings only motion, particles and sensors of other packages
+        stay. Keys that the library `fitted` to the run's own channels are left out where the branch has
+        another sensor.
+        """
+        check_name(self.preset, PRESETS, "preset")
+        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
+        given = combined(self.settings, self.feature, self.particles)
+        if any(key.startswith("radii.") for key in given):
+            raise OptionError("radii cannot be changed: both runs are judged by those of the saved run")
+        kept = {key: value for key, value in saved.values().items() if value is not None}
+        if self.preset is not None:
+            other = {key: value for key, value in kept.items() if key in OF_THE_ROBOT}
+            kept = dict(PRESETS[self.preset]) | other
+        if self.has_other_sensor:
+            kept = {key: value for key, value in kept.items() if key not in fitted}
+        try:
+            own = saved.parameters.sensor.weights
+            return configure([Layer("run", kept), Layer("command line", given)], own)
+        except ValueError as problem:
+            raise OptionError(str(problem)) from None
+
+
+OF_THE_ROBOT = ("motion", "particles", "sensor.outside")  # keys that a preset leaves as they are
+
+
+def _short(value: Any) -> Any:
+    return ",".join(f"{name}={one}" for name, one in value.items()) if isinstance(value, Mapping) else value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BranchPoint:
+    """A saved run with all that it was made from."""
+
+    run: SavedRun
+    session: AnySession
+    library: Library
+    localizer: Localizer  # the run's own
+
+    @property
+    def restored(self) -> Restored:
+        """The run, to go through its steps."""
+        return Restored(self.run, self.localizer)
+
+    def steps(self) -> Iterator[tuple[Moment, StepRecord]]:
+        """Go through the run with the pictures that it saw. InputError for other pictures."""
+        label, pictures = self.run.manifest.label, Pictures(self.session, self.refuse)
+        for moment, records in restored_together([self.restored], pictures):
+            yield moment, records[label]
+
+    def refuse(self, text: str) -> None:
+        """Raise InputError for a picture that is missing or another."""
+        raise InputError(self.run.folder, f"{text.split(';')[0]}; put it back, a branch has to see it")
+
+    def step_or_default(self, from_step: int | None) -> int:
+        """Return the step to branch after: the given one, else the one before the first loss.
+
+        OptionError for a step that the run does not have, or where it was never lost.
+        """
+        steps = self.run.manifest.steps
+        if from_step is None:
+            found = step_before_loss(verdict_of(self))
+            if found is None:
+                raise OptionError("the run was never lost, as far as is known; name a step with --from")
+            return found
+        if from_step < 0 or (steps is not None and from_step >= steps):
+            last = "" if steps is None else f" to {steps - 1}"
+            raise OptionError(f"--from: found {from_step}, expected a step from 0{last}")
+        return from_step
+
+    def localizer_with(self, change: BranchChange) -> Localizer:
+        """Return the filter from the branch on; the sensor model is the run's where nothing changes it.
+
+        InputError where the library lacks a channel, OptionError for settings.
+        """
+        own, before = self.localizer, self.run.configuration.parameters
+        seed = own.seed if change.seed is None else change.seed
+        if not replace(change, seed=None, anywhere=False).words:
+            return replace(own, seed=seed)
+        found = change.configuration(
+            self.run.configuration, self._fitted() if change.has_other_sensor else ()
+        )
+        try:
+            found = available(found, self.library)[0]
+        except InputError as problem:
+            raise InputError(self.run.folder, problem.message) from None
+        if (found.parameters.sensor, found.parameters.references) != (before.sensor, before.references):
+            found = adapted(found, self.library, own.reference)[0]
+        after = found.parameters
+        same = (after.sensor, after.references, after.map) == (before.sensor, before.references, before.map)
+        try:
+            return build_localizer(
+                self.library,
+                self.session,
+                after,
+                reference=own.reference if own.arena is self.library.arena else None,
+                seed=seed,
+                radii=self.run.manifest.radii,
+                sensor=own.sensor if same else None,
+            )
+        except ValueError as problem:  # motion parameters
+            raise OptionError(str(problem)) from None
+
+    def _fitted(self) -> tuple[str, ...]:
+        """Return the keys that the library set in the run, and nobody else: it sets them again."""
+        saved = self.run.configuration
+        given = {key: value for key, value in saved.values().items() if value is not None}
+        for keys in (("sensor.widening", "sensor.scales"), ("sensor.widening",)):
+            without = Layer("run", {key: given[key] for key in given if key not in keys})
+            asked = configure([without], saved.parameters.sensor.weights)
+            if adapted(asked, self.library, self.localizer.reference)[0].parameters == saved.parameters:
+                return keys
+        return ()
+
+    def begin(
+        self, localizer: Localizer, step: int, belief: Belief | None, past: Past, *, anywhere: bool = False
+    ) -> FilterState:
+        """Return the state in which a filter goes on after a step; without a belief, at the run's start."""
+        if belief is None:
+            return localizer.initialize(None if anywhere else self.restored.start)
+        told = past if localizer.sensor is self.localizer.sensor else ()
+        if anywhere:
+            return branched(localizer, step, localizer.initialize(None).belief, told)
+        resized = localizer.particles != self.localizer.particles
+        return branched(localizer, step, belief, told, localizer.particles if resized else None)
+
+
+Past = Sequence[float]  # what recovery was told until the branch, update by update
+
+
+def open_branch(run: str | Path, run_label: str | None = None, listener: Listener = SILENT) -> BranchPoint:
+    """Open a saved run and what it was made from. InputError if anything is gone or was changed."""
+    runs = {one.manifest.label: one for one in open_runs(Path(run))}
+    saved = runs[chosen_label(Path(run), list(runs), run_label)]
+    session, library = session_of(saved), library_of(saved, listener)
+    for text in changed_versions(saved):
+        listener.warning(f"{saved.folder}: {text}: a branch may differ from the run for that alone")
+    return BranchPoint(saved, session, library, localizer_of(saved, session, library))
+
+
+def step_before_loss(verdict: RunVerdict) -> int | None:
+    """Return the step to branch from: before the first failure that did not end, or the first; None: none.
+
+    It is before the step at which the failure's cause shows first, so that a remedy has something to work
+    with; 0 for a run that was never localized.
+    """
+    if not verdict.failures:
+        return None
+    ending = [one for one in verdict.failures if one.episode.last == verdict.last] or list(verdict.failures)
+    return 0 if verdict.found is None else max(min(ending[0].first, ending[0].episode.onset) - 1, 0)
+
+
+def verdict_of(point: BranchPoint) -> RunVerdict:
+    """Return what happened in a saved run, and why, as `diagnose` does."""
+    builder = VerdictBuilder(point.localizer)
+    for moment, record in point.steps():
+        builder.add(moment, record)
+    return builder.result()

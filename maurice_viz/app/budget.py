@@ -1,0 +1,86 @@
+"""The error budget of a session, or of a folder of trials: which part of a filter costs most."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from maurice_datasets.trials.budget import BudgetDrive, ErrorBudget, budget_of
+from maurice_datasets.trials.folder import TrialsFolder
+from maurice_datasets.trials.rows import is_trials
+from maurice_loaders.errors import InputError
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
+
+from ..errors import OptionError
+from ..listener import SILENT, Listener, progress_of
+from ..running.open import AnySession, make_runs, open_library_for, open_session
+from ..running.run_spec import RunSpec
+
+MOST_DRIVES = 10  # of a folder of trials
+WORKING = "error budget"
+
+
+def error_budget(
+    source: str | Path | AnySession,
+    library: str | Path | Library | None = None,
+    *,
+    feature: str | None = None,
+    preset: str | None = None,
+    particles: int | None = None,
+    start: str | F64 | None = None,
+    config: str | Path | None = None,
+    settings: Mapping[str, Any] | None = None,
+    reading: ReadingOptions | None = None,
+    seeds: int = 5,
+    listener: Listener = SILENT,
+) -> ErrorBudget:
+    """Run a filter with true movements, with a perfect sensor, with dense references, with 100,000 particles.
+
+    `source` is a session with truth, which is run with `seeds` seeds, or a folder of `trials run`: of
+    it, the first part's first filter over ten of its drives. The other arguments are those of `replay`.
+    InputError for a session without truth.
+
+        >>> import maurice_viz as mv
+        >>> budget = mv.error_budget("session.log", particles=50, seeds=2)
+        >>> [one.part for one in budget.parts][:2]
+        ['as it is', 'true movements']
+    """
+    if isinstance(source, (str, Path)) and is_trials(Path(source)):
+        if any(given is not None for given in (library, feature, preset, particles, start, config, settings)):
+            raise OptionError(
+                f"{source} holds trials: their filter is used, so no option of a filter applies"
+            )
+        return _of_trials(Path(source), listener)
+    file = None if config is None else Path(config)
+    spec = RunSpec(preset, feature, particles, 0, start, file, dict(settings or {}))
+    session = open_session(source, reading or ReadingOptions(), listener)
+    asked = Path(library) if isinstance(library, str) else library
+    references = open_library_for(session, asked, keep_going=False, listener=listener)
+    (run,) = make_runs(session, references, [spec], listener)
+    localizer = run.localizer.of_session(session)
+    moments = list(session.moments())
+    if not any(moment.truth is not None for moment in moments):
+        raise InputError(session.path, "found no truth; an error budget is made from the errors")
+    drive = BudgetDrive(localizer, moments, run.start, range(seeds), 0)
+    advance = progress_of(listener, WORKING)
+    return budget_of(session.info.name, run.label, session.info.display_units, [drive], advance)
+
+
+def _of_trials(folder: Path, listener: Listener) -> ErrorBudget:
+    trials = TrialsFolder(folder)
+    first = trials.rows.row(0, named=True)
+    rows = trials.part(first["part"], session=first["session"], variant=first["variant"])
+    chosen = rows.sort("seed").head(MOST_DRIVES)
+    seeds = {row["seed"]: [row["seed"]] for row in chosen.iter_rows(named=True)}
+    if first["arena"] is None:  # seeds of one recorded drive
+        chosen, seeds = chosen.head(1), {chosen["seed"][0]: chosen["seed"].to_list()}
+    drives = []
+    for row in chosen.iter_rows(named=True):
+        drive, localizer = trials.drive_of(row), trials.localizer_of(row)
+        moments = list(drive.session.moments())
+        drives.append(BudgetDrive(localizer, moments, drive.start, seeds[row["seed"]], row["arena"] or 0))
+    label, units = f"{first['part']}, {first['label']}", drive.session.info.display_units
+    return budget_of(folder.name, label, units, drives, progress_of(listener, WORKING))

@@ -1,0 +1,257 @@
+"""One drive of a check: a filter run over it with many seeds, judged, and compared with a baseline."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.libraries.measured import known_descriptors
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.session_log.header import drive_name
+from maurice_mcl.filter.batch import compared_once, run_batch
+from maurice_mcl.scoring.demands import (
+    ERROR,
+    Demands,
+    RunJudgement,
+    RunTrack,
+    is_judged,
+    judge_run,
+    starts_of,
+)
+from maurice_mcl.scoring.metrics import LOCALIZED_OF
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.session import Moment
+
+from ...listener import Listener
+from ...playback import FilterRun
+from ...running.open import AnySession, make_runs, open_library_for, open_session, remark_skipped
+from ...running.run_spec import RunSpec
+from ...style import Scale, scale_for
+from .baseline import BaselineRuns, DriveRuns
+from .failure import FailedRun, Replayed, failed_run
+from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, said
+
+UNSEEN = np.zeros((1, 1, 3), np.uint8)  # in place of a picture that was compared already
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveCheck:
+    """What was found on one drive."""
+
+    made: DriveRuns
+    path: Path
+    steps: tuple[int, ...]  # (U,) numbers of the updates
+    scale: Scale
+    runs: tuple[RunJudgement, ...]  # one a seed
+    demands: tuple[DemandResult, ...]
+    changes: tuple[BaselineChange, ...] = ()
+    failure: FailedRun | None = None  # a run that failed, where the check failed
+    took_s: float = 0.0
+    unseen: tuple[str, ...] = ()  # what the demands cannot see, whatever the number of runs
+
+    @property
+    def session(self) -> str:
+        """The name of the session."""
+        return self.made.session
+
+    @property
+    def passed(self) -> bool:
+        """Whether every demand holds and nothing grew worse."""
+        return all(one.passed for one in self.demands) and all(one.passed for one in self.changes)
+
+    @property
+    def doubts(self) -> list[str]:
+        """What so few runs, or these demands, cannot tell for certain, one line each."""
+        return [*doubts(self.demands), *self.unseen]
+
+    @property
+    def changes_said(self) -> list[str]:
+        """The numbers of every change, in words."""
+        return [self._said(one) for one in self.changes]
+
+    def _said(self, one: BaselineChange) -> str:
+        values = (one.before, one.now, one.difference, one.low, one.high)
+        before, now, by, low, high = (self.figure(one.kind, v) for v in values)
+        return (
+            f"{one.title}: {before} before, {now} now, difference {by} ({low} to {high}, 95 % interval), "
+            f"{one.pairs} seeds, p = {one.p:.2g}"
+        )
+
+    def figure(self, kind: str, value: float) -> str:
+        """Write a figure of a change: a length, or a rate."""
+        return said(value, self.scale) if kind == ERROR else f"{value:.0%}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON, lengths in meters."""
+        return {
+            "session": self.session,
+            "path": str(self.path),
+            "passed": self.passed,
+            "updates": len(self.steps),
+            "configuration": self.made.configuration,
+            "demands": [one.to_json() for one in self.demands],
+            "against": [one.to_json() for one in self.changes],
+            "uncertain": self.doubts,
+            "runs": [self._run(one) for one in self.runs],
+            "failure": None if self.failure is None else self.failure.to_json(),
+        }
+
+    def _run(self, one: RunJudgement) -> dict[str, Any]:
+        first = one.first_failed_at
+        return {
+            "seed": one.seed,
+            "passed": one.passed,
+            "met": dict(one.met),
+            "error_m": one.error_m,
+            "localized_after": one.found_after,
+            "converged_after": one.converged_after,
+            "first_failed_step": None if first is None else self.steps[first],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedFilter:
+    """What is checked on every drive: a filter, what is demanded of it, and what it is compared with."""
+
+    spec: RunSpec
+    library: Path | Library | None
+    demands: Demands
+    seeds: int
+    baseline: BaselineRuns | None = None
+    artifacts: Path | None = None
+    reading: ReadingOptions = field(default_factory=ReadingOptions)
+
+
+def check_drive(
+    asked: CheckedFilter, source: str | Path | AnySession, taken: Sequence[str], listener: Listener
+) -> DriveCheck:
+    """Run a filter over a drive with every seed and judge it; `taken` are names of other drives.
+
+    InputError, OptionError.
+    """
+    began = time.perf_counter()
+    session = open_session(source, asked.reading, listener)
+    keep_going = asked.reading.keep_going
+    library = open_library_for(session, asked.library, keep_going=keep_going, listener=listener)
+    run = make_runs(session, library, [asked.spec], listener)[0]
+    moments, tracks = _run_all(run, session, asked, listener)
+    name = _unique(session.info.name or drive_name(session.path), taken)
+    made = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
+    found = _judged(made, session, library, moments, asked, listener)
+    has_truth = any(moment.truth is not None for moment in moments)
+    unseen = blind_spots(found.demands, has_truth=has_truth, start_known=run.start is not None)
+    found = replace(found, unseen=tuple(unseen))
+    if not found.passed:
+        replayed = Replayed(session, library, run, found.steps)
+        worst = _worst(found, asked)
+        found = replace(found, failure=failed_run(replayed, *worst, found.session, asked.artifacts, listener))
+    return replace(found, took_s=time.perf_counter() - began)
+
+
+def _unique(name: str, taken: Sequence[str]) -> str:
+    number, found = 1, name
+    while found in taken:
+        number += 1
+        found = f"{name} ({number})"
+    return found
+
+
+def _run_all(
+    run: FilterRun, session: AnySession, asked: CheckedFilter, listener: Listener
+) -> tuple[list[Moment], tuple[RunTrack, ...]]:
+    """Compare every picture once, and run the filter with every seed; pictures are not kept."""
+    total, has_truth = session.overview()
+    if asked.demands.need_truth and not has_truth:
+        raise InputError(
+            session.path,
+            "found no true poses, which --max-error and --localized-by need; --converged-by needs none, "
+            "but does not tell a right place from a wrong one",
+        )
+    moments: list[Moment] = []
+
+    def seen() -> Iterator[Moment]:
+        for moment in session.moments():
+            yield moment
+            moments.append(replace(moment, frame=replace(moment.frame, image=UNSEEN)))
+            listener.progress(len(moments), total, "compare pictures")
+
+    comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())
+    remark_skipped(session, listener)
+    _expect_long_enough(session, moments, asked.demands)
+    traces = run_batch(run.localizer, moments, range(asked.seeds), run.start, comparisons)
+    return moments, tuple(RunTrack.of(trace, moments) for trace in traces)
+
+
+def _expect_long_enough(session: AnySession, moments: list[Moment], demands: Demands) -> None:
+    """Refuse a drive on which a demand cannot be judged. InputError."""
+    if not moments:
+        raise InputError(session.path, "found no picture, so nothing can be checked")
+    starts, updates = starts_of(moments), len(moments)
+    for name, limit in (("localized", demands.localized_by), ("converged", demands.converged_by)):
+        if limit is not None and not is_judged(0, starts, updates, limit):
+            here = (*starts, updates)[1]
+            before = "" if len(starts) == 1 else " before the kidnapping"
+            found = f"found {here} steps{before}, too few to judge --{name}-by {limit}"
+            raise InputError(session.path, f"{found}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
+    counted = zip(demands.counting(updates, starts).tolist(), moments, strict=True)
+    if demands.need_truth and not any(counts and one.truth is not None for counts, one in counted):
+        raise InputError(session.path, f"found no true pose after step {demands.grace}, so no error counts")
+
+
+def _judged(
+    made: DriveRuns,
+    session: AnySession,
+    library: Library,
+    moments: list[Moment],
+    asked: CheckedFilter,
+    listener: Listener,
+) -> DriveCheck:
+    starts, scale = starts_of(moments), scale_for(session.info.display_units, library.arena)
+    runs = tuple(judge_run(one, starts, asked.demands) for one in made.tracks)
+    found = DriveCheck(
+        made=made,
+        path=session.path,
+        steps=tuple(moment.frame.step for moment in moments),
+        scale=scale,
+        runs=runs,
+        demands=demand_results(runs, asked.demands, scale),
+    )
+    if asked.baseline is None:
+        return found
+    before = asked.baseline.of(made.session, len(moments))
+    if asked.baseline.configurations[made.session] != made.configuration:
+        listener.remark(f"{made.session}: the filter's settings differ from those of the baseline")
+    known = any(moment.truth is not None for moment in moments)
+    demands = asked.demands
+    if known and demands.max_error_m is None:
+        demands = replace(demands, max_error_m=np.inf)  # so that errors and losses are compared
+    old = {track.seed: judge_run(track, starts, demands) for track in before.values()}
+    new = [judge_run(track, starts, demands) for track in made.tracks]
+    return replace(found, changes=changes(old, new, demands, scale))
+
+
+def _worst(found: DriveCheck, asked: CheckedFilter) -> tuple[int, int]:
+    """Return seed and update, from 0, to look at: where the first demand that does not hold is first failed.
+
+    Where only a change fails, the seed whose error grew most, at the update at which it grew most.
+    """
+    for demand in found.demands:
+        failed = [one for one in found.runs if demand.kind in one.failed_at]
+        if failed and not demand.passed:
+            return failed[0].seed, failed[0].failed_at[demand.kind]
+    assert asked.baseline is not None
+    before = asked.baseline.of(found.session, len(found.steps))
+    grown = {
+        track.seed: np.nan_to_num(track.off_m - before[track.seed].off_m)
+        for track in found.made.tracks
+        if track.seed in before
+    }
+    seed = max(grown, key=lambda one: float(grown[one].sum()))
+    return seed, int(grown[seed].argmax())

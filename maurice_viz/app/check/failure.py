@@ -1,0 +1,103 @@
+"""The run that failed a check: replayed once more, to say why, and to draw the steps around the failure."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files.writing import write_whole
+from maurice_mcl.values.library import Library
+
+from ...listener import Listener
+from ...playback import FilterRun, run_together, shared
+from ...running.open import AnySession
+from ...running.output import OutputOptions
+from ...running.run import Playback, play
+from ...scene import Detail, RunView, Scene
+from ..diagnose import RunDiagnosis
+
+AROUND = 10  # steps drawn before and after the first that failed
+HARMLESS = "Only what is demanded was not met."
+DIAGNOSIS = "diagnosis"  # file, as text and as JSON
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Replayed:
+    """What is needed to make a run again, picture by picture."""
+
+    session: AnySession
+    library: Library
+    run: FilterRun
+    steps: Sequence[int]  # numbers of the updates
+
+
+@dataclass(frozen=True, slots=True)
+class FailedRun:
+    """One run that failed: why, and where that can be looked at."""
+
+    seed: int
+    step: int  # the first that failed
+    diagnosis: RunDiagnosis
+    recording: Path | None = None  # the steps around it
+
+    @property
+    def text(self) -> str:
+        """The diagnosis in lines."""
+        why = self.diagnosis.text if self.diagnosis.failures else f"{self.diagnosis.text} {HARMLESS}"
+        return f"seed {self.seed}, first failed at step {self.step}\n{why}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        recording = None if self.recording is None else str(self.recording)
+        found = {"seed": self.seed, "step": self.step, "recording": recording}
+        return found | {"diagnosis": self.diagnosis.to_json()}
+
+
+def failed_run(
+    replayed: Replayed, seed: int, update: int, name: str, artifacts: Path | None, listener: Listener
+) -> FailedRun:
+    """Make the run of a seed again; say why it failed and, with a folder, draw the steps around an update."""
+    step = replayed.steps[update]
+    around = replayed.steps[max(update - AROUND, 0) : update + AROUND + 1]
+    words = re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
+    folder = None if artifacts is None else artifacts / words
+    file = None if folder is None else folder / f"seed-{seed}-step-{step}.rrd"
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    run = replace(replayed.run, localizer=replace(replayed.run.localizer, seed=seed))
+    session = replayed.session
+    total, has_truth = session.overview()
+    scene = Scene(session.info, replayed.library, has_truth, len(around))
+    playback = Playback(
+        shared(run_together([run], session.moments())),
+        total,
+        [RunView.live(run.label, run.localizer, run.start)],
+        scene,
+        lambda collector: None,
+        drawn=range(around[0], around[-1] + 1),
+    )
+    output = OutputOptions(
+        rrd=file, headless=True, no_recording=file is None, force=True, detail=Detail.LIGHT.value
+    )
+    scores = play(playback, output, listener)
+    result = scores.runs[0]
+    diagnosis = RunDiagnosis(result.label, result.verdict, None, session.info.display_units)
+    found = FailedRun(seed, step, diagnosis, file)
+    if folder is not None:
+        write_whole(folder / f"{DIAGNOSIS}.txt", f"{found.text}\n".encode(), force=True)
+        as_json = json.dumps(found.to_json(), indent=1)
+        write_whole(folder / f"{DIAGNOSIS}.json", as_json.encode(), force=True)
+    return found
+
+
+def expect_new_artifacts(folder: Path, *, force: bool) -> None:
+    """Refuse a folder that holds something, unless `force`. InputError."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(folder, "found a file, expected a folder for artifacts")
+    if not force and folder.is_dir() and any(folder.iterdir()):
+        raise InputError(folder, "holds something already; choose another folder, or --force")

@@ -1,0 +1,241 @@
+"""From runs to a decision: which demands hold, in how many runs, and whether that is worse than a baseline.
+
+The rules are in docs/trials.md: a demand holds where enough of the runs meet it; a change fails where a test
+of the paired differences says that it is for the worse.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from maurice_datasets.trials.statistics import (
+    Interval,
+    Z,
+    holm,
+    mean,
+    p_value,
+    rate,
+    rate_difference,
+    sign_flip,
+)
+from maurice_mcl.scoring.demands import CONVERGED, ERROR, KEPT, LOCALIZED, Demands, RunJudgement
+from maurice_mcl.values.arrays import F64
+
+from ...style import Scale
+
+ROUNDING = 1e-9  # of a rate
+LEAST_PAIRS = 6  # with fewer no test of rates can tell anything
+CHANGED = 0.05  # p-value, of both sides: so 2.5 % of the checks in which nothing changed fail
+UNCHANGED_M = 0.001  # a difference of mean errors below it is none: another machine rounds otherwise
+
+
+@dataclass(frozen=True, slots=True)
+class DemandResult:
+    """One demand on all runs of a drive."""
+
+    kind: str  # "localized", "not_lost", "error" or "converged"
+    title: str  # "mean error at most 30 cm"
+    found: str  # the figure behind it, in words
+    met: int  # runs that meet it
+    runs: int
+    needed: float  # the rate that is demanded
+    low: float  # 95 percent interval of the rate
+    high: float
+
+    @property
+    def rate(self) -> float:
+        """The share of runs that meet it."""
+        return self.met / self.runs
+
+    @property
+    def passed(self) -> bool:
+        """Whether enough runs meet it: at least the demanded share."""
+        return self.rate >= self.needed - ROUNDING
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether the interval of the rate lies on one side of the demanded one."""
+        return self.low >= self.needed - ROUNDING if self.passed else self.high < self.needed
+
+    @property
+    def said(self) -> str:
+        """The result in one line."""
+        runs = f"{self.met} of {self.runs} run{'s' * (self.runs > 1)}"
+        return f"{self.title}: met by {runs}, {self.needed:.0%} needed; {self.found}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        return asdict(self) | {"rate": self.rate, "passed": self.passed, "is_certain": self.is_certain}
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineChange:
+    """How a figure changed since a baseline, over the same seeds."""
+
+    title: str
+    kind: str
+    before: float
+    now: float
+    difference: float
+    low: float  # 95 percent interval of the paired difference
+    high: float
+    pairs: int
+    p: float  # of no change, adjusted for the number of figures that are compared
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing shows that it grew worse: an error that grew, or a rate that fell."""
+        worse = self.difference > UNCHANGED_M if self.kind == ERROR else self.difference < -ROUNDING
+        return not (worse and self.p < CHANGED)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON: meters, or rates from 0 to 1."""
+        return asdict(self) | {"passed": self.passed}
+
+
+def demand_results(runs: Sequence[RunJudgement], demands: Demands, scale: Scale) -> tuple[DemandResult, ...]:
+    """Count the runs that meet each demand."""
+    results = []
+    for kind in demands.kinds:
+        met = sum(one.met[kind] for one in runs)
+        share = rate(met, len(runs))
+        results.append(
+            DemandResult(
+                kind,
+                title_of(kind, demands, scale),
+                FOUND[kind](runs, scale),
+                met,
+                len(runs),
+                demands.min_rate,
+                share.low,
+                share.high,
+            )
+        )
+    return tuple(results)
+
+
+def title_of(kind: str, demands: Demands, scale: Scale) -> str:
+    """Return a demand in a few words: "localized by update 20"."""
+    if kind == LOCALIZED:
+        return f"localized by step {demands.localized_by}"
+    if kind == CONVERGED:
+        return f"converged by step {demands.converged_by}"
+    if kind == ERROR:
+        return f"mean error at most {said(demands.max_error_m or 0.0, scale)}"
+    return "not lost" if demands.localized_by is None else "not lost from then on"
+
+
+def said(length_m: float, scale: Scale) -> str:
+    """Write a length to three digits: an error may be far below what a map is drawn with."""
+    return f"{scale.length(length_m):.3g} {scale.units.name}"
+
+
+def _after(after: Sequence[int | None], found_at: Sequence[Sequence[bool]], what: str) -> str:
+    """Say how long runs searched, and of those that were not found at every start, at which they were not."""
+    known = [one for one in after if one is not None]
+    parts = [f"after {np.median(known):g} (median), {max(known)} at worst"] if known else []
+    counts = Counter(_missed(one) for one in found_at if not all(one))
+    parts += [f"{said.format(what)} in {count} run{'s' * (count > 1)}" for said, count in counts.items()]
+    return ", ".join(parts)
+
+
+def _missed(found: Sequence[bool]) -> str:
+    if not any(found):
+        return "never {}"
+    return "not {} again after a kidnapping" if found[0] else "not {} before a kidnapping"
+
+
+def _localized(runs: Sequence[RunJudgement], scale: Scale) -> str:
+    return _after([one.found_after for one in runs], [one.found_at[LOCALIZED] for one in runs], "localized")
+
+
+def _converged(runs: Sequence[RunJudgement], scale: Scale) -> str:
+    after = [one.converged_after for one in runs]
+    return _after(after, [one.found_at[CONVERGED] for one in runs], "converged")
+
+
+def _error(runs: Sequence[RunJudgement], scale: Scale) -> str:
+    errors_m = [one.error_m for one in runs if one.error_m is not None]
+    if len(errors_m) == 1:
+        return said(errors_m[0], scale)
+    return f"{said(float(np.mean(errors_m)), scale)} on average, {said(max(errors_m), scale)} at worst"
+
+
+def _lost(runs: Sequence[RunJudgement], scale: Scale) -> str:
+    lost = [one.seed for one in runs if KEPT in one.failed_at]
+    more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
+    return f"lost with seed {', '.join(map(str, lost[:3]))}{more}" if lost else "never lost"
+
+
+Words = Callable[[Sequence[RunJudgement], Scale], str]
+FOUND: Mapping[str, Words] = {LOCALIZED: _localized, KEPT: _lost, ERROR: _error, CONVERGED: _converged}
+
+
+def doubts(results: Sequence[DemandResult]) -> list[str]:
+    """Return in a line each what so few runs cannot tell for certain, and of which demands."""
+    found: dict[str, list[str]] = {}
+    for one in results:
+        if one.runs < 2 or one.is_certain or (one.passed and one.needed >= 1):
+            continue  # no number of runs shows that all meet it
+        advice = f"{enough(one.needed)} runs without a failure would show {one.needed:.0%}"
+        if not one.passed:
+            advice = f"{one.needed:.0%} is not excluded, and more --seeds would tell"
+        met = f"met by {one.met} of {one.runs} runs"
+        text = f"{met}, so the rate is {one.low:.0%} to {one.high:.0%}; {advice}"
+        found.setdefault(text, []).append(one.title)
+    return [f"{', '.join(titles)}: {text}" for text, titles in found.items()]
+
+
+def blind_spots(results: Sequence[DemandResult], *, has_truth: bool, start_known: bool) -> list[str]:
+    """Return in a line each what runs that are sure of a place do not show."""
+    titles = [one.title for one in results if one.kind == CONVERGED]
+    if not titles:
+        return []
+    found = []
+    if not has_truth:
+        right = "without true poses a run that is sure of a wrong place meets it too"
+        found.append(f"{titles[0]}: {right}; `diagnose` says where a run was probably lost")
+    if start_known:
+        found.append(
+            f"{titles[0]}: the start is given, so runs are sure at once; --start global asks for a search"
+        )
+    return found
+
+
+def enough(needed: float) -> int:
+    """Return how many runs, all meeting a demand, have a Wilson interval above the demanded rate."""
+    return math.ceil(Z * Z * needed / (1 - needed))
+
+
+def changes(
+    before: Mapping[int, RunJudgement], now: Sequence[RunJudgement], demands: Demands, scale: Scale
+) -> tuple[BaselineChange, ...]:
+    """Compare runs with those of a baseline by seed; those whose seed it lacks are left out.
+
+    Mean errors are tested by Student's t, rates by McNemar's exact test, all together by Holm's adjustment.
+    """
+    pairs = [(before[run.seed], run) for run in now if run.seed in before]
+    found = []
+    errors = [(a.error_m, b.error_m) for a, b in pairs if a.error_m is not None and b.error_m is not None]
+    if errors:
+        old, new = np.array(errors, np.float64).T
+        p = p_value(partial(mean, new - old, None), UNCHANGED_M)
+        found.append(_change("mean error", ERROR, old, new, mean(new - old), p))
+    for kind in (name for name in demands.kinds if name != ERROR):
+        old, new = np.array([[a.met[kind], b.met[kind]] for a, b in pairs], np.float64).T
+        difference, title = rate_difference(old > 0, new > 0), title_of(kind, demands, scale)
+        found.append(_change(title, kind, old, new, difference, sign_flip(new - old)))
+    adjusted = holm([change.p for change in found])
+    return tuple(replace(change, p=p) for change, p in zip(found, adjusted, strict=True))
+
+
+def _change(title: str, kind: str, old: F64, new: F64, by: Interval, p: float) -> BaselineChange:
+    before, now = float(old.mean()), float(new.mean())
+    return BaselineChange(title, kind, before, now, by.value, by.low, by.high, by.count, p)

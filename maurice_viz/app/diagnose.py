@@ -1,0 +1,203 @@
+"""Why a filter was lost: one cause for each time, of a saved run, or of a session that is filtered for it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.files.writing import FolderKind, check_target, new_folder
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.runs.store import is_saved
+from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.scoring.episodes import SEARCHING
+
+from ..errors import OptionError
+from ..listener import SILENT, Listener
+from ..style import Scale, units_named
+from ..text.failure import say_evidence, say_failure, title
+from ..text.score_json import failure_json
+from ..text.verdict import said
+from .replay import replay
+
+NEVER_LOST = "No failure: it was never lost."
+IN_TIME = "No failure: it was localized again in time."
+FOUND = "No failure: it was localized after a search."
+NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
+NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
+NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
+PICTURE = r"[^/]+-step-\d+-[\w-]+(?:-explained)?\.png"
+MARK = "diagnosis.json"
+DRAWN = FolderKind("pictures of failures", MARK, "maurice-diagnosis", rf"{MARK}|{PICTURE}")
+SEEN_BEFORE, SEEN_AFTER = 2, 2  # updates around a cause that a picture or a movie shows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunDiagnosis:
+    """Why one run failed, if it did."""
+
+    label: str
+    verdict: RunVerdict
+    source: Path | None  # the saved run; None: nothing is saved
+    display_units: str = "m"
+
+    @property
+    def failures(self) -> tuple[Failure, ...]:
+        """Each time it was lost or not localized, in order."""
+        return self.verdict.failures
+
+    @property
+    def text(self) -> str:
+        """The diagnosis in lines."""
+        scale = Scale(units_named(self.display_units))
+        lines = [f"{self.label}: {said(self.verdict, scale)}"]
+        if not self.verdict.has_truth:
+            lines.append(NO_TRUTH if self.failures else NONE_WITHOUT_TRUTH)
+        if not self.failures and self.verdict.has_truth:
+            lines.append(self._no_failure)
+        for failure in self.failures:
+            lines += ["", say_failure(failure, scale)]
+            lines += [f"  {line}" for line in say_evidence(failure, scale)]
+            if failure.also:
+                lines.append(f"  also true: {', '.join(map(title, failure.also))}")
+            lines += [f"  see: {command}" for command in self.commands(failure)]
+        return "\n".join(lines)
+
+    @property
+    def _no_failure(self) -> str:
+        kinds = {one.kind for one in self.verdict.episodes}
+        return IN_TIME if kinds - {SEARCHING} else FOUND if kinds else NEVER_LOST
+
+    def commands(self, failure: Failure) -> list[str]:
+        """Return the commands that show a failure of a saved run; none where nothing is saved."""
+        if self.source is None:
+            return []
+        run, step = shlex.quote(str(self.source)), failure.first
+        return [
+            f"maurice-replay explain {run} --step {step}",
+            f"maurice-replay snapshot {run} --step {step} -o step-{step}.png",
+        ]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON: numbers in meters, texts in the units of the session."""
+        scale = Scale(units_named(self.display_units))
+        return {
+            "label": self.label,
+            "truth_known": self.verdict.has_truth,
+            "updates": self.verdict.updates,
+            "verdict": said(self.verdict, scale),
+            "failures": [failure_json(one, scale) for one in self.failures],
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Diagnoses:
+    """The diagnosis of each run of a source."""
+
+    name: str  # of the session
+    runs: tuple[RunDiagnosis, ...]
+
+    @property
+    def text(self) -> str:
+        """All of it in lines, runs separated by blank lines."""
+        return "\n\n".join(run.text for run in self.runs)
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_json(self) -> dict[str, Any]:
+        """Return `{"session": ..., "runs": [...]}`."""
+        return {"session": self.name, "runs": [run.to_json() for run in self.runs]}
+
+
+def diagnose(
+    source: str | Path,
+    library: str | Path | None = None,
+    *,
+    feature: str | None = None,
+    preset: str | None = None,
+    particles: int | None = None,
+    seed: int = 0,
+    start: str | None = None,
+    config: str | Path | None = None,
+    settings: Mapping[str, Any] | None = None,
+    reading: ReadingOptions | None = None,
+    listener: Listener = SILENT,
+) -> Diagnoses:
+    """Say why a filter was lost: one cause for each time, with the numbers that decided (docs/diagnose.md).
+
+    `source` is a saved run or a comparison, or a session of any format, which is then filtered with the
+    other arguments, those of `replay`. Raises OptionError for arguments that do not apply to a saved run,
+    and InputError for bad files.
+
+        >>> import maurice_viz as mv
+        >>> found = mv.diagnose("my-run")
+        >>> [failure.kind for failure in found.runs[0].failures]
+        []
+    """
+    source = Path(source)
+    if source.suffix == ".rrd":
+        raise OptionError(f"{source} is a recording of the viewer; diagnose a saved run or a session")
+    scores = replay(
+        source,
+        library,
+        feature=feature,
+        preset=preset,
+        particles=particles,
+        seed=seed,
+        start=start,
+        config=config,
+        settings=settings,
+        reading=reading,
+        listener=listener,
+    )
+    saved = is_saved(source)
+    several = len(scores.runs) > 1
+    return Diagnoses(
+        scores.name,
+        tuple(
+            RunDiagnosis(
+                run.label,
+                run.verdict,
+                (source / run.label if several else source) if saved else None,
+                scores.display_units,
+            )
+            for run in scores.runs
+        ),
+    )
+
+
+def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:
+    """Refuse, before anything is run, what `draw` would refuse. OptionError, InputError."""
+    if source.exists() and not is_saved(source):
+        raise OptionError(NOT_SAVED)
+    check_target(folder, DRAWN, force=force)
+
+
+def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Listener = SILENT) -> list[Path]:
+    """Draw what shows each failure of saved runs into a new folder: the update at which its cause shows.
+
+    Two pictures a failure: the references of that update, explained, and the viewer's first screen. Raises
+    OptionError if nothing is saved, and InputError for a folder that holds something.
+    """
+    from .explain import explain
+    from .snapshot import snapshot
+
+    shown = [(run, failure) for run in found.runs for failure in run.failures]
+    if any(run.source is None for run in found.runs):
+        raise OptionError(NOT_SAVED)
+    pictures: list[Path] = []
+    with new_folder(folder, DRAWN, force=force) as filling:
+        (filling / DRAWN.mark).write_text(json.dumps({"format": DRAWN.format}) + "\n")
+        for run, failure in shown:
+            assert run.source is not None
+            stem = f"{run.label}-step-{failure.first}-{failure.kind}"
+            explained, screen = filling / f"{stem}-explained.png", filling / f"{stem}.png"
+            explain(run.source, failure.first, to=explained, listener=listener)
+            snapshot(run.source, to=screen, step=failure.first, listener=listener)
+            pictures += [folder / screen.name, folder / explained.name]
+    return pictures

@@ -1,0 +1,146 @@
+"""Explaining one update of a saved run, as text and numbers: why the filter believed what it did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from maurice_loaders.errors import InputError
+from maurice_mcl.reasons.explanation import Asked, StepExplanation, explain_step
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
+
+from ..errors import OptionError
+from ..listener import SILENT, Listener
+from ..running.open import typed_pose
+from ..running.saved import Opened, open_saved
+from ..running.saved_steps import Restored
+from ..style import Scale
+from ..text.explanation import say_step
+from ..text.explanation_table import to_json
+from ..text.sensors import say_sensors
+from .convert import chosen_label
+from .snapshot import snapshot
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """One explained update of a saved run."""
+
+    label: str  # of the run
+    step: StepExplanation  # every number, per channel and reference
+    of_sensors: tuple[str, ...]  # what the pose sensors say, a paragraph each
+    scale: Scale
+
+    @property
+    def text(self) -> str:
+        """The explanation in sentences, paragraphs separated by blank lines."""
+        paragraphs = [*say_step(self.step, self.scale), *self.of_sensors]
+        return "\n\n".join([f"{self.label}, step {self.step.step}", *paragraphs])
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_json(self) -> dict[str, object]:
+        """Return every number as JSON, lengths in meters and angles in radians."""
+        return to_json(self.label, self.step)
+
+
+def explain(
+    run: str | Path,
+    step: int | None = None,
+    *,
+    at: F64 | str | None = None,
+    entry: int | None = None,
+    particle: int | None = None,
+    run_label: str | None = None,
+    to: str | Path | None = None,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> Explanation:
+    """Explain one update of a saved run, the last one without `step`.
+
+    The references nearest to the truth and to the estimate are compared with the one that matches best. One
+    more may be asked for: the one nearest to the pose `at`, (3,) in meters and radians or as text
+    "X,Y,HEADING" in display units and degrees; the library's `entry`; or the one of a `particle`, by its
+    number in the saved cloud. `run_label` chooses a run of a comparison. `to` also writes a picture (.png) of
+    the layout `explain` at that step, as `snapshot` does.
+
+    Raises OptionError for arguments out of range and InputError for a folder that is no saved run, a step
+    that it does not have, or where its session or library is gone.
+
+        >>> import maurice_viz as mv
+        >>> explanation = mv.explain("my-run", 12)
+        >>> print(explanation.text.splitlines()[0])
+        blended, step 12
+    """
+    if sum(given is not None for given in (at, entry, particle)) > 1:
+        raise OptionError("--at, --entry and --particle exclude each other")
+    folder = Path(run)
+    opened = open_saved(folder, listener)
+    labels = [one.saved.manifest.label for one in opened.restored]
+    chosen = opened.restored[labels.index(chosen_label(folder, labels, run_label))]
+    library = opened.scene.library
+    scale = opened.scene.scale
+    moment, record = _update(opened, chosen, folder, step)
+    if chosen.sensor is None or not len(record.sighting.comparison.quality):
+        raise InputError(folder, "cannot be explained without its session and library; put them back")
+    if not record.sighting.comparison.channels:
+        raise InputError(folder, _of_readings(record, moment, library.origin, scale))
+    if entry is not None:
+        _check_number("entry", entry, library.size)
+    if particle is not None:
+        _check_number("particle", particle, record.weighted.size)
+        at = record.weighted.world_poses[particle]
+    if isinstance(at, str):
+        at = typed_pose(at, scale.units, "--at is X,Y,HEADING")
+    asked = None
+    if at is not None or entry is not None:
+        asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
+    explained = explain_step(record, chosen.sensor, moment.truth, asked, weigh=True)
+    label = chosen.saved.manifest.label
+    if to is not None:
+        own = chosen.saved.folder
+        snapshot(own, to=to, step=moment.frame.step, layout="explain", force=force, listener=listener)
+    sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
+    return Explanation(label, explained, sensors, scale)
+
+
+def _of_readings(record: StepRecord, moment: Moment, origin: F64, scale: Scale) -> str:
+    """Return why an update that compared no picture is not explained, and what its sensors say of it."""
+    poses = {"estimate": record.estimate.pose}
+    if moment.truth is not None:
+        poses["truth"] = moment.truth
+    sensed, said = record.sighting.comparison.sensed, []
+    for one in sensed:
+        at = np.stack(list(poses.values())) - np.append(origin, 0)
+        nats = one.sensor.log_likelihood(one.reading, at.astype(np.float32), origin)
+        each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
+        said.append(f"{one.shown(poses).said(scale.say)} (nats: {each})")
+    found = "; ".join(said) or "its sensors read nothing"
+    where = "the tab `sensors` shows it for every step"
+    why = f"step {record.frame.step} compared no picture with references, so none is explained"
+    return f"{why}; {found}; {where}"
+
+
+def _update(opened: Opened, chosen: Restored, folder: Path, number: int | None) -> tuple[Moment, StepRecord]:
+    """Find one update; only pictures up to it are read."""
+    alone = replace(opened, runs=[chosen.saved], restored=[chosen])
+    found: tuple[Moment, StepRecord] | None = None
+    for moment, records in alone.updates():
+        found = moment, records[chosen.saved.manifest.label]
+        if moment.frame.step == number:
+            return found
+    if found is None:
+        raise InputError(folder, "holds no step")
+    if number is not None:
+        raise InputError(folder, f"has no step {number}; it has 1 to {found[0].frame.step}")
+    return found
+
+
+def _check_number(what: str, number: int, count: int) -> None:
+    if not 0 <= number < count:
+        raise OptionError(f"there is no {what} {number}; they are 0 to {count - 1}")

@@ -1,0 +1,330 @@
+"""Remedies: what would have helped a saved run, tried from a branch over many seeds and ranked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_datasets.trials.statistics import Interval, holm, mean, of_one_drive, share, sign_flip
+from maurice_loaders.errors import InputError
+from maurice_mcl.config.parameters import PRECISE, PRESETS, FilterParameters
+from maurice_mcl.filter.batch import RunTrace, run_batch
+from maurice_mcl.filter.branch import recovery_evidence
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.scoring.metrics import RIGHT_AT_END, mostly_at_end, score_step
+from maurice_mcl.scoring.trace_score import score_trace
+from maurice_mcl.sensor.ahead import compared
+from maurice_mcl.sensor.descriptors.registry import FEATURES
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.values.arrays import F64, Bool
+from maurice_mcl.values.map import MOVABLE
+from maurice_mcl.values.records import Belief, Comparison
+from maurice_mcl.values.session import Moment
+
+from ..listener import SILENT, Listener
+from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
+from ..text.what_if import USUALLY, remedies_line
+from .branch import BranchChange, BranchPoint, open_branch
+
+SEEDS = 20
+AS_IT_WAS = "as it was"
+BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
+STRATEGIES = ("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture")
+FOUR = 4
+MANY_TIMES = (16, 64)  # the particles, where that is
+MOST_PARTICLES = 32_000  # at most
+OUTLIER_COST: float = PRECISE["sensor.outlier_cost"]
+ROBUST = "robust"  # the preset that is also tried with more particles
+P_BELOW = 0.05  # of all that is tried together: p-values are adjusted for their number
+
+
+@dataclass(frozen=True, slots=True)
+class Remedy:
+    """One thing to try from the branch on."""
+
+    name: str
+    change: BranchChange
+
+
+@dataclass(frozen=True, slots=True)
+class RemedyResult:
+    """What came of it, over all seeds; the errors are over the updates after the branch."""
+
+    name: str
+    change: BranchChange
+    localized: Interval  # share of the runs that are localized at the end
+    error_m: Interval  # mean position error
+    verdict: str  # BETTER, WORSE or UNCLEAR, against the run as it was with the same seeds
+    p_localized: float  # of no difference, adjusted for the number of remedies
+    p_error: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        change = {"change": list(self.change.words), "options": list(self.change.options)}
+        figures = {"localized": self.localized.to_json(), "error_m": self.error_m.to_json()}
+        return asdict(self) | change | figures
+
+
+@dataclass(frozen=True, slots=True)
+class Remedies:
+    """All that was tried, best first."""
+
+    run: str  # the folder
+    name: str  # of the session
+    display_units: str
+    from_step: int
+    seeds: tuple[int, ...]
+    as_it_was: RemedyResult
+    tried: tuple[RemedyResult, ...]
+    left_out: tuple[str, ...]  # and why
+    line: str = ""
+
+    @property
+    def proposed(self) -> RemedyResult | None:
+        """The best of those that are better and usually localized; None: none is."""
+        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUALLY]
+        return good[0] if good else None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON, lengths in meters."""
+        best = self.proposed
+        return {
+            "run": self.run,
+            "from_step": self.from_step,
+            "seeds": list(self.seeds),
+            "line": self.line,
+            "proposed": None if best is None else best.name,
+            "as_it_was": self.as_it_was.to_json(),
+            "tried": [one.to_json() for one in self.tried],
+            "left_out": list(self.left_out),
+        }
+
+
+def remedies(
+    run: str | Path,
+    from_step: int | None = None,
+    *,
+    seeds: int | Sequence[int] = SEEDS,
+    names: Iterable[str] = (),
+    run_label: str | None = None,
+    listener: Listener = SILENT,
+) -> Remedies:
+    """Try what might have kept a saved run localized, from a step on, and rank it.
+
+    Tried are every recovery strategy, more particles, particles anywhere, other features and presets, the
+    filter without one of its channels, more motion noise, motion outliers, roughening and a weaker sensor
+    model; with `names` only those. Each is run with the same `seeds` (their number, or the seeds themselves)
+    from the belief after `from_step` (None: before the first loss), and so is the run as it was.
+
+    InputError where session, library or truth is gone, or fewer than ten updates follow; OptionError for a
+    step that is not there.
+
+        >>> import maurice_viz as mv
+        >>> found = mv.remedies("my-run", 2, seeds=5, names=["particles x4"])
+        >>> found.tried[0].verdict, found.proposed
+        ('no difference seen', None)
+    """
+    point = open_branch(run, run_label, listener)
+    step = point.step_or_default(from_step)
+    tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)
+    wanted, (possible, left_out) = set(names), candidates(point)
+    chosen = [one for one in possible if not wanted or one.name in wanted]
+    tried = [Remedy(AS_IT_WAS, BranchChange()), *chosen]
+    filters = [point.localizer_with(one.change) for one in tried]
+    if len(tested) < (least := least_seeds(len(chosen))):
+        listener.remark(
+            f"{len(tested)} seeds cannot tell {len(chosen)} remedies from chance; give at least {least}"
+        )
+    past = _Past.read(point, step, list({id(one.sensor): one.sensor for one in filters}.values()))
+    found = past.tried(tried, filters, tested, listener)
+    first, *others = judged(tried, found)
+    ranked = sorted(others, key=lambda one: (-one.localized.value, one.error_m.value))
+    info = point.session.info
+    made = Remedies(
+        str(run), info.name, info.display_units, step, tested, first, tuple(ranked), tuple(left_out)
+    )
+    return replace(made, line=remedies_line(made.to_json()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeedResults:
+    """One filter from the branch, by seed (S,)."""
+
+    localized: Bool  # at the end
+    error_m: F64
+
+
+@dataclass(slots=True, eq=False)
+class _Past:
+    """What all branches share: the belief they start from, and the pictures after it, as descriptors."""
+
+    point: BranchPoint
+    step: int
+    sensors: Sequence[SensorModel]
+    belief: Belief | None = None
+    evidences: list[float] = field(default_factory=list)
+    moments: list[Moment] = field(default_factory=list)  # after the branch, without pictures
+    comparisons: list[list[Comparison]] = field(default_factory=list)  # of each sensor model, by moment
+
+    @classmethod
+    def read(cls, point: BranchPoint, step: int, sensors: Sequence[SensorModel]) -> _Past:
+        """Go through the run once and measure every picture after the branch once. InputError."""
+        past, label = cls(point, step, sensors), point.run.manifest.label
+        seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
+        for moment, records in seen:
+            if moment.frame.step <= step:
+                past.evidences.append(recovery_evidence(records[label]))
+                past.belief = records[label].belief
+            else:
+                past.comparisons.append([one.comparison for one in compared(sensors, moment.frame)])
+                past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+        known = sum(moment.truth is not None for moment in past.moments)
+        if known < RIGHT_AT_END[1]:
+            needed = f"expected at least {RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
+            raise InputError(point.run.folder, f"found {known} true poses after step {step}, {needed}")
+        return past
+
+    def tried(
+        self,
+        remedies: Sequence[Remedy],
+        filters: Sequence[Localizer],
+        seeds: Sequence[int],
+        listener: Listener,
+    ) -> list[SeedResults]:
+        """Run every filter with every seed; every picture is compared once by each sensor model."""
+        found: dict[int, SeedResults] = {}
+        for position, sensor in enumerate(self.sensors):
+            comparisons = [seen[position] for seen in self.comparisons]
+            for number, (remedy, localizer) in enumerate(zip(remedies, filters, strict=True)):
+                if localizer.sensor is sensor:
+                    found[number] = self._runs(remedy, localizer, seeds, comparisons)
+                    listener.progress(len(found), len(filters), "remedies")
+        return [found[number] for number in range(len(filters))]
+
+    def _runs(
+        self,
+        remedy: Remedy,
+        localizer: Localizer,
+        seeds: Sequence[int],
+        comparisons: Sequence[Comparison],
+    ) -> SeedResults:
+        begin, past, anywhere = self.point.begin, self.evidences, remedy.change.anywhere
+        begun = [
+            begin(replace(localizer, seed=seed), self.step, self.belief, past, anywhere=anywhere)
+            for seed in seeds
+        ]
+        traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
+        scores = [score_trace(trace, self.moments) for trace in traces]
+        at_end = np.array([_is_localized(trace, self.moments) for trace in traces], bool)
+        errors_m = np.array([one.position_error_mean_m for one in scores], np.float64)
+        return SeedResults(at_end, errors_m)
+
+
+def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:
+    """Return whether a run was converged and correct in at least 7 of the last 10 updates."""
+    last = range(max(trace.updates - RIGHT_AT_END[1], 0), trace.updates)
+    scores = [score_step(trace.estimate(update), moments[update].truth) for update in last]
+    return mostly_at_end([one.localized is True for one in scores]) is True
+
+
+def least_seeds(remedies: int) -> int:
+    """Return with how many seeds a remedy that always works, on a run that never does, can be better."""
+    return math.ceil(math.log2(2 * 2 * remedies / P_BELOW)) if remedies else 0
+
+
+def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[RemedyResult]:
+    """Compare all but the first with the first, seed by seed.
+
+    One is better where it is localized at the end in more seeds, or as often with a smaller
+    error, by sign-flip tests whose p-values are adjusted for the number of all of them (Holm).
+    """
+    first, count = found[0], len(found) - 1
+    tests = [sign_flip(one.localized.astype(float) - first.localized) for one in found[1:]]
+    tests += [sign_flip(one.error_m - first.error_m) for one in found[1:]]
+    adjusted = holm(tests)
+    of = zip([1.0, *adjusted[:count]], [1.0, *adjusted[count:]], strict=True)
+    return [
+        RemedyResult(
+            name=remedy.name,
+            change=remedy.change,
+            localized=share(one.localized, of_one_drive(len(one.localized))),
+            error_m=mean(one.error_m, of_one_drive(len(one.error_m))),
+            verdict=_verdict(one, first, p_localized, p_error),
+            p_localized=p_localized,
+            p_error=p_error,
+        )
+        for remedy, one, (p_localized, p_error) in zip(tried, found, of, strict=True)
+    ]
+
+
+def _verdict(one: SeedResults, first: SeedResults, p_localized: float, p_error: float) -> str:
+    """Return BETTER, WORSE or UNCLEAR: by the share that is localized at the end, then by the error."""
+    if p_localized < P_BELOW:
+        return BETTER if one.localized.mean() > first.localized.mean() else WORSE
+    if p_error < P_BELOW:
+        return BETTER if one.error_m.mean() < first.error_m.mean() else WORSE
+    return UNCLEAR
+
+
+def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
+    """Return what can be tried on a run, and what cannot, with the reason."""
+    own = point.run.configuration.parameters
+    found = [Remedy(name, BranchChange(settings=values)) for name, values in _settings(own)]
+    found += [Remedy(name, change) for name, change in _clouds(own.particles)]
+    sensors = {f"feature {name}": (BranchChange(feature=name), weights) for name, weights in FEATURES.items()}
+    for name, values in PRESETS.items():
+        sensors[f"preset {name}"] = BranchChange(preset=name), values["sensor.weights"]
+    more = BranchChange(preset=ROBUST, particles=FOUR * own.particles)
+    sensors[f"preset {ROBUST}, particles x{FOUR}"] = more, PRESETS[ROBUST]["sensor.weights"]
+    left_out = []
+    for name, (change, weights) in sensors.items():
+        missing = [channel for channel in weights if channel not in point.library.index]
+        if missing:
+            left_out.append(f"{name}: the library has no channel {missing[0]}")
+        elif change.configuration(point.run.configuration).parameters != own:
+            found.append(Remedy(name, change))
+    return found, left_out
+
+
+def _clouds(particles: int) -> Iterator[tuple[str, BranchChange]]:
+    """Yield other clouds to go on with, by name."""
+    four = BranchChange(particles=FOUR * particles)
+    yield f"particles x{FOUR}", four
+    for times in MANY_TIMES:
+        if times * particles <= MOST_PARTICLES:
+            yield f"particles x{times}", BranchChange(particles=times * particles)
+    yield "anywhere", BranchChange(anywhere=True)
+    yield f"anywhere, particles x{FOUR}", replace(four, anywhere=True)
+
+
+def _settings(own: FilterParameters) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield what can be set, by name, without what the run has already."""
+    for name in STRATEGIES:
+        if name != own.recovery.strategy:
+            yield f"recovery {name}", {"recovery.strategy": name}
+    if own.resampling.roughening <= 0:
+        yield "roughening 0.2", {"resampling.roughening": 0.2}
+    if own.resampling.when == "always":
+        yield "resampling when needed", {"resampling.when": "effective"}
+    if own.resampling.scheme != "systematic":
+        yield "resampling systematic", {"resampling.scheme": "systematic"}
+    yield "motion noise x2", {"motion_outliers.share": 1.0, "motion_outliers.widen": 2.0}
+    moved = {"map.obstacles": MOVABLE, "sensor.outlier_cost": OUTLIER_COST}
+    if own.map.obstacles != MOVABLE:
+        yield "obstacles movable", {"map.obstacles": MOVABLE}
+    if own.sensor.outlier_cost <= 0:
+        yield f"obstacles movable, outlier cost {OUTLIER_COST:g}", moved
+    if own.motion_outliers.share < 0.1:
+        yield "motion outliers 10 %", {"motion_outliers.share": 0.1, "motion_outliers.widen": 4.0}
+    weights = own.sensor.weights
+    for name in weights:
+        others = {other: weight for other, weight in weights.items() if other != name}
+        if any(others.values()):
+            yield f"without {name}", {"sensor.weights": others}
+    if own.sensor.sharpness > 0:
+        yield "sharpness x0.5", {"sensor.sharpness": own.sensor.sharpness / 2}

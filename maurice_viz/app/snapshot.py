@@ -1,0 +1,211 @@
+"""Pictures and movies of the real viewer, of a saved run or a recording, without a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.files.writing import expect_absent, temporary_folder, write_whole
+from maurice_loaders.runs.store import open_runs
+
+from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
+from ..errors import OptionError
+from ..listener import SILENT, Listener
+from ..running.output import layout_of, observed
+from ..running.run import collector_of, step_through
+from ..running.saved import open_saved, playback_of
+from ..viewer import sinks
+from ..viewer.movie import MOST_IN_GIF, film, from_png
+from ..viewer.movie import SUFFIXES as MOVIES
+from ..viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
+
+PHASES = tuple(phase.name.lower() for phase in Phase)
+SMALLEST_PX, LARGEST_PX = 200, 8000
+SIZE = (1600, 1000)
+ALIKE_IN_MOVIE = 2  # equal pictures that a frame waits for: its step number stands in it, so that it moved on
+
+
+def snapshot(
+    source: str | Path,
+    *,
+    to: str | Path,
+    step: int | None = None,
+    phase: str | None = None,
+    view: str | None = None,
+    layout: str | None = None,
+    size: tuple[int, int] = SIZE,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> Path:
+    """Write a picture (.png) of the viewer at one step of a saved run or a recording, and return its path.
+
+    `step` is the last one by default, `phase` one of PHASES within it. `layout` and `view` are names as the
+    viewer shows them: a tab, and the one view to fill the window of `size` (width, height) pixels.
+
+    Raises OptionError for arguments out of range and InputError if the step, view or layout does not
+    exist, the file exists (unless `force`), or no Vulkan driver is installed.
+
+        >>> import maurice_viz as mv
+        >>> mv.snapshot("my-run", to="step-4.png", step=4).name  # doctest: +SKIP
+        'step-4.png'
+    """
+    target = _checked(Path(to), (".png",), size, force=force)
+    if phase is not None and phase not in PHASES:
+        raise OptionError(f"no phase called {phase!r}; there are {', '.join(PHASES)}")
+    _check_saved_steps(Path(source), step)
+    with _viewer_on(Path(source), layout, view, size, listener) as viewer:
+        last = _span(viewer, Path(source), step, step)[-1]
+        if phase is None:
+            png = viewer.picture(STEP, last)
+        else:
+            png = viewer.picture(PHASE, phase_number(last, Phase[phase.upper()]))
+        write_whole(target, png, force=force)
+    return target
+
+
+def movie(
+    source: str | Path,
+    *,
+    to: str | Path,
+    first: int | None = None,
+    last: int | None = None,
+    phases: bool = False,
+    fps: float = 4.0,
+    view: str | None = None,
+    layout: str | None = None,
+    size: tuple[int, int] = SIZE,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> Path:
+    """Write a movie (.mp4 or .gif) of a range of steps and return its path.
+
+    One picture per step from `first` to `last`, or with `phases` six per step; `fps` pictures per second. The
+    other arguments are those of `snapshot`. A movie that was interrupted is not written. Raises OptionError
+    and InputError as `snapshot` does.
+
+        >>> import maurice_viz as mv
+        >>> mv.movie("my-run", to="turn.gif", first=3, last=5).name  # doctest: +SKIP
+        'turn.gif'
+    """
+    target = _checked(Path(to), MOVIES, size, force=force)
+    if first is not None and last is not None and first > last:
+        raise OptionError(f"--from {first} is after --to {last}")
+    _check_saved_steps(Path(source), first, last)
+    with _viewer_on(Path(source), layout, view, size, listener) as viewer:
+        steps = _span(viewer, Path(source), first, last)
+        timeline, values = STEP, steps
+        if phases:
+            timeline = PHASE
+            values = range(PHASES_PER_STEP * steps.start, PHASES_PER_STEP * steps.stop)
+        if target.suffix == ".gif" and len(values) > MOST_IN_GIF:
+            count = f"found {len(values)} pictures for {target}, expected at most {MOST_IN_GIF} in a GIF"
+            raise OptionError(f"{count}; write an .mp4, or fewer steps")
+        try:
+            with film(target, fps, force=force) as frames:
+                for done, value in enumerate(values, start=1):
+                    frames.add(from_png(viewer.picture(timeline, value, ALIKE_IN_MOVIE)))
+                    listener.progress(done, len(values), "movie")
+        except KeyboardInterrupt:
+            listener.warning(f"stopped; {target} was not written")
+            raise
+    return target
+
+
+def draw_saved(folder: Path, recording: Path, layout: str | None = None, listener: Listener = SILENT) -> None:
+    """Draw a saved run, or those of a comparison, into a new recording; `layout` names the tab that is open.
+
+    Raises InputError for a folder that holds no saved run.
+    """
+    playback = playback_of(open_saved(folder, listener))
+    runs, scene = playback.views, playback.scene
+    with (
+        sinks.to_file(recording, scene.info.name, layout_of(runs, scene, layout), force=True) as rec,
+        observed(rec, runs, scene) as observers,
+    ):
+        step_through(playback, observers, {}, collector_of(playback), listener)
+
+
+def _checked(target: Path, suffixes: tuple[str, ...], size: tuple[int, int], *, force: bool) -> Path:
+    if target.suffix not in suffixes:
+        raise OptionError(f"{target.name!r} should end in {' or '.join(suffixes)}")
+    if not all(SMALLEST_PX <= side <= LARGEST_PX for side in size):
+        limits = f"each from {SMALLEST_PX} to {LARGEST_PX}"
+        raise OptionError(f"--size is like 1600x1000, {limits}, found {size[0]}x{size[1]}")
+    expect_absent(target, force=force)
+    return target
+
+
+def _check_saved_steps(source: Path, *steps: int | None) -> None:
+    """Refuse steps that a saved run or a recording does not have before it is drawn, which takes long.
+
+    Raises InputError. A recording that cannot be read to its end is left to the viewer, which can.
+    """
+    asked = [step for step in steps if step is not None]
+    if not asked:
+        return
+    if source.suffix == ".rrd":
+        span = _recorded_span(source, asked)
+    else:
+        manifests = [run.manifest for run in open_runs(source)]
+        counts = [one.pictures if one.steps is None else one.steps for one in manifests]
+        span = (1, max(counts))
+    if span is not None:
+        for step in asked:
+            _check_step(source, step, *span)
+
+
+def _recorded_span(source: Path, asked: Sequence[int]) -> tuple[int, int] | None:
+    """Return the first and last step of a recording, or any span within that holds all steps asked for."""
+    _expect_recording(source)
+    first, last = min(asked), max(asked)  # a part of the recording is quick to read and mostly tells enough
+    quick = recorded_steps(source, SEEN)
+    return quick if quick and quick[0] <= first and last <= quick[1] else recorded_steps(source)
+
+
+def _expect_recording(source: Path) -> None:
+    if not source.is_file():
+        raise InputError(source, "found no such recording; replay a session with --rrd to make one")
+    expect_whole_frames(source)
+
+
+def _check_step(source: Path, step: int, start: int, end: int) -> None:
+    if not start <= step <= end:
+        raise InputError(source, f"found no step {step}, expected one from {start} to {end}")
+
+
+def _span(viewer: Viewer, source: Path, first: int | None, last: int | None) -> range:
+    """Return the steps meant, None for the recording's own ends. InputError for steps outside them."""
+    start, end = viewer.span(STEP)
+    first, last = start if first is None else first, end if last is None else last
+    for step in (first, last):
+        _check_step(source, step, start, end)
+    return range(first, last + 1)
+
+
+@contextmanager
+def _viewer_on(
+    source: Path, layout: str | None, view: str | None, size: tuple[int, int], listener: Listener
+) -> Iterator[Viewer]:
+    """Open a headless viewer on a recording or a saved run, arranged as asked for."""
+    expect_driver(source)  # before a long run is drawn in vain
+    with _recording_of(source, listener) as recording, headless_viewer(recording, size) as viewer:
+        if layout is not None:
+            viewer.show_layout(layout)
+        if view is not None:
+            viewer.show_only(view)
+        yield viewer
+
+
+@contextmanager
+def _recording_of(source: Path, listener: Listener) -> Iterator[Path]:
+    """Yield the recording itself, or a temporary one that a saved run is drawn into."""
+    if source.suffix == ".rrd":
+        _expect_recording(source)
+        yield source
+        return
+    with temporary_folder("maurice-snapshot") as folder:
+        recording = folder / "run.rrd"
+        draw_saved(source, recording, listener=listener)
+        yield recording

@@ -1,1 +1,0 @@
-"""Answers about a recording or a run: inspect, doctor, explain, snapshot."""

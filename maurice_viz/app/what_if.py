@@ -1,0 +1,259 @@
+"""What if: a saved run branched at a step, and drawn beside itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.config_files import read_settings
+from maurice_loaders.errors import InputError
+from maurice_loaders.runs.store import RunDifference, first_difference
+from maurice_loaders.runs.writer import OPINION, RECOVERY, StepRows, rows_of
+from maurice_mcl.filter.branch import recovery_evidence
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.reasons.second_opinion import SecondOpinion
+from maurice_mcl.scoring.comparison import RunComparison, Step
+from maurice_mcl.scoring.events import PARTED
+from maurice_mcl.scoring.metrics import mostly_at_end, score_step
+from maurice_mcl.sensor.ahead import Compared
+from maurice_mcl.values.records import FilterState, StepRecord
+from maurice_mcl.values.session import Moment
+
+from ..layouts import DETAILS
+from ..listener import SILENT, Listener
+from ..playback import ResultCollector
+from ..running.open import unique_labels
+from ..running.output import OutputOptions, output_of
+from ..running.run import Playback, RunScores, play
+from ..running.saved import remark_saved, view_of
+from ..scene import RunView, Scene
+from ..style import scale_for
+from ..text.what_if import BRANCH, what_if_line
+from .branch import BranchChange, BranchPoint, open_branch
+
+
+@dataclass(frozen=True, slots=True)
+class AfterBranch:
+    """One run over the updates after the branch; None where the truth is not known."""
+
+    updates: int
+    error_mean_m: float | None
+    localized_share: float | None  # of the updates: converged and correct
+    right_at_end: bool | None  # correct in at least 7 of the last 10 updates
+
+
+@dataclass(frozen=True, slots=True)
+class WhatIf:
+    """A run and its branch; `line` says in words when they part and how both end."""
+
+    scores: RunScores  # of the run, then of the branch, over the whole drive
+    from_step: int  # the last step that both share
+    change: tuple[str, ...]  # what is different from there on
+    same_until: int  # the last step up to which both are the same to the last bit
+    differs: RunDifference | None  # what differs first; None: nothing
+    parted_at: int | None  # first of two steps at which the estimates are more than a radius apart
+    before: AfterBranch  # the run as it was
+    after: AfterBranch  # the branch
+    line: str
+
+    @property
+    def same(self) -> bool:
+        """Whether the branch is the run, bit for bit."""
+        return self.differs is None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON, lengths in meters."""
+        names = ("from_step", "change", "same_until", "parted_at", "line")
+        found = {name: getattr(self, name) for name in names}
+        first = None if self.differs is None else {"step": self.differs.step, "field": self.differs.field}
+        runs = {"run": asdict(self.before), "branch": asdict(self.after)}
+        return {"what_if": found | {"differs": first, "after_branch": runs}} | self.scores.to_json()
+
+
+def what_if(
+    run: str | Path,
+    from_step: int | None = None,
+    *,
+    preset: str | None = None,
+    feature: str | None = None,
+    particles: int | None = None,
+    seed: int | None = None,
+    settings: Mapping[str, Any] | None = None,
+    anywhere: bool = False,
+    run_label: str | None = None,
+    to: str | Path | None = None,
+    layout: str | None = None,
+    detail: str = DETAILS[0],
+    force: bool = False,
+    output: OutputOptions | None = None,
+    listener: Listener = SILENT,
+) -> WhatIf:
+    """Branch a saved run after a step, with something changed, and compare the branch with the run.
+
+    Both have the same steps up to `from_step` (0: none, and the branch begins as a replay would; None: up
+    to the one before the first loss). From there on, `preset`, `feature`, `particles` and `settings` choose
+    the filter as in `replay`; what is not given stays. With `anywhere` the branch begins with particles over
+    all free space. The random numbers are those that the run drew, unless a `seed` is given. `run_label`
+    chooses a run of a comparison. `to` is the Rerun recording (.rrd) to write, of both side by side; `output`
+    also says whether a viewer opens.
+
+    InputError for bad files, and where the session or library is gone; OptionError for bad arguments.
+
+        >>> import maurice_viz as mv
+        >>> mv.what_if("my-run", 5).same
+        True
+        >>> mv.what_if("my-run", 5, particles=100).same_until
+        5
+    """
+    change = BranchChange(preset, feature, particles, seed, read_settings(settings or {}), anywhere)
+    output = output_of(Path(run), output, to, None, layout, detail, force=force)
+    return _branched(Path(run), from_step, change, output, run_label, listener)
+
+
+def _branched(
+    run: Path,
+    from_step: int | None,
+    change: BranchChange,
+    output: OutputOptions,
+    run_label: str | None,
+    listener: Listener,
+) -> WhatIf:
+    point = open_branch(run, run_label, listener)
+    from_step = point.step_or_default(from_step)
+    pair = _Pair(point, from_step, change, point.localizer_with(change))
+    resized = pair.localizer.particles != point.localizer.particles
+    if resized and from_step and not change.anywhere:
+        listener.remark(
+            f"the belief after step {from_step} is resampled to {pair.localizer.particles} particles"
+        )
+    scores = play(pair.playback(listener), output.named([f"what if {pair.label}"]), listener)
+    if not pair.run_errors:
+        raise InputError(point.run.folder, f"holds no step after {from_step}; give an earlier --from")
+    paired = scores.runs[1].paired
+    found = WhatIf(
+        scores=scores,
+        from_step=from_step,
+        change=change.words,
+        same_until=pair.last if pair.differs is None else pair.differs.step - 1,
+        differs=pair.differs,
+        parted_at=None if paired is None else paired.parted_at,
+        before=_after(pair.run_errors),
+        after=_after(pair.branch_errors),
+        line="",
+    )
+    scale = scale_for(scores.display_units, point.library.arena)
+    return replace(found, line=what_if_line(found.to_json()["what_if"], scale))
+
+
+Errors = tuple[float | None, bool | None, bool | None]  # position error, localized, correct
+
+
+@dataclass(slots=True, eq=False)
+class _Pair:
+    """A run and its branch, step by step; notes where they differ first."""
+
+    point: BranchPoint
+    from_step: int
+    change: BranchChange
+    localizer: Localizer  # of the branch
+    differs: RunDifference | None = None
+    last: int = 0  # step
+    parting: RunComparison = field(init=False)
+    run_errors: list[Errors] = field(default_factory=list)
+    branch_errors: list[Errors] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        info, arena = self.point.session.info, self.point.library.arena
+        say = scale_for(info.display_units, arena).say
+        self.parting = RunComparison(self.point.run.manifest.label, self.label, say)
+
+    @property
+    def label(self) -> str:
+        """The name of the branch."""
+        return unique_labels([self.point.run.manifest.label, self.change.label])[1]
+
+    def playback(self, listener: Listener) -> Playback:
+        """Prepare both for `play`."""
+        point, manifest = self.point, self.point.run.manifest
+        branch = RunView.live(self.label, self.localizer)
+        scene = Scene(point.session.info, point.library, manifest.has_truth, manifest.pictures)
+
+        def remarks(collector: ResultCollector) -> None:
+            remark_saved(collector, [point.run], listener)
+
+        return Playback(self.updates(), manifest.pictures, [view_of(point.restored), branch], scene, remarks)
+
+    def updates(self) -> Iterator[Mapping[str, Step]]:
+        """Go through both: up to the branch they share their steps."""
+        names, past = (self.point.run.manifest.label, self.label), list[float]()
+        anywhere, second = self.change.anywhere, SecondOpinion.beside(self.localizer)
+        state = None
+        if not self.from_step:
+            state = self.point.begin(self.localizer, 0, None, past, anywhere=anywhere)
+        for moment, record in self.point.steps():
+            step, branch = moment.frame.step, record
+            if state is None:
+                past.append(recovery_evidence(record))
+                branch = self._looked_at(moment, record)
+                if step == self.from_step:
+                    state = self.point.begin(self.localizer, step, record.belief, past, anywhere=anywhere)
+            else:
+                state, branch = self._stepped(state, moment, record)
+            self.last = step
+            branch = branch if second is None else second.added_to(branch)
+            moment = self._with_events(moment, record, branch)
+            yield dict(zip(names, ((moment, record), (moment, branch)), strict=True))
+
+    def _looked_at(self, moment: Moment, record: StepRecord) -> StepRecord:
+        """Return a step before the branch as its panels show it: compared by its own sensor model."""
+        sensor = self.localizer.sensor
+        if sensor is self.point.localizer.sensor:
+            return record
+        comparison = sensor.see(moment.frame)
+        unknown = np.full(len(comparison.channels), np.nan)
+        sighting = sensor.at(comparison, record.weighted.poses)
+        return replace(record, sighting=sighting, channel_evidence=unknown)
+
+    def _with_events(self, moment: Moment, record: StepRecord, branch: StepRecord) -> Moment:
+        """Add to the log where the branch begins, and where it is certain that both have parted."""
+        events, step = list(moment.events), moment.frame.step
+        if step == max(self.from_step, 1):
+            events.append(f"{BRANCH} with {', '.join(self.change.words) or 'nothing changed'}")
+        seen = self.parting.see((moment, record), (moment, branch))
+        if seen.event is not None:
+            events.append(f"{PARTED} at step {self.parting.parted_at}: {seen.event.text}")
+        return replace(moment, events=tuple(events))
+
+    def _stepped(
+        self, state: FilterState, moment: Moment, record: StepRecord
+    ) -> tuple[FilterState, StepRecord]:
+        """Take a step of the branch, from the run's comparison of the picture where it has the same."""
+        same = self.localizer.sensor is self.point.localizer.sensor
+        known = Compared(record.sighting.comparison, 0.0) if same else None
+        state, branch = self.localizer.step(state, moment.frame, known)
+        if self.differs is None:
+            self.differs = first_difference(_compared(moment, record), _compared(moment, branch))
+        for errors, one in ((self.run_errors, record), (self.branch_errors, branch)):
+            found = score_step(one.estimate, moment.truth)
+            errors.append((found.position_error_m, found.localized, found.correct))
+        return state, branch
+
+
+def _compared(moment: Moment, record: StepRecord) -> StepRows:
+    """Return the rows of an update without what recovery only looked at, and without a second opinion."""
+    rows = rows_of(moment, record)
+    beside = {*RECOVERY, *OPINION}
+    return replace(rows, step={key: value for key, value in rows.step.items() if key not in beside})
+
+
+def _after(errors: list[Errors]) -> AfterBranch:
+    known = [one for one in errors if one[0] is not None]
+    if not known:
+        return AfterBranch(len(errors), None, None, None)
+    off_m, localized, correct = zip(*known, strict=True)
+    share = float(np.mean([one is True for one in localized]))
+    return AfterBranch(len(errors), float(np.mean(np.array(off_m))), share, mostly_at_end(list(correct)))

@@ -1,0 +1,314 @@
+"""Opening what a replay needs: the session, its library, and a filter for each run asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from maurice_loaders.config_files import motion_file, to_toml
+from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
+from maurice_loaders.formats.registry import open_session as open_any
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession, first_truth
+from maurice_loaders.runs.store import is_saved, open_runs
+from maurice_loaders.session_log.reader import SessionLog
+from maurice_mcl.config.build import adapted, available, build_localizer
+from maurice_mcl.config.parameters import Configuration
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.session import Session, SessionInfo
+
+from ..entities import RESERVED
+from ..errors import OptionError
+from ..listener import SILENT, Listener, progress_of
+from ..playback import FilterRun
+from ..style import Units, scale_for, units_named
+from ..text.places import places_said
+from .drive_check import drive_pictures, suited
+from .run_spec import RunSpec
+
+LANDMARKS = "landmarks"  # as a key of `sensor.weights`
+FARTHEST_M = 1e9  # no map reaches further
+STARTS = "a start is tracking, truth, global or X,Y,HEADING"
+
+
+def typed_pose(text: str, units: Units, wanted: str) -> F64:
+    """Read "X,Y,HEADING", in display units and degrees, as a pose (3,) in meters and radians. OptionError."""
+    try:
+        x, y, heading_deg = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = heading_deg = np.nan
+    pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
+    if not (np.abs(pose) <= FARTHEST_M).all():
+        raise OptionError(f"{wanted} in {units.name} and degrees, found {text!r}")
+    return pose
+
+
+def start_pose(
+    start: str | F64 | None, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
+) -> F64 | None:
+    """Return the pose (3,) in the map's frame at which the particles begin, or None for anywhere.
+
+    `start` is a pose in meters and radians, or a word as `--start` takes it; None is tracking where the
+    header has a start pose, else global. InputError when tracking or the truth is asked for and there is no
+    such pose; OptionError for other words.
+    """
+    if start is None:
+        return info.start
+    if not isinstance(start, str):
+        return np.asarray(start, np.float64)
+    if start == "global":
+        return None
+    if start == "tracking":
+        if info.start is None:
+            found = 'found no "start" pose in a header'
+            raise InputError(log, f"{found}; give --start truth, X,Y,HEADING or global")
+        return info.start
+    if start == "truth":
+        pose = first_truth()
+        if pose is None:
+            raise InputError(log, "found no truth to start from; give --start X,Y,HEADING or global")
+        return pose
+    return typed_pose(start, units_named(info.display_units), STARTS)
+
+
+NONE_YET = (
+    "If you have none, make one from a drive with true poses: "
+    "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
+)
+AnySession: TypeAlias = SessionLog | RecordedSession
+
+
+class SourcedSession(Session, Protocol):
+    """A session, recorded or live, that knows where it comes from."""
+
+    @property
+    def path(self) -> Path:
+        """The file or folder, or the name used for it in messages."""
+        ...
+
+
+def open_session(source: str | Path | AnySession, reading: ReadingOptions, listener: Listener) -> AnySession:
+    """Open a session of any format, unless it is open. InputError for what is no session."""
+    if not isinstance(source, (str, Path)):
+        return source
+    path = Path(source)
+    if not path.exists():
+        raise InputError(path, "there is no such file or folder; check the path")
+    if is_saved(path):
+        its = open_runs(path)[0].manifest.session.path
+        raise InputError(path, f"found a saved run, expected a recording; its session is {its}")
+    one = chosen(path, reading)
+    session = open_any(path, replace(reading, format=one.name))
+    if one.name != NATIVE:
+        listener.remark(f"{path}: read as {one.name}, {one.what}")
+    for text in session.told if isinstance(session, RecordedSession) else ():
+        listener.remark(text)
+    if session.kind != "session":
+        advice = "build a library from it, or replay the session that belongs to it"
+        raise InputError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
+    return session
+
+
+def as_recorded_session(session: AnySession, opening: ReadingOptions) -> RecordedSession:
+    """Return the same session as one that gives access to its records as well."""
+    if isinstance(session, RecordedSession):
+        return session
+    return RecordedSession(open_recording(session.path, opening), opening)
+
+
+def open_library_for(
+    session: AnySession, library: Path | Library | None, *, keep_going: bool, listener: Listener = SILENT
+) -> Library:
+    """Return the library that was asked for, or the one that the session's header names. InputError."""
+    if isinstance(library, Library):
+        return library
+    path = library or session.info.survey
+    if path is None:
+        where = "" if isinstance(session, RecordedSession) else ' (no "survey" in the header)'
+        raise InputError(
+            session.path, f"found no library that goes with it{where}; name one with --library. {NONE_YET}"
+        )
+    if not path.exists():
+        raise InputError(path, "found no such library or survey; name one with --library")
+    return library_at(path, listener, keep_going=keep_going)
+
+
+def library_at(path: Path, listener: Listener, *, keep_going: bool = False) -> Library:
+    """Open a library's folder or a survey log, with progress. InputError."""
+    advance = progress_of(listener, "library")
+    library = open_library(path, keep_going=keep_going, progress=advance, warn=listener.warning)
+    remark_open(library, listener)
+    return library
+
+
+def remark_open(library: Library, listener: Listener) -> None:
+    """Remark that no wall is known, so that only the bounds confine the particles."""
+    arena = library.arena
+    if len(arena.walls) or arena.obstacles:
+        return
+    width, depth = map(scale_for(library.display_units, arena).say, arena.size_m)
+    listener.remark(
+        f"library {library.name}: found no walls, so all of {width} x {depth} around its references is free "
+        "space; `library build --map map.yaml` adds a map"
+    )
+
+
+def make_runs(
+    session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
+) -> list[FilterRun]:
+    """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
+    configurations = [one.configuration() for one in specs]
+    library = landmarked(configurations, session.info, library, listener)
+    configurations = _available(configurations, session, library, listener)
+    reference = nearest_reference(library.poses, library.arena)
+    if not reference.grid.free.any():
+        found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
+        raise InputError(session.path, f"{found}; fix the map in the survey's header")
+    configurations = _adapted(configurations, library, reference, listener)
+    starts: list[F64 | None] = []
+    for spec in specs:
+        if starts and spec.start is specs[0].start:
+            starts.append(starts[0])
+            continue
+        starts.append(start_pose(spec.start, session.info, session.path, lambda: _first_truth(session)))
+        if starts[-1] is not None:
+            _check_start(session, library, reference, starts[-1], listener)
+    try:
+        localizers = [
+            build_localizer(library, session, one.parameters, reference=reference, seed=spec.seed)
+            for one, spec in zip(configurations, specs, strict=True)
+        ]
+    except ValueError as problem:  # bad motion parameters, in the configuration or in the header
+        file = next(filter(None, (motion_file(spec.settings) for spec in specs)), None)
+        raise InputError(file or session.path, str(problem), None if file else 1) from None
+    configurations, localizers = _suited(session, configurations, localizers, starts, listener)
+    labels = unique_labels([_label(*one, library) for one in zip(specs, configurations, strict=True)])
+    parts = zip(labels, localizers, starts, configurations, strict=True)
+    return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
+
+
+def landmarked(
+    configurations: Sequence[Configuration], info: SessionInfo, library: Library, listener: Listener = SILENT
+) -> Library:
+    """Return the library with landmarks where a run weighs particles by them."""
+    if all(LANDMARKS not in one.parameters.sensor.weights for one in configurations):
+        return library
+    from maurice_loaders.libraries.landmarks import with_landmarks
+
+    camera = library.camera or (info.cameras[0] if info.cameras else None)
+    return with_landmarks(library, camera=camera, progress=listener.progress, warn=listener.warning)
+
+
+def _label(spec: RunSpec, configuration: Configuration, library: Library) -> str:
+    """Return a run's name; without a camera the default run is named after its sensors."""
+    is_chosen = spec.name or spec.preset or spec.config or spec.feature
+    return spec.label if library.index or is_chosen else "-".join(configuration.parameters.sensor.weights)
+
+
+def _available(
+    configurations: Sequence[Configuration], session: SourcedSession, library: Library, listener: Listener
+) -> list[Configuration]:
+    """Use the pose sensors that the library holds; say once which ones it lacks. InputError."""
+    result, lacking = list[Configuration](), dict[str, None]()
+    for one in configurations:
+        try:
+            usable, missing = available(one, library)
+        except InputError as problem:
+            raise InputError(session.path, problem.message) from None
+        result.append(usable)
+        lacking |= dict.fromkeys(missing)
+    for name in lacking:
+        listener.warning(f"the library {library.name!r} holds no {name}: the other channels are used alone")
+    return result
+
+
+def _adapted(
+    configurations: Sequence[Configuration],
+    library: Library,
+    reference: NearestReference,
+    listener: Listener,
+) -> list[Configuration]:
+    """Fit the scales of each run to the library's places; say once what its pictures show."""
+    result, said = list[Configuration](), dict[str, None]()
+    for one in configurations:
+        fitted, found = adapted(one, library, reference)
+        result.append(fitted)
+        said |= dict.fromkeys(places_said(library.name, one.parameters.sensor.weights, found))
+    for text in said:
+        listener.warning(text)
+    return result
+
+
+def _suited(
+    session: SourcedSession,
+    configurations: Sequence[Configuration],
+    localizers: Sequence[Localizer],
+    starts: Sequence[F64 | None],
+    listener: Listener,
+) -> tuple[list[Configuration], list[Localizer]]:
+    """Widen the scales of each run where the drive's own pictures mislead it; say so once."""
+    channels = any(one.sensor.weights for one in localizers)
+    if not channels or not isinstance(session, (SessionLog, RecordedSession)):
+        return list(configurations), list(localizers)
+    groups = drive_pictures(as_recorded_session(session, ReadingOptions()))
+    found = [suited(*one, groups) for one in zip(configurations, localizers, starts, strict=True)]
+    for text in dict.fromkeys(text for _, _, said in found for text in said):
+        listener.warning(text)
+    return [one for one, _, _ in found], [one for _, one, _ in found]
+
+
+def _first_truth(session: SourcedSession) -> F64 | None:
+    """Return the pose (3,) at which a recorded drive really began; of a live one it is not known yet."""
+    if isinstance(session, RecordedSession):
+        return first_truth(session.recording)
+    return first_truth(open_recording(session.path)) if isinstance(session, SessionLog) else None
+
+
+def _check_start(
+    session: SourcedSession, library: Library, reference: NearestReference, start: F64, listener: Listener
+) -> None:
+    """Refuse a start outside the map; warn where the map has something solid there."""
+    units = units_named(session.info.display_units)
+    x, y, *borders = (f"{v * units.per_m:.{units.digits}f}" for v in (*start[:2], *library.arena.bounds))
+    at = f"the start pose ({x}, {y}) {units.name}"
+    x_min, y_min, x_max, y_max = library.arena.bounds
+    if not (x_min <= start[0] <= x_max and y_min <= start[1] <= y_max):
+        bounds = f"x {borders[0]} to {borders[2]}, y {borders[1]} to {borders[3]} {units.name}"
+        raise InputError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
+    local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
+    if reference.entries(local, library.origin)[0] < 0:
+        listener.warning(
+            f"{at} is not in the map's free space: until particles reach it, all their weights are zero"
+        )
+
+
+def unique_labels(names: Sequence[str]) -> list[str]:
+    """Return labels that are unique and not reserved; a second run named `color` becomes `color-2`."""
+    labels: list[str] = []
+    for name in names:
+        label, number = name, 1
+        while label in labels or label in RESERVED:
+            number += 1
+            label = f"{name}-{number}"
+        labels.append(label)
+    return labels
+
+
+def remark_skipped(session: AnySession, listener: Listener) -> None:
+    """Report what was skipped of a session, but for what was told when it was opened."""
+    told = session.told if isinstance(session, RecordedSession) else ()
+    for warning in session.warnings:
+        if warning not in told:
+            listener.warning(warning)
+    if session.problem_count:
+        skipped = f"skipped {session.problem_count} broken records"
+        listener.warning(f"{session.path}: {skipped}, the first: {session.problems[0]}")

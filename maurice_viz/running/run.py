@@ -1,0 +1,300 @@
+"""Going through runs once: score, save and draw each update; return the scores.
+
+Ctrl-C and SIGTERM wait for the end of an update, so that scores, recording and saved run end at the same one.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from maurice_loaders.runs.writer import RunWriter
+from maurice_mcl.reasons.failures.verdict import RunVerdict, decisive_step
+from maurice_mcl.scoring.comparison import Step
+
+from ..errors import SinkError, Terminated
+from ..listener import Listener
+from ..playback import ResultCollector, RunResult
+from ..scene import Detail, RunView, Scene
+from ..style import Scale, units_named
+from ..text.sensors import say_other_shape
+from .open import AnySession, remark_skipped
+from .output import OutputOptions, drawing
+
+if TYPE_CHECKING:
+    from ..panels.comparison import ComparisonDrawing
+    from ..panels.observer import Observer
+    from ..panels.story import VerdictDrawing
+
+AS_FAR = "the recording and the scores are complete up to that point"
+
+
+@dataclass(frozen=True, slots=True)
+class Playback:
+    """Runs that are about to go side by side, wherever their updates come from."""
+
+    updates: Iterable[Mapping[str, Step]]  # by the labels of `views`
+    total: int  # updates to come, for the progress bar
+    views: Sequence[RunView]
+    scene: Scene
+    remarks: Callable[[ResultCollector], None]  # reports at the end what the scores do not say
+    drawn: range | None = None  # steps that are drawn; None: all of them
+
+    @property
+    def labels(self) -> list[str]:
+        """The runs' labels, in order."""
+        return [run.label for run in self.views]
+
+    def draws(self, steps: Mapping[str, Step]) -> bool:
+        """Return whether an update is drawn."""
+        return self.drawn is None or all(one.frame.step in self.drawn for one, _ in steps.values())
+
+    @property
+    def other_drives(self) -> set[str]:
+        """Labels of the runs that replay another drive than the first one."""
+        return {run.label for run in self.views if run.own_drive}
+
+
+@dataclass(frozen=True, slots=True)
+class RunScores:
+    """The result of a replay or a comparison; lengths in meters, angles in radians, times in seconds.
+
+    >>> import maurice_viz as mv
+    >>> scores = mv.replay("session.log", particles=50, save_run="saved")
+    >>> scores.name, scores.runs[0].score.updates, scores.saved_run.name
+    ('kleine Fahrt', 14, 'saved')
+    """
+
+    runs: tuple[RunResult, ...]  # one a run, in order; all after the first are compared with it
+    name: str = ""  # the session's
+    display_units: str = "m"
+    notes: tuple[str, ...] = ()  # of the session: what its reader should know, such as synthetic odometry
+    rrd: Path | None = None  # the Rerun recording that was written
+    saved_run: Path | None = None  # the folder of the saved run, or runs
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the scores as `--json` prints them."""
+        from ..text.score_json import to_json
+
+        notes = {"notes": list(self.notes)} if self.notes else {}
+        return to_json(self.runs, Scale(units_named(self.display_units))) | notes
+
+
+Report = Callable[[RunScores], None]
+
+
+def play(
+    playback: Playback,
+    output: OutputOptions,
+    listener: Listener,
+    savers: AbstractContextManager[Mapping[str, RunWriter]] | None = None,
+    report: Report = lambda scores: None,
+) -> RunScores:
+    """Go through all updates, draw, save, and return the scores, which `report` gets as well.
+
+    After Ctrl-C or SIGTERM what was done so far is kept and reported, and KeyboardInterrupt goes on. When the
+    recording cannot be written or shown, or writing it out is interrupted, the scores are reported all the
+    same, and the error goes on.
+    """
+    collector = collector_of(playback)
+    stopped: KeyboardInterrupt | None = None
+    written: list[Path] = []
+
+    def decisive() -> int | None:
+        return decisive_step(collector.verdicts()) if collector.updates else None
+
+    try:
+        with drawing(playback.views, playback.scene, output, listener, written, decisive) as observers:
+            try:
+                with savers or nullcontext({}) as writers:
+                    step_through(playback, observers, writers, collector, listener)
+            except KeyboardInterrupt as stop:
+                stopped = stop
+    except (SinkError, KeyboardInterrupt):
+        if collector.updates:
+            playback.remarks(collector)
+            report(_scores(collector, playback, None, output.save_run))
+        raise
+    playback.remarks(collector)
+    scores = _scores(collector, playback, written[0] if written else None, output.save_run)
+    report(scores)
+    if stopped is not None:
+        raise type(stopped)(AS_FAR)
+    return scores
+
+
+def _scores(
+    collector: ResultCollector, playback: Playback, rrd: Path | None, saved_run: Path | None
+) -> RunScores:
+    info = playback.scene.info
+    runs = tuple(collector.results())
+    return RunScores(runs, info.name, info.display_units, tuple(info.notes), rrd, saved_run)
+
+
+def collector_of(playback: Playback) -> ResultCollector:
+    """Return what scores the runs, and compares those after the first with it."""
+    scene = playback.scene
+    localizers = {run.label: run.localizer for run in playback.views}
+    starts = {run.label: run.start for run in playback.views}
+    return ResultCollector(
+        playback.labels, scene.arena.size_m, scene.scale.say, playback.other_drives, localizers, starts
+    )
+
+
+def step_through(
+    playback: Playback,
+    observers: Mapping[str, Observer],
+    writers: Mapping[str, RunWriter],
+    collector: ResultCollector,
+    listener: Listener,
+) -> None:
+    """Go through all updates once: score, save, draw, each update whole."""
+    comparison, verdict = _comparison(playback, observers), _verdict(playback, observers)
+    try:
+        with stops_between() as stops:
+            for steps in _warned(playback, listener):
+                with stops.wait():
+                    pairs = collector.add_steps(steps)
+                    for label, writer in writers.items():
+                        writer.add(*steps[label])
+                    if playback.draws(steps):
+                        for label, observer in observers.items():
+                            observer.see(*steps[label])
+                        if comparison is not None:
+                            comparison.see(steps, pairs)
+                        if verdict is not None:
+                            moment, _ = next(iter(steps.values()))
+                            verdict.see(moment, collector.updates, collector.verdicts)
+                listener.progress(collector.updates, playback.total, "replay")
+    finally:
+        if comparison is not None and collector.updates:
+            comparison.end(collector.results())
+        if collector.updates:
+            _conclude(collector.verdicts(), observers, writers, verdict)
+
+
+def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Step]]:
+    """Yield all updates; say once, at the first, what no sensor of a run can read."""
+    said: set[str] | None = None
+    for steps in playback.updates:
+        if said is None:
+            runs = [(steps[one.label][0].frame, one.localizer) for one in playback.views]
+            found = (say_other_shape(frame, one.sensor.sensors.values()) for frame, one in runs if one)
+            said = {text for text in found if text is not None}
+            for text in sorted(said):
+                listener.warning(text)
+        yield steps
+
+
+def _conclude(
+    verdicts: Mapping[str, RunVerdict],
+    observers: Mapping[str, Observer],
+    writers: Mapping[str, RunWriter],
+    drawing: VerdictDrawing | None,
+) -> None:
+    """Draw and save what is known only at the end: the verdicts, and why runs failed."""
+    for label, verdict in verdicts.items():
+        for one in (observers.get(label), writers.get(label)):
+            if one is not None:
+                one.failures = verdict.failures
+    if drawing is not None:
+        drawing.end(verdicts)
+
+
+def _verdict(playback: Playback, observers: Mapping[str, Observer]) -> VerdictDrawing | None:
+    """Return what draws the verdict into the observers' recording; None without one."""
+    if not observers:
+        return None
+    from ..panels.observer import RerunObserver
+    from ..panels.story import VerdictDrawing
+
+    first, scene = next(iter(observers.values())), playback.scene
+    if not isinstance(first, RerunObserver):
+        return None
+    return VerdictDrawing(first.rec, scene.scale, playback.views, scene.live)
+
+
+def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:
+    """Return what draws into the observers' recording what several runs share; None for a single run."""
+    if len(observers) < 2:
+        return None
+    from ..panels.comparison import ComparisonDrawing
+    from ..panels.observer import RerunObserver
+
+    first, scene = next(iter(observers.values())), playback.scene
+    if not isinstance(first, RerunObserver):
+        return None
+    shared = ComparisonDrawing(first.rec, playback.views, scene.scale, first.detail is not Detail.LIGHT)
+    shared.begin(scene.arena, scene.has_truth)
+    return shared
+
+
+def remark(collector: ResultCollector, session: AnySession, listener: Listener) -> None:
+    """Report what was skipped of a session and what went wrong in its runs."""
+    remark_skipped(session, listener)
+    remark_zeros(collector, listener)
+    if not collector.updates:
+        listener.warning(f"{session.path}: holds no picture, so nothing was localized")
+
+
+def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
+    """Report how often all of a run's particles were where a robot cannot be."""
+    for label, times in collector.all_zero.items():
+        if times:
+            why = "no particle was in free space"
+            if collector.no_number[label]:
+                why = f"likelihoods were no numbers (NaN) at {collector.no_number[label]} of them"
+            listener.warning(f"{label}: at {times} of {collector.updates} steps all weights were zero: {why}")
+
+
+STOPS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Stops:
+    """Remembers a request to stop while an update is processed; a second one takes effect at once."""
+
+    def __init__(self) -> None:
+        self._inside = False
+        self._requested: int | None = None  # the signal that came inside
+
+    @contextmanager
+    def wait(self) -> Iterator[None]:
+        """Hold back a request that comes inside until the block has ended without an error."""
+        self._inside = True
+        try:
+            yield
+        finally:
+            self._inside = False
+        if self._requested is not None:
+            raise Terminated if self._requested == signal.SIGTERM else KeyboardInterrupt
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        """Handle a signal, as `signal.signal` takes it."""
+        first, self._requested = self._requested is None, number
+        if not (self._inside and first):
+            raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+
+
+@contextmanager
+def stops_between() -> Iterator[Stops]:
+    """Handle both signals in the main thread, the only one in which Python can; what is ignored stays so.
+
+    SIGTERM is left alone where nobody has set a handler: it then ends the process at once, as usual.
+    """
+    stops, before = Stops(), dict[int, Any]()
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.getsignal(number) for number in STOPS}
+        before = {number: handler for number, handler in before.items() if callable(handler)}
+    try:
+        for number in before:
+            signal.signal(number, stops.handle)
+        yield stops
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

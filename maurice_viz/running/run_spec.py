@@ -1,0 +1,102 @@
+"""A run as it is asked for: by preset, feature, settings and files; its configuration and its name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from maurice_loaders.config_files import configuration_of, motion_file
+from maurice_loaders.errors import InputError
+from maurice_mcl.config.parameters import PRESETS, Configuration
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+from maurice_mcl.values.arrays import F64
+
+from ..errors import OptionError
+
+COMMAND_LINE = "command line"  # the origin of settings in error messages
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """One run as it is asked for; what is None is as the configuration or the session has it."""
+
+    preset: str | None = None
+    feature: str | None = None
+    particles: int | None = None
+    seed: int = 0
+    start: str | F64 | None = None  # see `start_pose`
+    config: Path | None = None  # a configuration file, over the preset
+    settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over all others
+    name: str = ""  # of the run; empty: after preset and feature, or its configuration file
+
+    @property
+    def label(self) -> str:
+        """The run's name, after what distinguishes it."""
+        named = [part for part in (self.preset, self.feature) if part]
+        return self.name or "-".join(named) or (self.config.stem if self.config else "blended")
+
+    def configuration(self) -> Configuration:
+        """Return the effective values: default, preset, file, environment, then what is given here.
+
+        InputError for a bad file or environment, OptionError for a setting that is not known or out of range.
+        """
+        check_name(self.preset, PRESETS, "preset")
+        check_name(self.feature, [*FEATURES, *CHANNELS], "feature")
+        given = combined(self.settings, self.feature, self.particles)
+        try:
+            return configuration_of(self.preset, self.config, os.environ, given)
+        except InputError as problem:
+            if str(problem.file) == COMMAND_LINE:
+                raise OptionError(problem.message) from None
+            raise
+
+
+def settings_with(settings: Mapping[str, Any] | None, sensors: Sequence[str]) -> dict[str, Any]:
+    """Return the settings of a run, with the sensors of other packages that it uses."""
+    return dict(settings or {}) | ({"sensor.outside": ",".join(sensors)} if sensors else {})
+
+
+TWINS = {"sensor.weights": "--feature", "particles": "--particles"}  # by key of --set
+
+
+def combined(
+    settings: Mapping[str, Any], feature: str | None = None, particles: int | None = None
+) -> dict[str, Any]:
+    """Return settings by their keys, with those that have options of their own.
+
+    The names are checked already. OptionError for what both give.
+    """
+    weights = None if feature is None else weights_of(feature)
+    named = dict(zip(TWINS, (weights, particles), strict=True))
+    options = {key: value for key, value in named.items() if value is not None}
+    for key in settings:
+        for twin in options:
+            if key == twin or key.startswith(f"{twin}."):
+                raise OptionError(f"{key} is given twice, by {TWINS[twin]} and by --set; give it once")
+    return options | dict(settings)
+
+
+def words_of(specs: Sequence[RunSpec]) -> list[str]:
+    """Return what distinguishes runs, to name a recording after; the default run has no words."""
+    if len(specs) > 1:
+        return [spec.label for spec in specs]
+    (spec,) = specs
+    numbers = {"particles": spec.particles, "seed": spec.seed or None}
+    start = "start" if isinstance(spec.start, np.ndarray) else spec.start
+    files = [None if file is None else file.stem for file in (spec.config, motion_file(spec.settings))]
+    words = [spec.name or None, spec.preset, spec.feature, *files, start]
+    words += [f"{name} {value}" for name, value in numbers.items() if value is not None]
+    words += [f"{key} {value}" for key, value in spec.settings.items() if key != "motion"]
+    return [word for word in words if word]
+
+
+def check_name(name: str | None, known: Iterable[str], what: str) -> None:
+    """Refuse a name that is not among the known ones. OptionError."""
+    names = list(dict.fromkeys(known))
+    if name is not None and name not in names:
+        raise OptionError(f"no {what} called {name!r}; there are {', '.join(names)}")

@@ -1,0 +1,223 @@
+"""The steps of saved runs: restored with pictures and comparisons, and the few numbers kept of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from maurice_loaders.errors import InputError
+from maurice_loaders.runs.store import SavedRun
+from maurice_loaders.runs.writer import StepRows, moment_of, picture_hash, record_of, weighted_of
+from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.scoring.events import EventDetector, RunEvent
+from maurice_mcl.scoring.lost_signal import LostSignal
+from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.records import Comparison, Sighting, StepRecord
+from maurice_mcl.values.session import Moment, Session
+
+from ..listener import Listener
+from ..playback import ResultCollector, RunResult
+from ..style import MISSING, Scale
+from ..text.failure import with_failures
+from ..text.narration import errors
+
+NO_PICTURE: U8 = np.full((90, 120, 3), MISSING, np.uint8)  # shown where the session's picture is not there
+
+
+@dataclass(slots=True)
+class Pictures:
+    """The session's pictures, step by step, as long as they are those that the run saw."""
+
+    session: Session | None = None
+    warn: Callable[[str], None] = lambda text: None
+    readings: Mapping[str, float] = field(default_factory=dict)  # of the last step asked for
+    _moments: Iterator[Moment] | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._moments = None if self.session is None else iter(self.session.moments())
+
+    def of(self, rows: StepRows) -> U8 | None:
+        """Return the picture of the next step; None from the first on that is missing or another."""
+        if self._moments is None:
+            return None
+        try:
+            frame = next(self._moments).frame
+            image, self.readings = frame.image, frame.readings
+            problem = "is not the one that the run saw"
+        except (InputError, StopIteration) as stop:
+            image, problem = NO_PICTURE, f"is not there ({stop})"
+        if picture_hash(image) == rows.step["picture_sha256"]:
+            return image
+        self._moments = None
+        step = rows.step["step"]
+        self.warn(f"the picture of step {step} {problem}; from here on its panels stay empty")
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Restored:
+    """One saved run, and the filter that it was made with, if session and library are still there."""
+
+    saved: SavedRun
+    localizer: Localizer | None  # None: session or library is gone
+
+    @property
+    def sensor(self) -> SensorModel | None:
+        """What compares pictures with the library, if that is there."""
+        return None if self.localizer is None else self.localizer.sensor
+
+    @property
+    def start(self) -> F64 | None:
+        """Where the run began (3,); None: anywhere."""
+        start = self.saved.manifest.start
+        return None if start is None else np.array(start)
+
+    def record(self, rows: StepRows, moment: Moment, image: U8 | None) -> StepRecord:
+        """Return the record of one update, its comparison made again where possible."""
+        origin, radii = np.array(self.saved.manifest.origin_m), self.saved.manifest.radii
+        if self.sensor is None or image is None:
+            return record_of(rows, moment.frame, nothing_seen(rows.particles.height), origin, radii)
+        comparison = self.sensor.see(moment.frame)
+        sighting = self.sensor.at(comparison, weighted_of(rows, origin).poses)
+        return record_of(rows, moment.frame, sighting, origin, radii)
+
+
+def restored_together(
+    runs: Sequence[Restored], pictures: Pictures
+) -> Iterator[tuple[Moment, Mapping[str, StepRecord]]]:
+    """Go through saved runs of one session side by side, as far as the shortest goes."""
+    for rows in zip(*(run.saved.steps() for run in runs), strict=False):
+        image = pictures.of(rows[0])
+        moment = moment_of(rows[0], NO_PICTURE if image is None else image, pictures.readings)
+        parts = zip(runs, rows, strict=True)
+        yield moment, {run.saved.manifest.label: run.record(row, moment, image) for run, row in parts}
+
+
+def nothing_seen(particles: int) -> Sighting:
+    """Make a sighting without any reference, for when comparisons cannot be made again."""
+    none, table = np.zeros(0, np.float32), np.zeros((0, 0), np.float32)
+    comparison = Comparison((), {}, table, table, none, table, none, none)
+    unknown = np.full(particles, np.nan, np.float32)
+    return Sighting(comparison, np.full(particles, -1, np.int32), unknown)
+
+
+NUMBERS = (
+    "step",
+    "time_s",
+    "position_error_m",
+    "heading_error_rad",
+    "spread_m",
+    "confidence",
+    "effective_share",
+    "effective_sample_size",
+    "calibrated_evidence",
+    "log_evidence",
+    "odometry_m",
+    "knows_where_it_is",
+)
+POSES = ("estimate", "truth", "odometry")
+NOWHERE: F64 = np.full(3, np.nan)
+
+
+@dataclass(slots=True)
+class Track:
+    """One run, step by step; what is not known is NaN."""
+
+    label: str
+    rows: list[tuple[float, ...]] = field(default_factory=list)  # NUMBERS
+    poses: list[F64] = field(default_factory=list)  # (3, 3): POSES, each x_m, y_m, heading_rad
+    events: list[RunEvent] = field(default_factory=list)
+    _signal: LostSignal = field(default_factory=LostSignal)
+    _odometry: F64 | None = None
+
+    def add(self, moment: Moment, record: StepRecord, start: F64 | None) -> None:
+        """Take in the next update; `start` (3,) is where the run began, where that is known."""
+        truth = moment.truth
+        apart, angle = (np.nan, np.nan) if truth is None else errors(record.estimate, truth)
+        share = record.effective_sample_size / record.weighted.size
+        motions, knows = record.frame.motions, self._signal.add(record)
+        values = (
+            float(moment.frame.step),
+            moment.frame.time_s,
+            apart,
+            angle,
+            float(np.hypot(*record.mean_estimate.sd_m)),
+            record.estimate.confidence,
+            share,
+            record.effective_sample_size,
+            record.calibrated_evidence,
+            record.log_evidence,
+            float(np.hypot(motions[:, 0], motions[:, 1]).sum()),
+            np.nan if knows is None else knows,
+        )
+        self._odometry = self._reckoned(motions, truth, start)
+        known = [NOWHERE if pose is None else pose for pose in (truth, self._odometry)]
+        self.rows.append(values)
+        self.poses.append(np.stack([record.estimate.pose, *known]))
+
+    def _reckoned(self, motions: F64, truth: F64 | None, start: F64 | None) -> F64 | None:
+        """Add up the odometry, uncorrected, from the first true pose, or from the start."""
+        if not self.rows and truth is not None:
+            return truth
+        pose = start if not self.rows else self._odometry
+        for motion in motions:
+            pose = None if pose is None else compose(pose, motion)
+        return pose
+
+    def column(self, name: str) -> F64:
+        """Give one of NUMBERS for all steps (S,)."""
+        return np.array([row[NUMBERS.index(name)] for row in self.rows], np.float64)
+
+    def path(self, name: str) -> F64:
+        """Give one of POSES for all steps (S, 3)."""
+        return np.array([poses[POSES.index(name)] for poses in self.poses], np.float64).reshape(-1, 3)
+
+
+@dataclass(frozen=True, slots=True)
+class Collected:
+    """All runs of a report, on the same steps."""
+
+    tracks: Sequence[Track]
+    results: Sequence[RunResult]
+    picture_size: tuple[int, int] | None  # width and height in pixels
+
+    @property
+    def steps(self) -> int:
+        """How many updates there are."""
+        return len(self.tracks[0].rows)
+
+
+def collect(
+    runs: Sequence[Restored],
+    pictures: Pictures,
+    scale: Scale,
+    arena_m: tuple[float, float],
+    listener: Listener,
+) -> Collected:
+    """Go through all updates of saved runs once."""
+    known = {run.saved.manifest.label: run for run in runs}
+    tracks = {label: Track(label) for label in known}
+    detectors = {label: EventDetector(scale.say) for label in known}
+    localizers = {label: one.localizer for label, one in known.items()}
+    starts = {label: one.start for label, one in known.items()}
+    scores = ResultCollector(list(known), arena_m, scale.say, localizers=localizers, starts=starts)
+    size: tuple[int, int] | None = None
+    for moment, records in restored_together(runs, pictures):
+        paired = scores.add(moment, records)
+        size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
+        for label, record in records.items():
+            tracks[label].add(moment, record, known[label].start)
+            tracks[label].events.extend(detectors[label].see(moment, record))
+        for label, step in paired.items():
+            tracks[label].events.extend([] if step.event is None else [step.event])
+        listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
+    results = scores.results()
+    for one in results:
+        track = tracks[one.label]
+        times_s = {int(row[0]): row[1] for row in track.rows}  # the first two of NUMBERS
+        track.events = with_failures(track.events, one.verdict.failures, times_s, scale)
+    return Collected(list(tracks.values()), results, size)

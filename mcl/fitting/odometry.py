@@ -1,0 +1,190 @@
+"""Motion models to first order: the mean of a movement between true poses, and its covariance, by constants.
+
+The mean is linear in the model's biases, the covariance in its variances, which `odometry_fit` fits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
+from ..values.arrays import F64
+from ..values.geometry import compose, motion_between, wrap_angle
+from .motion import FloorOf, MotionSegment
+
+TRUTH = np.diag([0.001**2, 0.001**2, math.radians(0.05) ** 2])  # least covariance of a segment: the truth's
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearMotion:
+    """A segment by a motion model, to first order."""
+
+    mean: F64  # (3,) where it ends by the measured motions, in the frame of its first pose
+    biases: F64  # (3, P) change of that with each constant of the mean
+    parts: F64  # (Q, 3, 3) covariance for each variance of 1
+
+
+def turning(end: F64, about: F64) -> F64:
+    """Return how the end of a path (3,) changes with a turn at a pose on it."""
+    return np.array([-(end[1] - about[1]), end[0] - about[0], 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class LinearOdometry:
+    """Turn, translate, turn: the four alphas of Probabilistic Robotics, as variances."""
+
+    name: str = "odometry"
+    means: tuple[str, ...] = ()
+    variances: tuple[str, ...] = ("turn_from_turn", "turn_from_way", "way_from_way", "way_from_turn")
+
+    def linear(self, segment: MotionSegment, means: F64) -> LinearMotion:
+        """Return a segment; the constants (P,) of the mean are none."""
+        poses = [np.zeros(3)]
+        for motion in segment.motions:
+            poses.append(compose(poses[-1], motion))
+        end, parts = poses[-1], np.zeros((4, 3, 3))
+        for before, after, motion in zip(poses, poses[1:], segment.motions, strict=False):
+            forward, left, _ = (float(v) for v in motion)
+            way = math.hypot(forward, left)
+            first = math.atan2(left, forward) if way > 0 else 0.0
+            a, b = turns_of(motion, OdometryParameters().way_from_m)
+            course = before[2] + first
+            along = np.array([math.cos(course), math.sin(course), 0.0])
+            one, two, three = (np.outer(u, u) for u in (turning(end, before), along, turning(end, after)))
+            parts += [a**2 * one + b**2 * three, way**2 * (one + three), way**2 * two, (a**2 + b**2) * two]
+        return LinearMotion(end, np.zeros((3, 0)), parts)
+
+    def defaults(self) -> tuple[F64, F64]:
+        """Return usual constants of the mean (P,), none, and usual variances (Q,)."""
+        usual = OdometryParameters()
+        return np.zeros(0), np.array([getattr(usual, name) for name in self.variances])
+
+
+@dataclass(frozen=True, slots=True)
+class LinearMaurice:
+    """The thesis's model: turns with gain, bias and noise, straights with bias and noise, drift by floor.
+
+    Drift is even along a straight, as in `calibrate motion`: it bends the path as a turn in its middle would.
+    """
+
+    floors: tuple[str, ...]
+    floor_of: FloorOf
+    name: str = "maurice"
+
+    @property
+    def means(self) -> tuple[str, ...]:
+        """Names of the constants of the mean."""
+        drifts = (f"drift.{floor}.bias_rad_per_m" for floor in self.floors)
+        return ("turn_gain", "turn_bias_rad", "straight_bias_m", *drifts)
+
+    @property
+    def variances(self) -> tuple[str, ...]:
+        """Names of the variances, as standard deviations."""
+        return ("turn_sd_rad", "straight_sd_m", *(f"drift.{floor}.sd_rad_per_m" for floor in self.floors))
+
+    def linear(self, segment: MotionSegment, means: F64) -> LinearMotion:
+        """Return a segment at some constants (P,) of the mean."""
+        least, count = MauriceParameters(), len(self.floors)
+        found = self.floor_of(segment.before[:2], segment.after[:2])
+        floor = self.floors.index(found) if found in self.floors else 0
+        pose = np.zeros(3)
+        turns, ways = list[tuple[F64, float, bool]](), list[tuple[F64, float, F64]]()
+        for forward, left, turn in (motion.tolist() for motion in segment.motions):
+            way, noisy = math.hypot(forward, left), abs(turn) >= least.turn_from_rad
+            turns.append((pose, turn, noisy))
+            pose = pose + np.array([0, 0, means[0] * turn + (means[1] if noisy else 0.0)])
+            if way >= least.straight_from_m:
+                drifted, course = means[3 + floor] * way, pose[2] + math.atan2(left, forward)
+                along = np.array([math.cos(course + drifted / 2), math.sin(course + drifted / 2), 0.0])
+                ways.append((pose + along * (way + means[2]) / 2, way, along))
+                pose = pose + along * (way + means[2]) + np.array([0.0, 0.0, drifted])
+        biases, parts = np.zeros((3, 3 + count)), np.zeros((2 + count, 3, 3))
+        for at, turn, noisy in turns:
+            change = turning(pose, at)
+            biases[:, 0] += change * turn
+            biases[:, 1] += change * noisy
+            parts[0] += np.outer(change, change) * noisy
+        for middle, way, along in ways:
+            change = turning(pose, middle) * way
+            biases[:, 2] += along
+            biases[:, 3 + floor] += change
+            parts[1] += np.outer(along, along)
+            parts[2 + floor] += np.outer(change, change)
+        return LinearMotion(pose, biases, parts)
+
+    def defaults(self) -> tuple[F64, F64]:
+        """Return usual constants of the mean (P,) and variances (Q,)."""
+        usual, drift = MauriceParameters(), MauriceParameters().drift.get("", FloorDrift())
+        means = [usual.turn_gain, usual.turn_bias_rad, usual.straight_bias_m]
+        means += [drift.bias_rad_per_m] * len(self.floors)
+        sds = [usual.turn_sd_rad, usual.straight_sd_m, *[drift.sd_rad_per_m] * len(self.floors)]
+        return np.array(means), np.square(sds)
+
+
+LinearModel: TypeAlias = LinearOdometry | LinearMaurice
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearDrive:
+    """N segments by a motion model, to first order, with what the measuring of the truth adds."""
+
+    ends: F64  # (N, 3) by the measured motions
+    errors: F64  # (N, 3) what is left to where they really ended
+    biases: F64  # (N, 3, P + 2) the last two: with the place on the robot that truth is of
+    parts: F64  # (N, Q + 2, 3, 3) the last two: for each variance of 1 of a true position, and heading
+
+    def inverse(self, variances: F64) -> F64:
+        """Return the inverse covariance (N, 3, 3) of every segment."""
+        return np.asarray(np.linalg.inv(np.einsum("q,nqij->nij", variances, self.parts) + TRUTH))
+
+    def information(self, variances: F64) -> F64:
+        """Return the information matrix (P + 2, P + 2) of the mean's constants."""
+        return np.asarray(np.einsum("nip,nij,njk->pk", self.biases, self.inverse(variances), self.biases))
+
+    def fisher(self, inverse: F64, variances: F64) -> tuple[F64, F64]:
+        """Return the information matrix (Q + 2, Q + 2) of the logs of the variances, and its shares."""
+        share = np.einsum("nij,nqjk->nqik", inverse, self.parts)
+        return np.einsum("nqij,nrji->qr", share, share) * np.outer(variances, variances) / 2, share
+
+
+def linearized(segments: Sequence[MotionSegment], model: LinearModel, means: F64, place: F64) -> LinearDrive:
+    """Return segments at the constants (P,) of a model's mean, with truth of a place (2,) on the robot."""
+    before, after = (np.array([getattr(one, which) for one in segments]) for which in ("before", "after"))
+    before, after = _wheels(before, place), _wheels(after, place)
+    moved = [MotionSegment(a, one.motions, b) for a, one, b in zip(before, segments, after, strict=True)]
+    linear = [model.linear(segment, means) for segment in moved]
+    ends = np.array([one.mean for one in linear])
+    errors = np.array([motion_between(one.before, one.after) for one in moved]) - ends
+    errors[:, 2] = wrap_angle(errors[:, 2])
+    biases = np.array([np.column_stack([one.biases, _swing(one.mean)]) for one in linear])
+    parts = np.array([np.concatenate([one.parts, _measured(one.mean, place)]) for one in linear])
+    return LinearDrive(ends, errors, biases, parts)
+
+
+def _wheels(poses: F64, place: F64) -> F64:
+    """Return the poses (N, 3) of the wheels' center from those of a place (2,) ahead and left of it."""
+    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    away = [cos * place[0] - sin * place[1], sin * place[0] + cos * place[1], 0 * cos]
+    return np.asarray(poses - np.column_stack(away))
+
+
+def _swing(end: F64) -> F64:
+    """Return how the end of a path (3,) changes with the place on the robot that truth is of (3, 2)."""
+    cos, sin = math.cos(end[2]), math.sin(end[2])
+    return np.array([[cos - 1, -sin], [sin, cos - 1], [0.0, 0.0]])
+
+
+def _measured(end: F64, place: F64) -> F64:
+    """Return the covariances (2, 3, 3) of a path's end for a variance of 1 of both its true poses.
+
+    A wrong true heading also moves the wheels' center about the place (2,) on the robot that truth is of.
+    """
+    cos, sin = math.cos(end[2]), math.sin(end[2])
+    ahead, left = cos * place[0] - sin * place[1], sin * place[0] + cos * place[1]
+    after, before = np.array([left, -ahead, 1.0]), np.array([end[1] - place[1], place[0] - end[0], -1.0])
+    return np.array([np.diag([2.0, 2.0, 0.0]), np.outer(after, after) + np.outer(before, before)])

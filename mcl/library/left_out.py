@@ -1,0 +1,242 @@
+"""How well a library tells its places apart: its own pictures, each with its whole place left out.
+
+Such a picture stands for one that a robot takes where nothing was surveyed. Its log score is the log of the
+probability that it alone assigns to the stand-in, the entry of similar heading at the nearest other place,
+under a uniform prior. Intervals are by place, as the errors of pictures at one place are correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from ..sensor.model import SensorModel
+from ..sensor.references import NearestReference, distinct_places
+from ..values.arrays import F32, F64, I32
+from ..values.geometry import INCH_M, wrap_angle
+from ..values.library import Library
+from ..values.map import crosses, place_tree, spacing
+
+LEAST_PROBABILITY = 1e-6  # so that one picture costs at most 13.8 nats
+NEIGHBORS = 9  # places tried, including itself, for one without a wall in between
+SAME_WAY_RAD = np.pi / 4 * (1 + 1e-6)  # a reference turned further shows another view
+ONE_PLACE = 0.75  # of the distance to the next place: nearer entries are at one place
+LEAST_SPACING_M, OF_MAP = 0.25, 0.1  # between places: the smaller of a length and a share of the map
+MOST_CLUSTERED = 4000  # entries; in larger libraries only equal positions are one place
+
+MOST_PICTURES, FEWEST_PICTURES = 64, 16
+MOST_COMPARED = 60_000  # entries in all, which bounds the time: about 0.1 s for 624 entries
+ENOUGH_PLACES = 20  # with fewer, the gain over knowing nothing has to be significant
+FITTED_SPACING_M = 18 * INCH_M  # of the libraries that the scales were fitted on
+FAR_APART = 1.5  # times that
+MEAN_OF_GRID = 0.3826  # spacings from a point to the nearest node of a square grid, in the mean
+MOST_MEASURED = 5000  # cells of free space
+CONFIDENCE = 0.95
+WIDENINGS: F64 = np.geomspace(1, 100, 41)
+STRETCHES: F64 = np.geomspace(1, 32, 16)
+PRIOR_PLACES = 20  # that our scales count as, so that few places say little
+SLIGHT = 1.05  # a factor below this is none
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceScore:
+    """What a library's own pictures say about places that are left out, in nats per picture."""
+
+    places: int
+    pictures: int  # that were left out; 0: there are no two places that see each other
+    score: float  # mean log score; nan without pictures
+    blind: float  # that of knowing nothing
+    widening: float  # of the scales, so that the sensor is not overconfident; 1: they hold here
+    stretched: Mapping[str, float] = field(default_factory=dict)  # channel to factor of its scale, above 1
+
+    @property
+    def worse_than_nothing(self) -> bool:
+        """Whether the score is below that of knowing nothing."""
+        return self.pictures > 0 and self.score < self.blind
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as JSON."""
+        tested = self.pictures > 0
+        return {
+            "places": self.places,
+            "pictures": self.pictures,
+            "log_score": self.score if tested else None,
+            "knowing_nothing": self.blind if tested else None,
+            "worse_than_nothing": self.worse_than_nothing,
+            "widening": self.widening,
+            "stretched": dict(self.stretched),
+        }
+
+
+def even_spacing_m(nearest: NearestReference) -> float:
+    """Return the spacing of a square grid of places that the free space is as far from, in the mean."""
+    grid, cells = nearest.grid, np.flatnonzero(nearest.place_of_cell[:-1] >= 0)
+    if not len(cells):
+        return 0.0
+    cells = cells[np.linspace(0, len(cells) - 1, min(len(cells), MOST_MEASURED)).astype(int)]
+    row, column = np.divmod(cells, grid.shape[1])
+    centers = grid.corner + grid.cell_m * (np.column_stack([column, row]) + 0.5)
+    far_m = np.linalg.norm(centers - nearest.places[nearest.place_of_cell[cells]], axis=1)
+    return float(far_m.mean()) / MEAN_OF_GRID
+
+
+def is_sparse(nearest: NearestReference) -> bool:
+    """Whether free space is much farther from places than in the libraries that our scales were fitted on."""
+    return even_spacing_m(nearest) > FAR_APART * FITTED_SPACING_M
+
+
+def score_places(sensor: SensorModel, *, fit: bool = False) -> PlaceScore:
+    """Compare some of the library's pictures with all other places, in bounded time for any library.
+
+    With `fit`, the scale of each channel is fitted, too. A stand-in is a whole spacing off, a drive's picture
+    half of one, so the fit is too wide: its logarithm is drawn toward ours, less so with more places.
+    """
+    places, place_of = clustered(sensor.library)
+    tested = _left_out(replace(sensor, index={}), places, place_of)
+    if not len(tested.groups) or tested.groups.max() < 1:
+        return PlaceScore(len(places), 0, np.nan, np.nan, 1.0)
+    gains, nothing = tested.gains(1.0), float(tested.by_place(tested.blind).mean())
+    dense = len(places) >= ENOUGH_PLACES and spacing(places) <= FAR_APART * FITTED_SPACING_M
+    known = mean if dense else lower_bound
+    widening = 1.0
+    if known(gains) < 0:
+        widening = float(WIDENINGS[np.argmax([known(tested.gains(k)) for k in WIDENINGS.tolist()])])
+    score = nothing + float(gains.mean())
+    found = PlaceScore(len(places), len(tested.costs), score, nothing, float(f"{widening:.3g}"))
+    if not fit or len(places) < ENOUGH_PLACES:
+        return found
+    told = len(places) / (len(places) + PRIOR_PLACES)
+    usual = [(k, name) for k, name in enumerate(sensor.weights) if sensor.parameters.is_usual(name)]
+    factors = {name: float(f"{tested.stretch(k) ** told:.3g}") for k, name in usual}
+    return replace(found, stretched={name: factor for name, factor in factors.items() if factor > SLIGHT})
+
+
+def mean(values: F64) -> float:
+    """Return the mean of values (P,)."""
+    return float(values.mean())
+
+
+def lower_bound(values: F64) -> float:
+    """Return the lower confidence bound of the mean of values (P,), by Student."""
+    from scipy.special import stdtrit
+
+    error = float(values.std(ddof=1) / np.sqrt(len(values)))
+    return mean(values) - float(stdtrit(len(values) - 1, CONFIDENCE)) * error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _LeftOut:
+    """Some pictures, each compared with all entries at other places."""
+
+    costs: list[F64]  # n of them, in nats
+    alone: list[F64]  # n of them (C, ...), by every channel alone
+    truth: I32  # (n,) which of the entries compared with is the stand-in
+    groups: I32  # (n,) place of each picture, numbered among those tested
+
+    @property
+    def blind(self) -> F64:
+        """The log score (n,) of knowing nothing."""
+        return -np.log([len(cost) for cost in self.costs])
+
+    def by_place(self, values: F64) -> F64:
+        """Return the mean (G,) of values (n,) at each place."""
+        return np.asarray(np.bincount(self.groups, values) / np.bincount(self.groups))
+
+    def stretch(self, channel: int) -> float:
+        """Return the factor of a channel's scale that has the best log score, the channel alone."""
+        pairs = [(cost[channel][None], np.array([k])) for cost, k in zip(self.alone, self.truth, strict=True)]
+
+        def score(factor: float) -> float:
+            return mean(self.by_place(np.concatenate([log_scores(c / factor, k) for c, k in pairs])))
+
+        return float(STRETCHES[np.argmax([score(factor) for factor in STRETCHES.tolist()])])
+
+    def gains(self, widening: float) -> F64:
+        """Return by how much each place (G,) does better than knowing nothing."""
+        pairs = zip(self.costs, self.truth, strict=True)
+        scores = [log_scores(cost[None] / widening, np.array([truth])) for cost, truth in pairs]
+        return self.by_place(np.concatenate(scores) - self.blind)
+
+
+def _left_out(sensor: SensorModel, places: F64, place_of: I32) -> _LeftOut:
+    library, weights = sensor.library, sensor.weights
+    stands_for = stand_ins(library, places, place_of)
+    known = np.flatnonzero(stands_for >= 0)
+    most = min(max(MOST_COMPARED // library.size, FEWEST_PICTURES), MOST_PICTURES)
+    tested = known[np.linspace(0, len(known) - 1, min(len(known), most)).round().astype(int)]
+    costs, alone, truth = list[F64](), list[F64](), list[int]()
+    for entry in tested.tolist():
+        others = np.flatnonzero(place_of != place_of[entry])
+        found = sensor.compare({name: library.index[name].references[entry] for name in weights})
+        costs.append(-np.asarray(found.log_likelihood[others], np.float64))
+        alone.append(np.asarray(found.channel_cost[:, others], np.float64))
+        truth.append(int(np.searchsorted(others, stands_for[entry])))
+    groups = np.unique(place_of[tested], return_inverse=True)[1]
+    return _LeftOut(costs, alone, np.array(truth, np.int32), groups.astype(np.int32))
+
+
+def log_scores(cost: F64 | F32, truth: I32) -> F64:
+    """Return the log score (T,) of costs (T, L) in nats."""
+    logits = -cost + cost.min(axis=1, keepdims=True)
+    log_total = np.log(np.exp(logits).sum(axis=1))
+    found = logits[np.arange(len(truth)), truth] - log_total
+    return np.asarray(np.maximum(found, np.log(LEAST_PROBABILITY)))
+
+
+def neighbors(library: Library) -> I32:
+    """Return for every entry (L,) the one that replaces it when it is left out; -1 for none."""
+    return stand_ins(library, *distinct_places(library.poses[:, :2]))
+
+
+def stand_ins(library: Library, places: F64, place_of: I32) -> I32:
+    """Return for every entry (L,) the one of similar heading at the nearest other visible place, or -1."""
+    found = np.full(library.size, -1, np.int32)
+    if len(places) < 2:
+        return found
+    beside = _beside(places, library.arena.walls)
+    at_place = [np.flatnonzero(place_of == place) for place in range(len(places))]
+    for entry, place in enumerate(place_of):
+        if beside[place] >= 0:
+            others = at_place[beside[place]]
+            apart = np.abs(wrap_angle(library.poses[others, 2] - library.poses[entry, 2]))
+            if apart.min() <= SAME_WAY_RAD:
+                found[entry] = others[apart.argmin()]
+    return found
+
+
+def _beside(places: F64, walls: F64) -> I32:
+    """Return for every place (P,) the nearest other visible one; -1 for none near."""
+    near = np.asarray(place_tree(places).query(places, k=min(NEIGHBORS, len(places)))[1])
+    itself = np.arange(len(places))
+    found = np.full(len(places), -1, np.int32)
+    for other in near.T:
+        seen = (found < 0) & (other != itself) & ~crosses(places, places[other], walls)
+        found[seen] = other[seen]
+    return found
+
+
+def clustered(library: Library) -> tuple[F64, I32]:
+    """Return the places (P, 2) of a library, nearly equal ones as one, and the place of each entry (L,)."""
+    distinct, place_of = distinct_places(library.poses[:, :2])
+    if library.size > MOST_CLUSTERED:
+        return distinct, place_of
+    least = min(LEAST_SPACING_M, OF_MAP * max(library.arena.size_m))
+    return places_of(library.poses[:, :2], max(spacing(distinct), least))
+
+
+def places_of(xy: F64, size_m: float) -> tuple[F64, I32]:
+    """Cluster positions (L, 2), each around its first member: centers (P, 2), place of each (L,)."""
+    firsts, place_of = np.empty((0, 2)), np.empty(len(xy), np.int32)
+    for number, at in enumerate(xy):
+        apart = np.hypot(*(firsts - at).T)
+        if not len(firsts) or apart.min() > ONE_PLACE * size_m:
+            place_of[number] = len(firsts)
+            firsts = np.vstack([firsts, at])
+        else:
+            place_of[number] = apart.argmin()
+    count = np.bincount(place_of)
+    middles = [np.bincount(place_of, xy[:, k]) / count for k in (0, 1)]
+    return np.column_stack(middles), place_of

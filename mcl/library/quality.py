@@ -1,0 +1,262 @@
+"""How good a library is, before any run: how much of the map it covers, and how well it separates its places.
+
+Self-similarity compares each reference with the others by the sensor model's costs in nats. It is retrieved
+correctly when the most similar one elsewhere is a neighbor with nearly its heading, and aliased when a far
+one is more similar than its neighbors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from ..sensor.model import SensorModel
+from ..sensor.references import distinct_places
+from ..values.arrays import F64, I32, Bool
+from ..values.geometry import wrap
+from ..values.library import Library
+from ..values.map import Grid, make_grid, place_tree, spacing
+from .left_out import clustered
+
+# Coverage: how much of the free space, in which directions, and where the gaps are.
+
+DIRECTIONS = 8  # tested at each place
+VIEW_RAD = np.pi / 4  # a reference turned further shows another view
+LEAST_GAP = 0.5  # times the reach squared: smaller gaps are not reported
+MOST_GAPS = 8  # listed
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A part of free space without any entry near."""
+
+    x_m: float  # the point furthest from any entry
+    y_m: float
+    area_m2: float
+    to_entry_m: float  # distance of that point to an entry
+
+
+@dataclass(frozen=True, slots=True)
+class Coverage:
+    """What a library covers."""
+
+    reach_m: float  # an entry covers poses within this distance
+    mapped: bool  # whether walls or obstacles are known; else the hull of the poses is free
+    free_m2: float
+    covered: float  # share of the free space that has an entry within reach
+    directions: float  # mean share of eight directions covered, where an entry is within reach
+    gaps: tuple[Gap, ...]  # largest first
+
+
+def coverage_of(library: Library, reach_m: float) -> Coverage:
+    """Measure how free space is covered, ignoring walls between entry and place."""
+    grid, free, mapped = free_space(library)
+    points = grid.centers()[free.ravel()]
+    cell_m2 = grid.cell_m**2
+    if not len(points):
+        return Coverage(reach_m, mapped, 0.0, 0.0, 0.0, ())
+    distance = np.asarray(place_tree(library.poses[:, :2]).query(points)[0], np.float64)
+    near = distance <= reach_m
+    directions = _directions(library.poses, points[near], reach_m)
+    gaps = _gaps(points, distance, free, reach_m, cell_m2)
+    return Coverage(reach_m, mapped, float(len(points) * cell_m2), float(near.mean()), directions, gaps)
+
+
+def free_space(library: Library) -> tuple[Grid, Bool, bool]:
+    """Return a grid, which of its cells a robot can reach from the references, and whether a map says so.
+
+    Where no wall is known, free space is the hull of the references.
+    """
+    places = distinct_places(library.poses[:, :2])[0]
+    grid = make_grid(library.arena, places)
+    mapped = len(library.arena.walls) > 0 or len(library.arena.obstacles) > 0
+    return grid, grid.free if mapped else grid.free & _between(places, grid), mapped
+
+
+def _between(places: F64, grid: Grid) -> Bool:
+    """Return the cells (rows, columns) within the convex hull of places (P, 2), or under its border."""
+    near_zero = (places - places[0]).astype(np.float32)
+    hull = places[cv2.convexHull(near_zero, returnPoints=False).ravel()]
+    corners = np.round(((hull - grid.corner) / grid.cell_m - 0.5) * 256).astype(np.int32)
+    inside = np.zeros(grid.shape, np.uint8)
+    cv2.fillConvexPoly(inside, corners, 1, lineType=cv2.LINE_8, shift=8)
+    return inside > 0
+
+
+def _directions(poses: F64, points: F64, reach_m: float) -> float:
+    """Return the mean share of directions covered, over at most a thousand points (n, 2)."""
+    if not len(points):
+        return 0.0
+    some = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]
+    tree, wanted = place_tree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    shares = []
+    for entries in tree.query_ball_point(some, reach_m):
+        apart = np.abs((poses[entries, 2] - wanted[:, None] + np.pi) % (2 * np.pi) - np.pi)
+        shares.append(float((apart.min(axis=1) <= VIEW_RAD / 2 + 1e-6).mean()))
+    return float(np.mean(shares))
+
+
+def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float) -> tuple[Gap, ...]:
+    depth = np.zeros(free.shape)
+    depth[free] = distance
+    holes, count = label(depth > reach_m)
+    number_of = holes[free]
+    gaps = []
+    for number in range(1, count + 1):
+        inside = np.flatnonzero(number_of == number)
+        deepest = inside[distance[inside].argmax()]
+        x, y = points[deepest].tolist()
+        gaps.append(Gap(x, y, float(len(inside) * cell_m2), float(distance[deepest])))
+    worth = [gap for gap in gaps if gap.area_m2 >= LEAST_GAP * reach_m**2]
+    return tuple(sorted(worth, key=lambda gap: -gap.area_m2)[:MOST_GAPS])
+
+
+Index = NDArray[np.intp]
+
+NEAR = 1.6  # spacings: a neighbor, diagonal ones included
+SAME_WAY_RAD = float(np.radians(46))  # a neighbor's heading may be one of eight further
+FAR = 3.0  # spacings: further entries are other places
+CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SelfSimilarity:
+    """The comparison of a library's L entries with each other, over P distinct places."""
+
+    spacing_m: float  # median distance from an entry to the next one of similar heading
+    places: F64  # (P, 2) the middle of the entries at each place
+    place_of: I32  # (L,)
+    retrieved: I32  # (L,) the most similar entry at another place; -1 where there is none
+    error_m: F64  # (L,) how far away that is; nan for none
+    error_rad: F64  # (L,) how much its heading differs
+    alias: I32  # (L,) the most similar far entry; -1 for none
+    margin: F64  # (L,) nats by which that is less similar than the best neighbor; below 0: aliased; nan
+    ambiguity: F64  # (L,) effective number of places that fit as well: exp of the entropy, 1 or more
+    confusion: F64  # (L,) share of the likelihood elsewhere that lies at far entries
+    rank: I32  # (L,) of the best neighbor among all entries elsewhere, far ones counted; 1 is right
+    similarity: F64  # (6,) median cost in nats at places nearer than 1, 2, 3, 5, 8 spacings, and beyond
+
+    @property
+    def aliased(self) -> I32:
+        """Entries with a far entry more similar than any neighbor, worst first."""
+        found = np.flatnonzero(self.margin < 0)
+        return np.asarray(found[np.argsort(self.margin[found], kind="stable")], np.int32)
+
+    @property
+    def retrieved_right(self) -> float:
+        """The share of entries whose retrieved entry is a neighbor."""
+        known = self.retrieved >= 0
+        near = (self.error_m <= NEAR * self.spacing_m) & (self.error_rad <= SAME_WAY_RAD)
+        return float(near[known].mean()) if known.any() else 0.0
+
+    def at_places(self, values: F64) -> F64:
+        """Return the mean (P,) of some values (L,) at each place."""
+        count = np.bincount(self.place_of, minlength=len(self.places))
+        total = np.bincount(self.place_of, values, len(self.places))
+        return np.asarray(total / np.maximum(count, 1))
+
+
+def self_similarity_of(
+    library: Library, sensor: SensorModel, progress: Progress | None = None
+) -> SelfSimilarity:
+    """Compare every entry with all entries at other places."""
+    places, place_of = clustered(library)
+    between = max(spacing(places), _spacing(library, place_of))
+    found: list[tuple[int, float, float, int, float, float, float, int]] = []
+    curve: list[F64] = []
+    for entry in range(library.size):
+        others = np.flatnonzero(place_of != place_of[entry])
+        cost = _costs(library, sensor, entry)
+        found.append(_one(library, place_of, between, entry, others, cost))
+        curve.append(_curve(library, between, entry, others, cost))
+        if progress:
+            progress(entry + 1, library.size)
+    columns = [np.array(column) for column in zip(*found, strict=True)]
+    retrieved, error_m, error_rad, alias, margin, ambiguity, confusion, rank = columns
+    return SelfSimilarity(
+        spacing_m=between,
+        places=places,
+        place_of=place_of,
+        retrieved=retrieved.astype(np.int32),
+        error_m=error_m,
+        error_rad=error_rad,
+        alias=alias.astype(np.int32),
+        margin=margin,
+        ambiguity=ambiguity,
+        confusion=confusion,
+        rank=rank.astype(np.int32),
+        similarity=_medians(np.array(curve)),
+    )
+
+
+def _spacing(library: Library, place_of: I32) -> float:
+    """Return the median distance to the nearest entry elsewhere with a similar heading; 0 for none."""
+    nearest = []
+    for entry in range(library.size):
+        apart_m, turned = _apart(library, entry, np.flatnonzero(place_of != place_of[entry]))
+        if (turned <= SAME_WAY_RAD).any():
+            nearest.append(apart_m[turned <= SAME_WAY_RAD].min())
+    return float(np.median(nearest)) if nearest else 0.0
+
+
+def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
+    measured = {name: library.index[name].references[entry] for name in sensor.weights}
+    return np.asarray(sensor.compare(measured).cost, np.float64)
+
+
+def _one(
+    library: Library, place_of: I32, between: float, entry: int, others: Index, cost: F64
+) -> tuple[int, float, float, int, float, float, float, int]:
+    """Return the values of `SelfSimilarity` for one entry."""
+    if not len(others):
+        return -1, np.nan, np.nan, -1, np.nan, 1.0, 0.0, 1
+    apart_m, turned = _apart(library, entry, others)
+    best = int(cost[others].argmin())
+    near = (apart_m <= NEAR * between) & (turned <= SAME_WAY_RAD)
+    far = apart_m > FAR * between
+    alias, margin, confusion, rank = -1, np.nan, 0.0, 1
+    if far.any():
+        share = np.exp(cost[others].min() - cost[others])
+        confusion = float(share[far].sum() / share.sum())
+        rank += int((cost[others][far] < cost[others][near].min()).sum()) if near.any() else 0
+        alias = int(others[far][cost[others][far].argmin()])
+        margin = float(cost[alias] - cost[others][near].min()) if near.any() else np.nan
+    ambiguity = _ambiguity(place_of[others], cost[others])
+    retrieved = int(others[best]), float(apart_m[best]), float(turned[best])
+    return *retrieved, alias, margin, ambiguity, confusion, rank
+
+
+def _apart(library: Library, entry: int, others: Index) -> tuple[F64, F64]:
+    """Return distances (k,) in meters and angles (k,) in radians from one entry to others."""
+    step = library.poses[others] - library.poses[entry]
+    return np.hypot(step[:, 0], step[:, 1]), np.abs(wrap(step[:, 2]))
+
+
+def _ambiguity(place_of: I32, cost: F64) -> float:
+    """Return how many places fit: exp of the entropy of the places' shares of the likelihood."""
+    share = np.bincount(place_of, np.exp(cost.min() - cost))
+    share = share[share > 0] / share.sum()
+    return float(np.exp(-(share @ np.log(share))))
+
+
+def _curve(library: Library, between: float, entry: int, others: Index, cost: F64) -> F64:
+    """Return the lowest cost (6,) among entries in each range of distance; nan where there are none."""
+    apart_m, _ = _apart(library, entry, others)
+    ring = np.searchsorted(np.array(CURVE) * between * (1 + 1e-6), apart_m)
+    lowest = np.full(len(CURVE) + 1, np.nan)
+    for k in range(len(lowest)):
+        if (ring == k).any():
+            lowest[k] = cost[others[ring == k]].min()
+    return lowest
+
+
+def _medians(curves: F64) -> F64:
+    columns = [column[np.isfinite(column)] for column in curves.T]
+    return np.array([np.median(column) if len(column) else np.nan for column in columns])

@@ -1,0 +1,270 @@
+"""Explaining an update: why one reference is believed, and where another one loses.
+
+The log-likelihood of a reference is divided among channels, and each channel's part among the elements of its
+descriptor, so that all parts add up to what the filter used, in nats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..sensor.distances import contributions
+from ..sensor.model import BLENDS, QUALITIES, SensorModel
+from ..values.arrays import F32, F64, I32
+from ..values.geometry import angle_between
+from ..values.records import Comparison, StepRecord
+
+TRUTH, ESTIMATE, WINNER, ASKED = "truth", "estimate", "winner", "asked"  # who is explained
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelExplanation:
+    """One reference by one channel."""
+
+    channel: str
+    distance_by: str  # key of maurice_mcl.sensor.distances.DISTANCES
+    distance: float  # D, absolute
+    calibrated: float  # D over the channel's scale, nats at weight 1
+    quality: float  # 0 to 1, relative to the worst reference for this very picture
+    rank: int  # 1: no reference is nearer; equals share the better rank
+    loses: float  # nats this channel subtracts from the log-likelihood; all channels add up to minus it
+    sample: F32  # (D,) what was measured in the picture
+    reference: F32  # (D,) what was measured at the reference
+    contributions: F32  # (D,) what each element adds to the distance, see maurice_mcl.sensor.distances
+
+    @property
+    def nats(self) -> F32:
+        """Divide what this channel loses among its elements (D,): >= 0, they sum to `loses`."""
+        total = float(self.contributions.sum(dtype=np.float64))
+        return self.contributions * np.float32(self.loses / total if total > 0 else 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EntryExplanation:
+    """Why one library entry has its likelihood."""
+
+    entry: int
+    pose: F64  # (3,) as surveyed, in the map's frame
+    channels: tuple[ChannelExplanation, ...]  # as the comparison has them
+    quality: float  # blended, 0 to 1
+    log_likelihood: float
+    rank: int  # 1: no entry is likelier; equals share the better rank
+    entries: int  # L: ranks count up to it
+    winner: int  # the entry of the best quality, the first of equals
+    behind: float  # nats by which the winner is likelier; 0 for the winner itself
+
+    def lost_to(self, winner: EntryExplanation) -> F64:
+        """Return what each channel (C,) costs this entry against another one; the sum is the total gap."""
+        pairs = zip(self.channels, winner.channels, strict=True)
+        return np.array([mine.loses - best.loses for mine, best in pairs])
+
+    def costliest(self, winner: EntryExplanation) -> ChannelExplanation:
+        """Return the channel that costs this entry most against another one; of equals, the first."""
+        return self.channels[int(self.lost_to(winner).argmax())]
+
+
+@dataclass(frozen=True, slots=True)
+class PoseOffset:
+    """How far one pose is from another."""
+
+    apart_m: float
+    turned_rad: float  # unsigned, at most pi
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explained:
+    """A pose and the reference that it is compared with."""
+
+    who: str  # TRUTH, ESTIMATE, WINNER or ASKED
+    pose: F64  # (3,) that the reference is nearest to; of the winner and an entry asked for, its own
+    entry: EntryExplanation | None  # None: the pose lies outside free space
+    weighed: float | None  # log-likelihood of a particle at that pose; -inf outside; None: not requested
+    from_truth: PoseOffset | None  # of the pose; None: the truth is not known
+    from_estimate: PoseOffset  # of the pose
+    sensed: Mapping[str, float] = field(default_factory=dict)  # of `weighed`, the nats of each pose sensor
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepExplanation:
+    """One update's references side by side: the truth's (where it is known), the estimate's, the winner."""
+
+    step: int
+    channels: tuple[str, ...]
+    shown: tuple[Explained, ...]  # in the order truth, estimate, winner; what was asked for comes first
+
+    @property
+    def winner(self) -> EntryExplanation:
+        """The entry of the best quality."""
+        return next(e.entry for e in self.shown if e.who == WINNER and e.entry is not None)
+
+    def of(self, who: str) -> Explained | None:
+        """Return the one for `who`, or None."""
+        return next((explained for explained in self.shown if explained.who == who), None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """What else to explain: a pose, or a library entry by its number."""
+
+    pose: F64 | None = None  # (3,) in the map's frame
+    entry: int | None = None
+
+
+def explain(comparison: Comparison, sensor: SensorModel, entry: int) -> EntryExplanation:
+    """Explain one library entry. Raises IndexError for an unknown one."""
+    if not 0 <= entry < sensor.library.size:
+        raise IndexError(f"no entry {entry}; there are 0 to {sensor.library.size - 1}")
+    return explain_all(comparison, sensor, [entry])[0]
+
+
+def explain_all(
+    comparison: Comparison, sensor: SensorModel, entries: Sequence[int]
+) -> tuple[EntryExplanation, ...]:
+    """Explain several library entries at once, at little more cost than one."""
+    some = list(entries)
+    by_channel = list(zip(*_channels(comparison, sensor, some), strict=True))
+    likely, winner = comparison.log_likelihood, int(comparison.quality.argmax())
+    return tuple(
+        EntryExplanation(
+            entry=entry,
+            pose=sensor.library.poses[entry],
+            channels=by_channel[k],
+            quality=float(comparison.quality[entry]),
+            log_likelihood=float(likely[entry]),
+            rank=1 + int(np.count_nonzero(likely > likely[entry])),
+            entries=len(likely),
+            winner=winner,
+            behind=float(likely[winner] - likely[entry]),
+        )
+        for k, entry in enumerate(some)
+    )
+
+
+def explain_step(
+    record: StepRecord,
+    sensor: SensorModel,
+    truth: F64 | None,
+    asked: Asked | None = None,
+    *,
+    weigh: bool = False,
+) -> StepExplanation:
+    """Explain the references of an update that matter, and one more that was asked for.
+
+    With `weigh`, each pose is also weighted like a particle there, at the cost of weighting all particles.
+    """
+    comparison = record.sighting.comparison
+    poses = _poses(record, sensor, truth, asked)
+    entries = nearest_entries(sensor, np.stack(list(poses.values())))
+    nearest = dict(zip(poses, entries.tolist(), strict=True))
+    if asked is not None and asked.entry is not None:
+        nearest[ASKED] = asked.entry  # the nearest reference may be another of the same pose
+    nearest[WINNER] = int(comparison.quality.argmax())
+    weighed: list[float | None] = [None] * len(poses)
+    sensed: list[dict[str, float]] = [{}] * len(poses)
+    if weigh:
+        at = _relative(sensor, np.stack(list(poses.values())))
+        weighed = list(sensor.at(comparison, at).log_likelihood.astype(float).tolist())
+        sensed = [_sensed(comparison, sensor, pose[None]) for pose in at]
+    different = sorted({entry for entry in nearest.values() if entry >= 0})
+    found = dict(zip(different, explain_all(comparison, sensor, different), strict=True))
+    shown = tuple(
+        Explained(
+            who=who,
+            pose=pose,
+            entry=found.get(nearest[who]),
+            weighed=weight,
+            from_truth=None if truth is None else offset(pose, truth),
+            from_estimate=offset(pose, record.estimate.pose),
+            sensed=nats,
+        )
+        for (who, pose), weight, nats in zip(poses.items(), weighed, sensed, strict=True)
+    )
+    return StepExplanation(record.frame.step, comparison.channels, shown)
+
+
+def _sensed(comparison: Comparison, sensor: SensorModel, pose: F32) -> dict[str, float]:
+    """Return the nats that each pose sensor gives a pose (1, 3) relative to the origin, as it is weighed."""
+    origin, sharpness = sensor.library.origin, sensor.parameters.sharpness
+    return {
+        one.name: sharpness * one.weight * float(one.sensor.log_likelihood(one.reading, pose, origin)[0])
+        for one in comparison.sensed
+    }
+
+
+def nearest_entries(sensor: SensorModel, poses: F64) -> I32:
+    """Return the entry (K,) that each pose (K, 3) in the map's frame is compared with; -1 outside."""
+    return sensor.references.entries(_relative(sensor, poses), sensor.library.origin)
+
+
+def offset(pose: F64, other: F64) -> PoseOffset:
+    """Return how far a pose (3,) is from another."""
+    apart = float(np.hypot(*(pose[:2] - other[:2])))
+    return PoseOffset(apart, angle_between(float(pose[2]), float(other[2])))
+
+
+def _poses(record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: Asked | None) -> dict[str, F64]:
+    library = sensor.library
+    poses: dict[str, F64] = {}
+    if asked is not None and asked.entry is not None:
+        poses[ASKED] = library.poses[asked.entry]
+    elif asked is not None and asked.pose is not None:
+        poses[ASKED] = asked.pose
+    if truth is not None:
+        poses[TRUTH] = truth
+    poses[ESTIMATE] = record.estimate.pose
+    poses[WINNER] = library.poses[int(record.sighting.comparison.quality.argmax())]
+    return poses
+
+
+def _relative(sensor: SensorModel, poses: F64) -> F32:
+    return np.asarray(poses - np.append(sensor.library.origin, 0.0), np.float32)
+
+
+def _channels(
+    comparison: Comparison, sensor: SensorModel, entries: list[int]
+) -> list[list[ChannelExplanation]]:
+    loses = _losses(comparison, sensor)[:, entries]
+    found = []
+    for k, name in enumerate(comparison.channels):
+        index, distance = sensor.library.index[name], sensor.parameters.distance_of(name)
+        sample, references = comparison.descriptors[name], index.references[entries]
+        adds = contributions(distance, sample, references, index)
+        found.append(
+            [
+                ChannelExplanation(
+                    channel=name,
+                    distance_by=distance,
+                    distance=float(comparison.distances[k, entry]),
+                    calibrated=float(comparison.channel_cost[k, entry]),
+                    quality=float(comparison.channel_quality[k, entry]),
+                    rank=1 + int(np.count_nonzero(comparison.distances[k] < comparison.distances[k, entry])),
+                    loses=float(loses[k, j]),
+                    sample=sample,
+                    reference=references[j],
+                    contributions=adds[j],
+                )
+                for j, entry in enumerate(entries)
+            ]
+        )
+    return found
+
+
+def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
+    """Divide minus the log-likelihood of every entry among the channels: (C, L), >= 0.
+
+    Blends are linear in their weights: a channel's part is the blend with the others at weight 0. The
+    likelihood is divided in proportion, which is exact for the exponential one.
+    """
+    p, names = sensor.parameters, comparison.channels
+    weights = np.array([p.weights[name] for name in names])
+    scales = np.array([p.scale_of(name) for name in names])
+    alone = np.eye(len(names)) * weights
+    parts = np.stack(
+        [BLENDS[p.blend](comparison.distances, one, scales, QUALITIES[p.quality]).distance for one in alone]
+    ).astype(np.float64)
+    total = parts.sum(axis=0)
+    share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
+    return np.asarray(share * np.maximum(-comparison.log_likelihood.astype(np.float64), 0.0))

@@ -1,0 +1,164 @@
+"""The evidence of one update: the few numbers that the causes of a failure are told apart by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
+from ...scoring.episodes import EpisodeFinder
+from ...scoring.lost_signal import evidence_by_channels
+from ...scoring.metrics import StepScore
+from ...scoring.near_truth import NearTruth, near_truth
+from ...values.arrays import F32, F64
+from ...values.geometry import compose_motions
+from ...values.records import StepRecord
+from ...values.session import Frame, Moment, first_word, is_kidnapping
+from .around import PlaceFit, Surroundings
+from .light import LightFit, layout_fit, mean_level
+from .surprise import Surprise
+
+MOVED = 0.01  # m or rad, from which on the next picture must differ
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateEvidence:
+    """One update; None where it is not known: without truth, library, or motion model.
+
+    Five are added only around a loss, by `LaterEvidence`: outside, surprise, reference_m, light, elements.
+    """
+
+    step: int
+    time_s: float
+    after_s: float | None  # since the picture before
+    skipped: int  # numbers of pictures missing before it
+    repeated: bool  # whether the robot moved and the picture compared is the one before, to the last pixel
+    events: tuple[str, ...]  # of the log
+    tilt_deg: float | None  # out of the plane, as the log told last; None: level, or not told
+    floor: str  # that the robot was on when it set off, if the log or the map tells it
+    broken: bool  # whether a likelihood was no number
+    zero: bool  # whether all weights were zero
+    left: bool  # whether the whole cloud would have left the map
+    score: StepScore
+    lost_m: float  # an error above it is lost
+    size: int  # particles
+    inside: int  # of them in free space
+    ess: float  # effective sample size
+    spread_nats: float  # log-likelihood from the library's middle reference to its best one
+    best: float  # nats: how well the library's best reference explains the picture, by channels
+    cloud: float  # nats: how well the cloud as a whole does, by channels
+    gray: float  # mean level of the picture
+    knows: float | None = None  # probability that the estimate is right, without truth
+    outside: bool | None = None  # whether the truth lies off the map
+    moved_m: float | None = None  # the truth since the picture before
+    driven_m: float = 0.0  # odometry says
+    surprise: Surprise | None = None  # of the true movement, to the motion model
+    near: NearTruth | None = None  # the cloud around the truth
+    reference_m: float | None = None  # from the truth to the nearest reference
+    fit: PlaceFit | None = None  # of the picture at the truth
+    alike: float | None = None  # correlation of how light its 12 x 9 parts are with those of the references
+    light: LightFit | None = None  # of the picture, brightened or darkened
+    elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
+
+    @property
+    def kidnapped(self) -> bool:
+        """Whether the log says that the robot was carried."""
+        return any(map(is_kidnapping, self.events))
+
+    @property
+    def held(self) -> float:
+        """The share of the weight near the truth, after the picture."""
+        return 0.0 if self.near is None else self.near.shares[1]
+
+
+@dataclass(slots=True)
+class EvidenceFinder:
+    """Follows one run; keeps the update before."""
+
+    localizer: Localizer | None = None
+    around: Surroundings | None = None
+    _before: Moment | None = None
+    _floor: str = ""  # that the log told last
+    _tilt_deg: float | None = None
+
+    def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
+        """Return the evidence of the next update, which `episodes` have seen."""
+        before, self._before = self._before, moment
+        if self.localizer is not None and self.around is None:
+            self.around = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
+        frame, truth = moment.frame, moment.truth
+        floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
+        self._tilt_deg = _tilt_told(moment.events, self._tilt_deg)
+        comparison = record.sighting.comparison
+        cost, likely = comparison.by_channels.cost, comparison.log_likelihood
+        compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
+        motions = frame.motions
+        found = UpdateEvidence(
+            step=frame.step,
+            time_s=frame.time_s,
+            after_s=None if before is None else frame.time_s - before.frame.time_s,
+            skipped=0 if before is None else max(frame.step - before.frame.step - 1, 0),
+            repeated=before is not None and compared and _moved(motions) and _same(frame, before.frame),
+            events=moment.events,
+            tilt_deg=self._tilt_deg,
+            floor=floor,
+            broken=bool(np.isnan(likely).any()),
+            zero=ALL_ZERO in record.events,
+            left=LEFT_MAP in record.events,
+            score=episodes.score,
+            lost_m=record.estimate.radii.lost_m,
+            size=record.weighted.size,
+            inside=int((record.sighting.entries >= 0).sum()),
+            ess=record.effective_sample_size,
+            spread_nats=float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
+            best=-float(cost.min()) if len(cost) else float("nan"),
+            cloud=evidence_by_channels(record),
+            gray=mean_level(frame.image),
+            knows=episodes.signal.knows,
+            driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
+        )
+        return found if truth is None else self._with_truth(found, before, truth, moment, record)
+
+    def _with_truth(
+        self, found: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
+    ) -> UpdateEvidence:
+        """Add what only the truth (3,) tells."""
+        last = None if before is None else before.truth
+        moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
+        found = replace(found, near=near_truth(record, truth), moved_m=moved_m)
+        around = self.around
+        if around is None or found.broken:
+            return found
+        fit = around.fit(record.sighting.comparison, truth, record.estimate.pose)
+        return replace(found, fit=fit, alike=layout_fit(around, moment.frame.image, truth))
+
+
+def _moved(motions: F64) -> bool:
+    return len(motions) > 0 and float(np.abs(motions).max()) > MOVED
+
+
+def _same(frame: Frame, before: Frame) -> bool:
+    """Return whether two pictures are equal; not those of one color, which stand for none."""
+    image = frame.image
+    if image.shape != before.image.shape or not image.size or (image == image[0, 0]).all():
+        return False
+    return bool(np.array_equal(image, before.image))
+
+
+def _tilt_told(events: tuple[str, ...], last: float | None) -> float | None:
+    """Return the tilt in degrees after events: "tilted 22 deg out of the plane", "level again"."""
+    for text in events:
+        word, _, rest = text.partition(" ")
+        number = rest.split(" ", 1)[0]
+        if word == "tilted" and number.isdecimal():
+            last = float(number)
+        elif text == "level again":
+            last = None
+    return last
+
+
+def _floor_told(events: tuple[str, ...], last: str) -> str:
+    told = [text.split(" ", 1)[1] for text in events if first_word(text) == "floor" and " " in text]
+    return told[-1] if told else last

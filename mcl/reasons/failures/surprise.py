@@ -1,0 +1,61 @@
+"""How surprising a true movement is to the motion model: in standard deviations of what it would draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ...filter.motion import MotionModel
+from ...values.arrays import F32, F64
+from ...values.geometry import INCH_M, wrap
+
+DRAWS, KEPT = 200, 32  # particles that stand for the model; movements with noise of their own
+TRUTH_M, TRUTH_RAD = INCH_M, float(np.radians(2))  # accuracy of a true pose
+
+
+@dataclass(frozen=True, slots=True)
+class Surprise:
+    """A true movement beside the model's, in the frame of the movement's end, in standard deviations."""
+
+    forward: float
+    left: float
+    turn: float
+
+    @property
+    def largest(self) -> float:
+        """The largest of the three, without its sign."""
+        return max(abs(self.forward), abs(self.left), abs(self.turn))
+
+    @property
+    def axis(self) -> str:
+        """Which of the three that is."""
+        sizes = {"forward": abs(self.forward), "left": abs(self.left), "turn": abs(self.turn)}
+        return max(sizes, key=lambda name: sizes[name])
+
+
+@lru_cache(1)
+def _noise() -> F32:
+    """Standard normals (KEPT, DRAWS, 3): the same for every movement, so that nothing depends on chance."""
+    return np.random.default_rng(1).standard_normal((KEPT, DRAWS, 3)).astype(np.float32)
+
+
+def surprise(model: MotionModel, origin: F64, before: F64, after: F64, motions: F64) -> Surprise:
+    """Compare the true movement between two poses (3,) with what a model makes of motions (M, 3)."""
+    start = before - np.append(origin, 0.0)
+    poses: F32 = np.tile(start.astype(np.float32), (DRAWS, 1))
+    for number, motion in enumerate(motions):
+        poses = model.move(poses, origin, motion, _noise()[number % KEPT])
+    ends = poses.astype(np.float64)
+    mean = ends.mean(axis=0)
+    heading = float(np.arctan2(np.sin(ends[:, 2]).mean(), np.cos(ends[:, 2]).mean()))
+    spread = ends - mean
+    spread[:, 2] = wrap(ends[:, 2] - heading)
+    off = after - np.append(origin, 0.0) - mean
+    off[2:] = wrap(after[2:] - heading)
+    c, s = np.cos(heading), np.sin(heading)
+    turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    sd = np.sqrt((spread @ turned.T).var(axis=0) + np.square([TRUTH_M, TRUTH_M, TRUTH_RAD]))
+    forward, left, turn = (turned @ off / sd).tolist()
+    return Surprise(forward, left, turn)

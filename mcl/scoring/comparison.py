@@ -1,0 +1,169 @@
+"""Run comparison: how much better one run is than another, and where they diverge.
+
+Errors within a drive are not independent, so blocks of neighbors are drawn (Kuensch 1989), and each mean is
+divided by its own standard error (Goetze and Kuensch 1996). The interval is for this drive (docs/explain.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from ..values.arrays import F64
+from ..values.randomness import Domain, stream
+from ..values.records import StepRecord
+from ..values.session import Moment
+from .events import PARTED, RunEvent, Say
+from .metrics import FIRST_SCORED, score_step
+
+# An interval for the mean of an autocorrelated series: the studentized moving-block bootstrap.
+
+LEVEL = 0.95
+LEAST = 24  # values; with fewer no interval is given
+LEAST_BLOCKS = 6  # a block is at most a sixth of the series
+DRAWS = 2000  # the ends of an interval move by about a fiftieth of its width from one seed to another
+MOST_ALIKE = 0.97  # correlation of neighbors: no drive is long enough to estimate a higher one
+
+
+def autocorrelation(values: F64) -> float:
+    """Return the bias-corrected correlation of neighbors in a series (n,) (Kendall 1954); 0 if constant."""
+    off = values - values.mean()
+    total = float(off @ off)
+    if total <= 0:
+        return 0.0
+    found = float(off[1:] @ off[:-1]) / total
+    return found + (1 + 3 * found) / len(values)
+
+
+def block_length(values: F64) -> int:
+    """Return 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up (Andrews 1991): 1 to a sixth of n."""
+    alike = min(max(autocorrelation(values), 0.0), MOST_ALIKE)
+    memory = 4 * alike**2 / (1 - alike**2) ** 2
+    length = int(np.ceil(1.1447 * (memory * len(values)) ** (1 / 3)))
+    return min(max(length, 1), max(len(values) // LEAST_BLOCKS, 1))
+
+
+def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
+    """Return a repeatable 95 % interval about the mean of a series (n,); None for fewer than 24 values."""
+    if len(values) < LEAST:
+        return None
+    length = block_length(values)
+    sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
+    blocks = (sums[length:] - sums[:-length]) / length  # (n - length + 1,) about the mean of all
+    error = float(np.sqrt(np.square(blocks).mean() * length / len(values)))
+    reach = error * _critical(blocks, len(values) // length, seed)
+    mean = float(values.mean())
+    return mean - reach, mean + reach
+
+
+def _critical(blocks: F64, count: int, seed: int) -> float:
+    """Return how many standard errors 95 % of the means of `count` drawn blocks are within."""
+    chosen = stream(Domain.COMPARE, seed).integers(0, len(blocks), (DRAWS, count))
+    drawn = blocks[chosen]
+    away = np.abs(drawn.mean(axis=1) - blocks.mean())
+    error = drawn.std(axis=1) / np.sqrt(count)
+    apart = np.divide(away, error, out=np.zeros(DRAWS), where=error > 0)
+    return float(np.quantile(apart, LEVEL))
+
+
+Step: TypeAlias = tuple[Moment, StepRecord]
+
+APART_FOR = 2  # steps in a row at which estimates are more than `confidence_m` apart: different places
+
+
+@dataclass(frozen=True, slots=True)
+class StepComparison:
+    """One update of a run against the same update of the first run."""
+
+    position_m: float | None  # its position error minus the first run's: below zero is better; None: no truth
+    heading_rad: float | None  # the same of the heading error
+    apart_m: float | None  # between the two estimates; None for runs of different drives
+    event: RunEvent | None  # at the update at which the divergence is certain
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorDifference:
+    """A run's error minus the first run's over the scored updates of a drive, in meters or radians."""
+
+    mean: float
+    interval: tuple[float, float] | None  # 95 %; None: too few updates
+    block: int  # updates in a block of it
+    updates: int  # that both runs have, with truth, from the fourth on
+    better: int  # updates at which the run was closer to the truth than the first
+    worse: int  # updates at which it was further from it
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonResult:
+    """A complete run against the first run."""
+
+    position: ErrorDifference | None  # None where the truth is not known
+    heading: ErrorDifference | None
+    apart_mean_m: float | None  # of the estimates, over all updates; None for different drives
+    apart_most_m: float | None
+    parted_at: int | None  # the first update of those at which the estimates were apart; None: never
+
+
+@dataclass(slots=True)
+class RunComparison:
+    """Compares one run with the first one, update by update; keeps three numbers per update."""
+
+    first: str  # label of the run that the others are compared with
+    other: str
+    say: Say  # writes a length in meters, with its unit
+    same_drive: bool = True  # otherwise steps are aligned by their number, and places are not compared
+    parted_at: int | None = None  # known so far
+    _position: list[float] = field(default_factory=list)
+    _heading: list[float] = field(default_factory=list)
+    _apart: list[float] = field(default_factory=list)
+    _seen: int = 0
+    _running: int = 0  # updates in a row, up to the last one, at which the estimates were apart
+
+    def see(self, first: Step, other: Step) -> StepComparison:
+        """Process the next update of both runs."""
+        self._seen += 1
+        a, b = (score_step(record.estimate, moment.truth) for moment, record in (first, other))
+        position = _difference(a.position_error_m, b.position_error_m)
+        heading = _difference(a.heading_error_rad, b.heading_error_rad)
+        if position is not None and heading is not None and self._seen >= FIRST_SCORED:
+            self._position.append(position)
+            self._heading.append(heading)
+        if not self.same_drive:
+            return StepComparison(position, heading, None, None)
+        apart = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
+        self._apart.append(apart)
+        return StepComparison(position, heading, apart, self._parting(apart, first))
+
+    def _parting(self, apart_m: float, first: Step) -> RunEvent | None:
+        moment, record = first
+        self._running = self._running + 1 if apart_m > record.estimate.radii.confidence_m else 0
+        if self._running != APART_FOR or self.parted_at is not None:
+            return None
+        self.parted_at = moment.frame.step - APART_FOR + 1
+        what = f"{self.other} and {self.first} are {self.say(apart_m)} apart, since step {self.parted_at}"
+        return RunEvent(moment.frame.step, moment.frame.time_s, PARTED, what)
+
+    def result(self) -> ComparisonResult:
+        """Return the comparison so far."""
+        apart = self._apart
+        return ComparisonResult(
+            difference_of(np.array(self._position)),
+            difference_of(np.array(self._heading)),
+            float(np.mean(apart)) if apart else None,
+            max(apart) if apart else None,
+            self.parted_at,
+        )
+
+
+def _difference(first: float | None, other: float | None) -> float | None:
+    return None if first is None or other is None else other - first
+
+
+def difference_of(values: F64) -> ErrorDifference | None:
+    """Sum up differences of errors (n,) at the updates of one drive; None for none."""
+    if not len(values):
+        return None
+    mean, better, worse = float(values.mean()), int((values < 0).sum()), int((values > 0).sum())
+    return ErrorDifference(mean, mean_interval(values), block_length(values), len(values), better, worse)

@@ -1,0 +1,180 @@
+"""What a run of a filter has to do, and whether it did: rules of `maurice-replay check` (docs/trials.md).
+
+A run begins to search at its first update and after every kidnapping. `localized_by` updates later it has to
+be localized; from there on its error counts, and it must not be lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..filter.batch import RunTrace
+from ..values.arrays import F64, Bool
+from ..values.session import Moment
+from .metrics import FIRST_SCORED, LOCALIZED_OF, LOST_FOR, first_mostly, first_run_of, score_step
+
+LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged"
+
+
+@dataclass(frozen=True, slots=True)
+class Demands:
+    """What is demanded of a run; None is not demanded. A rate says of how many runs."""
+
+    max_error_m: float | None = None  # mean position error, where it counts
+    localized_by: int | None = None  # updates after the start, and after every kidnapping
+    converged_by: int | None = None  # the same of a cloud at one place, right or wrong: needs no truth
+    min_rate: float = 0.95  # of the runs, that meet each demand
+
+    @property
+    def need_truth(self) -> bool:
+        """Whether true poses are needed."""
+        return self.max_error_m is not None or self.localized_by is not None
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The demands, in the order of a table; who asks about the truth also asks not to be lost."""
+        asked = {
+            LOCALIZED: self.localized_by is not None,
+            KEPT: self.need_truth,
+            ERROR: self.max_error_m is not None,
+            CONVERGED: self.converged_by is not None,
+        }
+        return tuple(kind for kind, wanted in asked.items() if wanted)
+
+    @property
+    def grace(self) -> int:
+        """Updates after each start that do not count for error and loss."""
+        return FIRST_SCORED - 1 if self.localized_by is None else max(self.localized_by, FIRST_SCORED - 1)
+
+    def counting(self, updates: int, starts: Sequence[int]) -> Bool:
+        """Return which updates (U,) count for error and loss: those past the time to search."""
+        counts = np.ones(updates, bool)
+        for start in starts:
+            counts[start : start + self.grace] = False
+        return counts
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunTrack:
+    """One run against the truth, U updates long, as far as demands on it need it."""
+
+    seed: int
+    off_m: F64  # (U,) position error; nan where the truth is not known
+    localized: Bool  # (U,) by the definitions of docs/evaluation.md, each of one update
+    lost: Bool  # (U,)
+    converged: Bool  # (U,)
+
+    @classmethod
+    def of(cls, trace: RunTrace, moments: Sequence[Moment]) -> RunTrack:
+        """Compare a run's estimates with the truth of the moments it was made from."""
+        scores = [score_step(trace.estimate(k), moment.truth) for k, moment in enumerate(moments)]
+        off_m = [np.nan if one.position_error_m is None else one.position_error_m for one in scores]
+        flags = [(one.localized is True, one.lost is True, one.converged) for one in scores]
+        localized, lost, converged = np.array(flags, bool).reshape(-1, 3).T
+        return cls(trace.seed, np.array(off_m), localized, lost, converged)
+
+
+def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:
+    """Return the updates, from 0, at which a run has to find itself: the first, and after kidnappings."""
+    carried = [k for k, one in enumerate(moments) if k and one.kidnapped]
+    return (0, *carried)
+
+
+@dataclass(frozen=True, slots=True)
+class RunJudgement:
+    """Whether one run met its demands, and the figures that show it."""
+
+    seed: int
+    met: Mapping[str, bool]  # by kind of demand
+    failed_at: Mapping[str, int] = field(default_factory=dict)  # first update, from 0, that shows it
+    error_m: float | None = None  # mean, where it counts
+    found_after: int | None = None  # updates until localized, the worst of its starts; None: not at one
+    converged_after: int | None = None
+    found_at: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)  # by kind: at each start, or not
+
+    @property
+    def passed(self) -> bool:
+        """Whether it met all."""
+        return all(self.met.values())
+
+    @property
+    def first_failed_at(self) -> int | None:
+        """The first update, from 0, at which a demand is seen to fail; None for a run that met all."""
+        return min(self.failed_at.values(), default=None)
+
+
+def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJudgement:
+    """Judge one run."""
+    met: dict[str, bool] = {}
+    failed_at: dict[str, int] = {}
+    counts = demands.counting(len(track.off_m), starts)
+    found = {kind: _found_after(flags, starts) for kind, flags in _flags(track).items()}
+    by = {LOCALIZED: demands.localized_by, CONVERGED: demands.converged_by}
+    for kind in demands.kinds:
+        failed = _failed(kind, track, counts, found, by, starts, demands)
+        met[kind] = failed is None
+        if failed is not None:
+            failed_at[kind] = failed
+    known = counts & np.isfinite(track.off_m)
+    error_m = float(track.off_m[known].mean()) if known.any() else None
+    judged = {kind: _of_judged(values, starts, len(counts), by[kind]) for kind, values in found.items()}
+    after = {kind: _worst(values) for kind, values in judged.items()}
+    found_at = {kind: tuple(one is not None for one in values) for kind, values in judged.items()}
+    return RunJudgement(track.seed, met, failed_at, error_m, after[LOCALIZED], after[CONVERGED], found_at)
+
+
+def _flags(track: RunTrack) -> dict[str, Bool]:
+    return {LOCALIZED: track.localized, CONVERGED: track.converged}
+
+
+def _failed(
+    kind: str,
+    track: RunTrack,
+    counts: Bool,
+    found: Mapping[str, Sequence[int | None]],
+    by: Mapping[str, int | None],
+    starts: Sequence[int],
+    demands: Demands,
+) -> int | None:
+    """Return the first update, from 0, at which a demand is seen to fail; None where it is met."""
+    if kind == KEPT:
+        at = first_run_of((track.lost & counts).tolist(), LOST_FOR)
+        return None if at is None else at - LOST_FOR
+    if kind == ERROR:
+        off_m, most_m = np.where(counts, track.off_m, np.nan), demands.max_error_m or 0.0
+        if np.nanmean(off_m) <= most_m:
+            return None
+        return int(np.flatnonzero(off_m > most_m)[0])
+    limit, late = by[kind] or 0, []
+    for start, after in zip(starts, found[kind], strict=True):
+        if is_judged(start, starts, len(counts), limit) and (after is None or after > limit):
+            late.append(start + limit - 1)
+    return late[0] if late else None
+
+
+def _of_judged(
+    found: Sequence[int | None], starts: Sequence[int], updates: int, limit: int | None
+) -> list[int | None]:
+    """Return what was found at the first start, and at those with enough updates after them."""
+    judged = [start == 0 or is_judged(start, starts, updates, limit or 1) for start in starts]
+    return [after for after, counts in zip(found, judged, strict=True) if counts]
+
+
+def is_judged(start: int, starts: Sequence[int], updates: int, limit: int) -> bool:
+    """Return whether enough updates follow a start to see that a run was localized by a limit."""
+    later = [one for one in starts if one > start]
+    return (later[0] if later else updates) - start >= limit + LOCALIZED_OF[1] - 1
+
+
+def _found_after(flags: Bool, starts: Sequence[int]) -> list[int | None]:
+    """Return after how many updates each start was found (`first_mostly`), counted from 1."""
+    ends = [*starts[1:], len(flags)]
+    return [first_mostly(flags[start:end]) for start, end in zip(starts, ends, strict=True)]
+
+
+def _worst(found: Sequence[int | None]) -> int | None:
+    known = [one for one in found if one is not None]
+    return max(known) if len(known) == len(found) else None

@@ -1,0 +1,260 @@
+"""When a run was wrong: its episodes, each with one set of step numbers that all texts and drawings use.
+
+An episode begins when the estimate gets lost, when the log says that the robot was carried away, or with a
+run that does not know where it is; it ends when the run is localized (again). The definitions are those of
+`metrics` (docs/evaluation.md): lost is too far off at four steps in a row and is declared at the fourth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..values.records import StepRecord
+from ..values.session import Moment
+from .lost_signal import LostSignal
+from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
+from .near_truth import has_near
+
+KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
+MOSTLY = 0.5  # share of the steps of an episode from which on it counts as sure, or as bereft
+SURE_FOR = 10  # steps confident of a wrong place, from which on also a search that ends well has failed
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """One time that a run was wrong. Steps are numbers of pictures; None: that did not happen.
+
+    `kind` is LOST, KIDNAPPED (the log says so), SEARCHING (it had not been localized before) or, of a run
+    whose truth is not known, PROBABLY_LOST.
+    """
+
+    kind: str
+    first: int  # step at which it began
+    last: int  # and its last one: before it was localized, before the next kidnapping, or the last so far
+    wrong: int | None = None  # first step at which the estimate was too far off; None of a search
+    noticed: int | None = None  # step at which the lost signal, which knows no truth, began to doubt the run
+    lost: int | None = None  # step at which it was declared lost: the fourth too far off in a row
+    localized: int | None = None  # first step at which it was localized (again)
+    steps: int = 0  # how many steps it lasted
+    fresh: int = 0  # particles that recovery drew in these
+    sure: int = 0  # steps of them wrong and confident
+    bereft: int = 0  # steps of them without a particle near the truth
+
+    @property
+    def onset(self) -> int:
+        """The first step at which the run was wrong, as far as that is known."""
+        return self.first if self.wrong is None else self.wrong
+
+    @property
+    def account(self) -> str:
+        """In words: "wrong from step 41, noticed without truth at step 43, declared lost at step 44"."""
+        if self.kind == SEARCHING:
+            return f"not localized from step {self.first} to {self.last}"
+        if self.kind == PROBABLY_LOST:
+            doubt = "in doubt" if self.noticed is None else "probably lost"
+            return f"{doubt} from step {self.first} to {self.last}"
+        began = f"kidnapped at step {self.first}" if self.wrong is None else f"wrong from step {self.wrong}"
+        later = []
+        if self.noticed is not None:
+            early = self.noticed < self.onset
+            text = f"{'doubted' if early else 'noticed'} without truth at step {self.noticed}"
+            later.append((self.noticed, text))
+        if self.lost is not None:
+            later.append((self.lost, f"declared lost at step {self.lost}"))
+        return ", ".join([began, *(text for _, text in sorted(later))])
+
+    @property
+    def ending(self) -> str:
+        """How it ended, in words: "localized again from step 47"; empty where the account says it."""
+        if self.kind in (SEARCHING, PROBABLY_LOST):
+            return ""
+        return (
+            "not localized again" if self.localized is None else f"localized again from step {self.localized}"
+        )
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the filter was confident of a wrong place: in most of these steps, or long in a search."""
+        return self.sure >= SURE_FOR if self.kind == SEARCHING else self.sure > MOSTLY * self.steps
+
+    @property
+    def is_bereft(self) -> bool:
+        """Whether in most of these steps no particle was near the truth: weighting alone cannot find it."""
+        return self.bereft > MOSTLY * self.steps
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether the filter failed: was lost, was never localized, or was sure of a wrong place for long."""
+        if self.kind != SEARCHING:
+            return self.lost is not None or self.kind == PROBABLY_LOST
+        return self.is_sure or (self.localized is None and self.steps >= LOST_FOR)
+
+
+@dataclass(frozen=True, slots=True)
+class _Update:
+    step: int
+    score: StepScore
+    fresh: int
+    bereft: bool
+
+
+@dataclass(slots=True)
+class EpisodeFinder:
+    """Follows one run update by update; keeps its episodes and six updates in numbers."""
+
+    episodes: tuple[Episode, ...] = ()  # in order; the last one can be going on
+    doubts: tuple[tuple[int, int], ...] = ()  # first and last step of each doubt of the lost signal
+    localized: int | None = None  # first step at which it was localized; None: never
+    score: StepScore = field(default=StepScore(None, None, False, None, None))  # of the last update
+    signal: LostSignal = field(default_factory=LostSignal)
+    _recent: tuple[_Update, ...] = ()  # the last six
+    _since: int = 0  # of them, how many a kidnapping does not part from now
+    _off: int = 0  # updates in a row that were too far off
+    _knew: bool = False  # whether it knew where it is: from the start, or once localized
+    _open: bool = False  # whether the last episode is going on
+    _doubts: bool = False  # whether the signal doubted the last update
+
+    def add(self, moment: Moment, record: StepRecord) -> tuple[Episode, ...]:
+        """Process the next update; return an episode in which the run is now declared lost or localized."""
+        score, truth = score_step(record.estimate, moment.truth), moment.truth
+        self.signal.add(record)
+        reach_m = record.estimate.radii.cluster_m
+        bereft = truth is not None and not score.localized and not has_near(record.weighted, truth, reach_m)
+        return self.see(
+            moment.frame.step,
+            score,
+            kidnapped=moment.kidnapped,
+            doubted=self.signal.probably_lost,
+            fresh=0 if record.injected is None else int(record.injected.sum()),
+            bereft=bereft,
+        )
+
+    def see(
+        self,
+        step: int,
+        score: StepScore,
+        *,
+        kidnapped: bool = False,
+        doubted: bool = False,
+        fresh: int = 0,
+        bereft: bool = False,
+    ) -> tuple[Episode, ...]:
+        """Process the next update from its score; see `add`."""
+        update = _Update(step, score, fresh, bereft)
+        self._doubt(step, doubted)
+        self._recent = (*self._recent, update)[-LOCALIZED_OF[1] - 1 :]
+        self._since = 1 if kidnapped else self._since + 1
+        self._off, self.score = self._off + 1 if score.lost else 0, score
+        if not self.episodes and self.localized is None and score.correct is not None:
+            self._knew = score.localized is True
+            self._begin(SEARCHING, (update,))
+        elif kidnapped and self._knew:
+            self._drop_search()
+            self._begin(KIDNAPPED, (update,))
+        elif self._open:
+            self._change(_with(self.episodes[-1], (update,), 1))
+        return self._changed()
+
+    def _doubt(self, step: int, doubted: bool) -> None:
+        if doubted:
+            first = self.doubts[-1][0] if self._doubts else step
+            self.doubts = (*self.doubts[: len(self.doubts) - self._doubts], (first, step))
+        self._doubts = doubted
+
+    def _begin(self, kind: str, updates: tuple[_Update, ...]) -> None:
+        """Begin an episode with some updates, the last of which is now; one that goes on ends before."""
+        first = updates[0].step
+        noticed = self.doubts[-1][0] if self.doubts and self.doubts[-1][1] >= first else None
+        self.episodes = (*self.episodes, _with(Episode(kind, first, first, noticed=noticed), updates, 1))
+        self._open = True
+
+    def _change(self, episode: Episode) -> None:
+        if self._doubts and episode.noticed is None:
+            episode = replace(episode, noticed=self.doubts[-1][0])
+        self.episodes = (*self.episodes[:-1], episode)
+
+    def _changed(self) -> tuple[Episode, ...]:
+        """Return the last episode if the run is declared lost in it, or localized, by the last update."""
+        window = self._recent[-LOCALIZED_OF[1] :]
+        if self.localized is None and _is_localized(window):
+            self.localized = window[0].step
+        was_lost = self._open and self.episodes[-1].lost is not None
+        if self._off >= LOST_FOR and not was_lost:
+            self._declare(self._recent[-LOST_FOR:])
+            return self.episodes[-1:]
+        if self._open and _is_localized(window[-self._since :]):
+            return self._end(window[0].step)
+        return ()
+
+    def _drop_search(self) -> None:
+        """Forget the search of a run that knew where it is from the start."""
+        if self._open and self.episodes[-1].kind == SEARCHING and self._knew:
+            self.episodes, self._open = self.episodes[:-1], False
+
+    def _declare(self, off: tuple[_Update, ...]) -> None:
+        """Declare it lost after these updates, in the episode that is going on or in one that they begin."""
+        self._drop_search()
+        if not self._open:
+            self._begin(LOST, off)
+        self._change(replace(self.episodes[-1], lost=off[-1].step))
+
+    def _end(self, step: int) -> tuple[Episode, ...]:
+        """End the last episode at the step from which on the run is localized, some updates ago."""
+        episode = self.episodes[-1]
+        after = [one for one in self._recent if one.step >= max(step, episode.first)]
+        before = [one.step for one in self._recent if episode.first <= one.step < step]
+        wrong, noticed = (
+            None if at is not None and at >= step else at for at in (episode.wrong, episode.noticed)
+        )
+        episode = replace(
+            _with(episode, after, -1),
+            localized=step,
+            last=before[-1] if before else step,
+            wrong=wrong,
+            noticed=noticed,
+        )
+        self._open, self._knew = False, True
+        at_once = episode.kind == SEARCHING and not episode.steps
+        self.episodes = (*self.episodes[:-1], *(() if at_once else (episode,)))
+        return (episode,)
+
+    @property
+    def is_bereft(self) -> bool:
+        """Whether no particle was near the truth at the last update."""
+        return bool(self._recent) and self._recent[-1].bereft
+
+    @property
+    def doubt_begins(self) -> bool:
+        """Whether the lost signal began to doubt the run at the last update."""
+        return self._doubts and self.doubts[-1][0] == self._recent[-1].step
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the run is lost at the last update: too far off at four in a row, and still so."""
+        return self._off >= LOST_FOR and self._open and self.episodes[-1].kind != SEARCHING
+
+
+def _is_localized(window: tuple[_Update, ...]) -> bool:
+    """Return whether a run is localized from the first of five updates on: in at least four of them."""
+    return first_mostly(np.array([one.score.localized is True for one in window], bool)) == 1
+
+
+def _with(episode: Episode, updates: Iterable[_Update], sign: int) -> Episode:
+    """Return an episode with some updates counted (`sign` 1), the last of which is its last, or not (-1)."""
+    for one in updates:
+        wrong = episode.wrong
+        if sign > 0 and wrong is None and one.score.lost and episode.kind != SEARCHING:
+            wrong = one.step
+        episode = replace(
+            episode,
+            last=one.step,
+            wrong=wrong,
+            steps=episode.steps + sign,
+            fresh=episode.fresh + sign * one.fresh,
+            sure=episode.sure + sign * (one.score.wrong_and_confident is True),
+            bereft=episode.bereft + sign * one.bereft,
+        )
+    return episode

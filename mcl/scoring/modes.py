@@ -1,0 +1,149 @@
+"""Modes followed from step to step, and where particles come from.
+
+Particles carry the identity of the mode they were last in, and copies inherit it. A mode continues the one
+from which most of its weight descends; of equal weights the older identity, in the half that `modes` lists
+first.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..filter.estimate import TIE, Modes, first_heaviest, modes
+from ..values.arrays import F32, F64, I32
+from ..values.records import Estimate, StepRecord
+
+NO_MODE = 0  # identity of particles that were never in a mode; modes count from 1
+ALONE = 0.99  # share of weight beyond which the rest is too light for another mode
+LEAST_DESCENT = 0.25  # share of a mode's weight that must descend from another to continue it
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackedMode:
+    """One mode of a weighted cloud, and its identity."""
+
+    identity: int  # from 1; constant over its life, never reused
+    estimate: Estimate
+
+
+@dataclass(slots=True)
+class ModeTracker:
+    """Follows the modes (`filter.estimate.modes`) of one run; keeps one number per particle."""
+
+    _identities: I32 | None = None  # (N,) of the next particles: the mode that each was last in
+    _born: int = field(default=NO_MODE)  # identities assigned so far
+
+    def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
+        """Process the next update; return its modes, heaviest first."""
+        size = record.weighted.size
+        held = self._identities
+        carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
+        alone = record.estimate.mass > ALONE * (1 + TIE)
+        found = (record.estimate,) if alone else modes(record.weighted, record.estimate.radii)
+        places = _places(record, found)
+        named = self._named(places, carried, record.weighted.weights, len(found))
+        now = np.where(places >= 0, np.append(named, NO_MODE).astype(np.int32)[places], carried)
+        if (parents := record.parents) is not None:
+            now = np.where(parents >= 0, now[parents], NO_MODE).astype(np.int32)
+        self._identities = now
+        return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
+
+    def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:
+        """Return identities: the largest bonds first, each to one mode; the other modes are new."""
+        width = self._born + 1
+        cell = (places + 1) * width + carried
+        bonds = np.bincount(cell, weights, (count + 1) * width).reshape(count + 1, width)[1:]
+        least = LEAST_DESCENT * (1 - TIE)
+        bonds = np.where(bonds < least * bonds.sum(axis=1, keepdims=True), 0, bonds)
+        bonds[:, NO_MODE] = 0
+        named = [NO_MODE] * count
+        while bonds.size and bonds.max() > 0:
+            mode, identity = divmod(first_heaviest(bonds), width)
+            named[mode] = identity
+            bonds[mode], bonds[:, identity] = 0, 0
+        for mode in range(count):
+            if named[mode] == NO_MODE:
+                self._born += 1
+                named[mode] = self._born
+        return named
+
+
+def _places(record: StepRecord, found: Modes) -> I32:
+    """Return the number of the mode that each particle (N,) is in, the heaviest of several; -1: none."""
+    poses, reach_m = record.weighted.poses, record.estimate.radii.cluster_m
+    place = np.full(len(poses), -1, np.int32)
+    for number in reversed(range(len(found))):
+        x, y = found[number].pose[:2] - record.weighted.origin
+        near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= reach_m**2
+        place[near] = number
+    return place
+
+
+DEPTH = 10  # updates looked back
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Generation:
+    """One update: where the weighted particles were, and which of them each new one copies."""
+
+    poses: F32  # (N, 3) relative to the belief's origin
+    origin: F64
+    parents: I32 | None  # (N',), -1: fresh; None: not resampled
+
+
+@dataclass(slots=True)
+class Ancestry:
+    """Remembers the last `depth` updates of one run, to find the ancestors of particles.
+
+    After a few updates an entire cloud may descend from a handful (path degeneracy, Doucet and Johansen
+    2009).
+    """
+
+    depth: int = DEPTH
+    _past: deque[_Generation] = field(default_factory=deque)
+
+    def see(self, record: StepRecord) -> None:
+        """Process the next update."""
+        self._past.append(_Generation(record.weighted.poses, record.weighted.origin, record.parents))
+        if len(self._past) > self.depth:
+            self._past.popleft()
+
+    def distinct(self) -> int:
+        """Count the particles, `depth` updates back or fresh since, from which all descend."""
+        if not self._past:
+            return 0
+        some = np.arange(self._size())  # the particles of a generation that have descendants now
+        fresh = 0
+        for generation in reversed(self._past):
+            if generation.parents is None:
+                continue
+            parents = generation.parents[some]  # soon few
+            known = parents[parents >= 0]
+            fresh += len(parents) - len(known)
+            alive = np.zeros(len(generation.poses), bool)
+            alive[known] = True
+            some = np.flatnonzero(alive)
+        return fresh + len(some)
+
+    def lines(self, count: int) -> list[F64]:
+        """Return paths (K, 2), latest first, of some particles' ancestors back to where each was drawn."""
+        if not self._past:
+            return []
+        size = self._size()
+        current = np.linspace(0, size - 1, min(count, size)).round().astype(np.int32)
+        points, lengths = [], np.zeros(len(current), np.int64)
+        for generation in reversed(self._past):
+            if (parents := generation.parents) is not None:
+                older = parents[np.maximum(current, 0)]
+                current = np.where(current < 0, np.int32(-1), older).astype(np.int32)
+            points.append(generation.poses[np.maximum(current, 0), :2] + generation.origin)
+            lengths += current >= 0
+        along = np.stack(points, axis=1)
+        return [path[:length] for path, length in zip(along, lengths, strict=True) if length]
+
+    def _size(self) -> int:
+        last = self._past[-1]
+        return len(last.poses) if last.parents is None else len(last.parents)

@@ -1,0 +1,8 @@
+"""The vocabulary: values that all other rooms pass to each other. No algorithm of the filter belongs here.
+
+- `arrays`, `geometry`, `randomness`: kinds of arrays, poses in the plane, addressed random numbers
+- `setting_rules`: what values a setting may have, as annotations of its field
+- `map`, `session`, `library`: where the robot is, what it measured, the surveyed references
+- `pose_sensor`: the seam for sensors of other packages
+- `records`: the values of one update; `radii`: how near is near, for a library
+"""

@@ -1,0 +1,254 @@
+"""Each rule of a diagnosis, on runs that are healthy but for what the rule is about."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from maurice_mcl.reasons.failures.around import PlaceFit, UsualFit
+from maurice_mcl.reasons.failures.deciding import decide
+from maurice_mcl.reasons.failures.diagnosis import stories_of
+from maurice_mcl.reasons.failures.evidence import UpdateEvidence
+from maurice_mcl.reasons.failures.light import LightFit
+from maurice_mcl.reasons.failures.surprise import Surprise
+from maurice_mcl.reasons.failures.suspicion import suspected
+from maurice_mcl.scoring.episodes import EpisodeFinder
+from maurice_mcl.scoring.metrics import StepScore
+from maurice_mcl.scoring.near_truth import NearTruth
+
+RIGHT = StepScore(0.1, 0.0, True, True, False)
+UNSURE = StepScore(0.1, 0.0, False, True, False)
+OFF = StepScore(2.0, 0.0, True, False, True)
+FITS = PlaceFit(0.8, 0.7, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
+POOR = replace(FITS, cost=4.0, behind=5.0, estimate_behind=4.0, rank=200, costliest="tiny", costs=3.0)
+LIT = LightFit(0.02, 100.0, 98.0, 0.8, -1.0)
+HELD = NearTruth(900, (0.9, 0.95, 0.95), 0.02)
+GONE = NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+USUAL = UsualFit(0.8, 0.05, {"color": 0.1, "tiny": 0.04})
+LOST_AT, UPDATES = 11, 24
+
+
+def healthy(step):
+    return UpdateEvidence(
+        step=step,
+        time_s=8.0 * step,
+        after_s=8.0,
+        skipped=0,
+        repeated=False,
+        events=(),
+        tilt_deg=None,
+        floor="wood",
+        broken=False,
+        zero=False,
+        left=False,
+        score=RIGHT if step < LOST_AT else OFF,
+        lost_m=0.9,
+        size=1000,
+        inside=1000,
+        ess=500.0,
+        spread_nats=6.0,
+        best=-0.7,
+        cloud=-1.2,
+        gray=100.0,
+        outside=False,
+        moved_m=0.3,
+        driven_m=0.3,
+        surprise=Surprise(0.5, -0.3, 0.8),
+        near=HELD if step < LOST_AT else GONE,
+        reference_m=0.2,
+        fit=FITS,
+        light=LIT,
+        alike=0.7,
+    )
+
+
+def stories(updates):
+    """Return the failures among these updates."""
+    finder = EpisodeFinder()
+    for one in updates:
+        finder.see(one.step, one.score, kidnapped=one.kidnapped)
+    return [replace(one, spacing_m=0.45, usual=USUAL) for one in stories_of(updates, finder.episodes)]
+
+
+def indexes(updates):
+    return [(story.lost, story.end, story.since) for story in stories(updates)]
+
+
+def failure_of(changes, steps):
+    """Diagnose a run that is lost from 11 on, with something else at some steps."""
+    updates = [replace(healthy(step), **(changes if step in steps else {})) for step in range(1, UPDATES)]
+    (story,) = stories(updates)
+    return decide(story)
+
+
+SINCE = range(LOST_AT, UPDATES)
+ALL = range(1, UPDATES)
+CASES = {
+    "a gap": ("data", {"after_s": 60.0, "moved_m": 1.6, "surprise": Surprise(9, 3, 1)}, [10]),
+    "equal pictures": ("data", {"repeated": True}, range(8, 14)),
+    "cloud off the map": ("left_map", {"left": True, "driven_m": 20.0, "surprise": Surprise(99, 0, 0)}, [10]),
+    "truth off the map": ("left_map", {"outside": True}, range(9, 13)),
+    "tilted": ("out_of_plane", {"tilt_deg": 22.0, "surprise": Surprise(9, 3, 1)}, range(7, 14)),
+    "carried": ("kidnapped", {"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11]),
+    "carried a little": ("kidnapped", {"moved_m": 0.95, "surprise": Surprise(30, 3, 1)}, [11]),
+    "pushed": ("motion", {"moved_m": 0.7, "surprise": Surprise(14, 3, 1)}, [11]),
+    "faster than odometry says": ("motion", {"moved_m": 0.95, "surprise": Surprise(30, 3, 1)}, [10, 11]),
+    "carried, as the log says": ("kidnapped", {"events": ("kidnapped",)}, [11]),
+    "one movement": ("motion", {"surprise": Surprise(0.1, 0.3, -12.0)}, [10]),
+    "many movements": ("motion", {"surprise": Surprise(0.1, 0.3, 3.0)}, range(7, 12)),
+    "all zero": ("numeric", {"zero": True}, [10]),
+    "no numbers": ("numeric", {"broken": True, "left": True}, range(9, 14)),
+    "too sharp": ("numeric", {"spread_nats": 900.0, "ess": 1.0}, ALL),
+    "no reference": ("library_gap", {"reference_m": 1.1, "fit": None}, range(9, 14)),
+    "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6)}, range(9, UPDATES)),
+    "a thing that is darker": (
+        "changed_view",
+        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6), "alike": 0.1},
+        range(9, UPDATES),
+    ),
+    "dark, and edges are gone": (
+        "lighting",
+        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9)},
+        range(9, UPDATES),
+    ),
+    "a dead color": (
+        "sensor",
+        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9, colors=-0.1)},
+        ALL,
+    ),
+    "a slip that the log tells": (
+        "motion",
+        {"surprise": Surprise(1, 0, 4.0), "events": ("slip 25 deg",)},
+        [10],
+    ),
+    "people": ("changed_view", {"fit": POOR}, range(9, UPDATES)),
+    "a channel": ("sensor", {"fit": POOR}, ALL),
+    "twins": ("ambiguity", {"fit": replace(FITS, estimate_behind=0.1, rivals=1)}, ALL),
+    "chance": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [11]),
+    "chance, later": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [14]),
+    "died out": ("impoverished", {}, []),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_cause_is_told_by_its_own_evidence(name):
+    kind, changes, steps = CASES[name]
+    found = failure_of(changes, steps)
+    assert (found.kind, found.episode.onset, found.episode.last) == (kind, LOST_AT, UPDATES - 1), found.also
+    if steps and kind not in ("ambiguity", "sensor", "numeric"):
+        assert found.first == steps[0]
+
+
+@pytest.mark.parametrize(("nowhere", "told"), [(2, {"to_reference_m": 1.1}), (4, {})])
+def test_a_heading_that_no_reference_has_is_counted_and_is_no_distance(nowhere, told):
+    updates = [healthy(step) for step in range(1, UPDATES)]
+    for at in range(8, 12):
+        away = float("inf") if at - 8 < nowhere else 1.1
+        updates[at] = replace(updates[at], reference_m=away, fit=None)
+    (story,) = stories(updates)
+    found = decide(story)
+    assert found.kind == "library_gap"
+    assert found.evidence == told | {"none_looks_that_way": nowhere, "spacing_m": 0.45, "updates": 4}
+
+
+def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
+    found = failure_of({"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11])
+    assert found.also[:1] == ("motion",)
+    assert "impoverished" in found.also
+
+
+@pytest.mark.parametrize(
+    ("shares", "kind"), [((0.8, 0.01, 0.01), "library_gap"), ((0.01, 0.01, 0.01), "motion")]
+)
+def test_a_slip_where_the_library_has_a_gap_is_weighed_by_what_lost_the_truth(shares, kind):
+    updates = [replace(healthy(step), reference_m=1.1, fit=None) for step in range(1, UPDATES)]
+    updates[9] = replace(updates[9], surprise=Surprise(9, 0, 0), near=NearTruth(900, shares, 0.02))
+    (story,) = stories(updates)
+    found = decide(story)
+    assert found.kind == kind
+    assert {found.kind, *found.also} >= {"motion", "library_gap"}
+
+
+def test_what_befalls_a_run_that_is_not_lost_is_no_failure():
+    updates = [replace(healthy(step), score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]
+    assert indexes(updates) == []
+
+
+def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_is():
+    searching = StepScore(2.0, 0.0, False, False, True)
+
+    def run(before):
+        scores = [before] * 12 + [RIGHT] * 8
+        return [replace(healthy(k), score=score) for k, score in enumerate(scores, 1)]
+
+    assert indexes(run(searching)) == []
+    assert indexes(run(OFF)) == [(0, 11, 0)]
+    assert indexes(run(searching)[:12]) == [(0, 11, 0)]
+
+
+def searched(near, fit=FITS, score=UNSURE):
+    """Diagnose a search that never was sure, with particles at the true place as told by step."""
+    updates = [replace(healthy(step), near=near(step), fit=fit, score=score) for step in range(1, UPDATES)]
+    (story,) = stories(updates)
+    return decide(story)
+
+
+def test_a_search_that_kept_the_true_place_to_the_end_is_ambiguous_only_where_another_fits_as_well():
+    half = NearTruth(400, (0.4, 0.5, 0.5), 0.02)
+    assert searched(lambda step: half, replace(FITS, behind=-0.1)).kind == "ambiguity"
+    assert searched(lambda step: half, replace(FITS, behind=-3.0)).kind == "unknown"
+
+
+def test_in_a_search_the_last_particle_died_when_none_was_left_not_at_the_first_step():
+    wrong = StepScore(2.0, 0.0, False, False, True)
+    some, none = NearTruth(4, (0.004, 0.004, 0.004), 0.02), NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+    found = searched(lambda step: some if step < 5 else none, score=wrong)
+    assert (found.kind, found.evidence["held_until"], found.evidence["died"]) == ("impoverished", 4, 5)
+    late = searched(lambda step: none if step < 15 else some, score=wrong)
+    assert (late.kind, late.evidence["ever"], late.evidence["came"]) == ("impoverished", "late", 15)
+
+
+def test_the_elements_that_cost_most_are_named_of_the_pictures_that_blame_their_channel():
+    costs = np.zeros(12, np.float32)
+    costs[[2, 3, 9, 5]] = 3, 4, 2, 1
+    found = failure_of({"fit": POOR, "elements": costs}, ALL)
+    assert (found.kind, found.evidence["channel"]) == ("sensor", "tiny")
+    assert (found.evidence["elements"], found.evidence["of_elements"]) == ("2, 3, 9", 12)
+    assert found.evidence["elements_share"] == pytest.approx(0.9)
+    assert "elements" not in failure_of({"fit": POOR}, ALL).evidence
+
+
+def test_without_truth_it_is_said_so():
+    blind = StepScore(None, None, True, None, None)
+    updates = [replace(healthy(step), score=blind, near=None, fit=None) for step in range(1, 30)]
+    assert suspected(updates, ()) == ()
+    since = {"knows": 0.01}
+    updates = [replace(one, knows=0.9) for one in updates]
+    dark = {"cloud": -9.0, "best": -7.0, "gray": 40.0}
+    dark, moved = (
+        [replace(one, **changes, **since) if one.step > 15 else one for one in updates]
+        for changes in (dark, {"cloud": -9.0})
+    )
+    for some, kind in ((dark, "lighting"), (moved, "kidnapped")):
+        (found,) = suspected(some, ((16, 29),))
+        assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
+
+
+def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_believed():
+    def run(**changes):
+        blind = StepScore(None, None, True, None, None)
+        updates = [replace(healthy(k), score=blind, near=None, fit=None, knows=0.9) for k in range(1, 30)]
+        for k in range(15, 25):
+            updates[k] = replace(updates[k], knows=0.3 if k < 18 else 0.01, cloud=-9.0)
+        updates[15] = replace(updates[15], **changes)
+        (found,) = suspected(updates, ((19, 25),))
+        return found
+
+    found = run()
+    assert (found.kind, found.first) == ("kidnapped", 16)
+    assert found.episode.account == "probably lost from step 19 to 25"
+    assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("kidnapped", "data")  # carried in less time
+    assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
+    assert run(left=True).kind == "left_map"

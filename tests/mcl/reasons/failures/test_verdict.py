@@ -1,0 +1,154 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import maurice_mcl as mcl
+from helpers.step_records import at, made, moment
+from maurice_mcl.filter.localizer import LEFT_MAP
+from maurice_mcl.reasons.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED
+from maurice_mcl.reasons.failures.kinds import PROPOSAL
+from maurice_mcl.reasons.failures.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.values.map import Region
+
+HERE = at(1, 1, 1.0)
+FAR = (4.0, 1.0, 0.0)  # where the robot is while the cloud is at (1, 1)
+NEAR = (1.0, 1.0, 0.0)
+
+
+def verdict_of(truths, log=None, fresh=None, events=None):
+    """Judge a run whose cloud stays at (1, 1), for a truth at every step from 1 on."""
+    builder = VerdictBuilder()
+    for step, truth in enumerate(truths, 1):
+        record = made(HERE, step=step, injected=(fresh or {}).get(step), events=(events or {}).get(step, ()))
+        builder.add(moment(record, truth, *(log or {}).get(step, ())), record)
+    return builder.result()
+
+
+def test_a_run_that_stays_localized_has_no_trouble_and_opens_at_its_worst_error():
+    found = verdict_of([NEAR] * 5 + [(1.2, 1.0, 0.0)] + [NEAR] * 4)
+    assert (found.episodes, found.found, found.decisive, found.off) == ((), 1, 6, 0)
+    assert found.error_most_m == pytest.approx(0.2, abs=1e-6)
+    assert found.error_mean_m == pytest.approx(0.2 / 7, abs=1e-6)  # over steps 4 to 10, as in the table
+
+
+def test_a_loss_counts_from_its_first_update_and_is_sure_where_the_cloud_is_narrow():
+    (episode,) = verdict_of([NEAR] * 5 + [FAR] * 6).episodes
+    assert (episode.kind, episode.first, episode.wrong, episode.lost) == ("lost", 6, 6, 9)
+    assert (episode.last, episode.localized) == (11, None)
+    assert (episode.steps, episode.sure, episode.is_sure) == (6, 6, True)
+
+
+def test_a_kidnapping_owns_the_loss_that_follows_and_the_fresh_particles_of_its_recovery():
+    truths = [NEAR] * 5 + [FAR] * 5 + [NEAR] * 6
+    found = verdict_of(truths, {6: ("kidnapped",)}, {8: [True, True, False, False], 13: [True] * 4})
+    (episode,) = found.episodes
+    assert (episode.kind, episode.first, episode.lost, episode.localized) == ("kidnapped", 6, 9, 11)
+    assert (episode.fresh, episode.steps, episode.last, found.decisive) == (2, 5, 10, 6)
+
+
+def test_without_truth_nothing_is_judged():
+    found = verdict_of([None] * 6, events={4: (LEFT_MAP,)})
+    assert (found.has_truth, found.error_mean_m, found.episodes) == (False, None, ())
+    assert (found.converged_share, found.left_map, found.decisive) == (1.0, (4,), 4)
+
+
+@pytest.mark.parametrize(("obstacles", "seen"), [("solid", True), ("movable", False)])
+def test_a_robot_where_the_map_has_an_obstacle_is_told_once_a_stay_unless_obstacles_may_move(obstacles, seen):
+    library = mcl.tiny_library()
+    corners = np.array([[0.5, 0.5], [0.9, 0.5], [0.9, 0.9], [0.5, 0.9]])
+    arena = replace(library.arena, obstacles=(Region("sofa", corners),))
+    library = replace(library, arena=arena)
+    settings = {"map.obstacles": obstacles}
+    localizer = mcl.make_localizer(library, settings=settings).of_session(mcl.tiny_session())
+    builder = VerdictBuilder(localizer)
+    inside, edge, out = (0.7, 0.7, 0.0), (0.505, 0.7, 0.0), (1.5, 1.0, 0.0)
+    for step, truth in enumerate([out, inside, inside, edge, out, None, inside], 1):
+        record = made(HERE, step=step)
+        builder.add(moment(record, truth), record)
+    found = [(one.obstacle, one.first, one.last) for one in builder.result().in_obstacles]
+    assert found == ([("sofa", 2, 3), ("sofa", 7, 7)] if seen else [])
+
+
+def test_before_the_first_update_there_is_nothing_to_say():
+    assert VerdictBuilder().result() == RunVerdict()
+
+
+def drive(steps, gray=None, cloud=HERE, localizer=None):
+    """Judge a run along x: for each step how far odometry says, how far the robot went, and what is told."""
+    builder, x = VerdictBuilder(localizer), 1.0
+    for step, (driven, moved, *told) in enumerate(steps, 1):
+        x += moved
+        image = np.full((2, 2, 3), 100 if gray is None else gray[step - 1], np.uint8)
+        record = made(cloud, step=step, references=0 if gray is None else 3)
+        record = replace(record, frame=replace(record.frame, image=image, motions=np.array([[driven, 0, 0]])))
+        builder.add(moment(record, (x, 1.0, 0.0), *told), record)
+    return builder.result()
+
+
+def test_wheels_that_slip_are_one_cause_over_several_steps():
+    (cause,) = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)]).causes
+    assert (cause.kind, cause.step, cause.last) == (SLIPPED, 4, 5)
+    assert (cause.expected, cause.actual) == (pytest.approx(0.6), pytest.approx(0.1))
+
+
+def test_no_wheel_slips_where_odometry_is_made_from_pictures():
+    pictures = mcl.make_localizer(mcl.tiny_library(), motion={"model": "pictures"})
+    found = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)], localizer=pictures)
+    (cause,) = found.causes
+    assert (cause.kind, cause.step, cause.last) == (OVERSTATED, 4, 5)
+    assert found.telling_causes == ()
+
+
+def test_a_small_slip_counts_only_where_the_log_tells_of_it():
+    assert drive([(0.2, 0.2)] * 3 + [(0.1, 0.02)]).causes == ()
+    (cause,) = drive([(0.2, 0.2)] * 3 + [(0.1, 0.02, "slip 3 in ahead: the wheels spin")]).causes
+    assert cause.kind == SLIPPED
+
+
+def test_a_truth_that_jumps_is_a_kidnapping_only_where_the_log_says_so():
+    (jumped,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0)]).causes
+    (carried,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0, "kidnapped")]).causes
+    assert (jumped.kind, jumped.actual, carried.kind, carried.actual) == (JUMPED, 2.0, CARRIED, 2.0)
+
+
+def test_it_is_dark_after_three_pictures_that_are_darker_than_all_before():
+    calm = [(0.1, 0.1)] * 10
+    assert drive(calm, [100] * 6 + [20, 20, 100, 100]).causes == ()
+    (cause,) = drive(calm, [100] * 6 + [20] * 4).causes
+    assert (cause.kind, cause.step, cause.last, cause.expected, cause.actual) == (DARK, 7, 10, 100, 20)
+
+
+def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
+    found = drive([(0.0, 0.0)] * 5 + [(0.3, 0.05)] * 2 + [(1.0, 1.0)] * 6)
+    (episode,) = found.episodes
+    assert (episode.kind, found.cause_of(episode).kind) == ("lost", SLIPPED)
+    assert episode.is_bereft
+
+
+def test_a_loss_that_nothing_explains_names_the_step_at_which_the_last_particle_near_the_truth_went():
+    builder = VerdictBuilder()
+    for step in range(1, 25):
+        record = made(at(4, 1, 1.0) if step >= 5 else HERE, step=step, references=3)
+        builder.add(moment(record, NEAR), record)
+    (failure,) = builder.result().failures
+    episode = failure.episode
+    assert (failure.kind, failure.first, episode.wrong, episode.last) == (PROPOSAL, 5, 5, 24)
+    assert (failure.evidence["held_until"], failure.evidence["died"]) == (4, 5)
+
+
+def test_two_places_that_share_the_weight_are_told_until_it_is_localized():
+    builder = VerdictBuilder()
+    for step in range(1, 10):
+        cloud = at(1, 1, 0.55) + at(4, 1, 0.45) if step < 4 else HERE
+        record = made(cloud, step=step)
+        builder.add(moment(record, NEAR), record)
+    found = builder.result()
+    one = found.telling
+    assert (one.first, one.last, one.truth_in, found.decisive) == (1, 3, 1, 1)
+    assert (one.shares, one.apart_m) == (
+        (pytest.approx(0.55), pytest.approx(0.45)),
+        pytest.approx(3, abs=0.05),
+    )

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from maurice_mcl.reasons.failures.ambiguity import Ambiguity
+from maurice_mcl.reasons.failures.causes import CARRIED, Cause
+from maurice_mcl.reasons.failures.kinds import PROPOSAL, Failure
+from maurice_mcl.reasons.failures.verdict import RunVerdict, SureAndWrong
+from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.scoring.episodes import Episode
+
+CARRY = Cause(CARRIED, 51, 51, None, 1.7)
+LOST = RunVerdict(
+    updates=100,
+    has_truth=True,
+    found=1,
+    first=1,
+    last=100,
+    causes=(CARRY,),
+    episodes=(Episode("kidnapped", 51, 100, 51, 53, 54, steps=50, sure=40, bereft=50),),
+    sure_and_wrong=SureAndWrong(85, 3.1, 1.0),
+)
+BACK = RunVerdict(
+    updates=100,
+    has_truth=True,
+    found=1,
+    first=1,
+    last=100,
+    causes=(CARRY,),
+    episodes=(Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200),),
+)
+
+
+def test_a_kidnapping_with_two_runs_has_five_moments_in_order():
+    tour = tour_of({"thesis": LOST, "robust": BACK})
+    assert [(one.step, one.kind, one.label) for one in tour] == [
+        (1, "begins", ""),
+        (51, "befell", ""),
+        (54, "back", "robust"),
+        (85, "sure", "thesis"),
+        (100, "ends", ""),
+    ]
+
+
+def test_a_search_shows_where_the_cloud_was_divided_and_when_it_was_localized():
+    divided = Ambiguity(3, 2, 4, (0.5, 0.4), 1.6, 2)
+    found = RunVerdict(updates=40, has_truth=True, found=9, first=1, last=40, most_at=1, ambiguity=divided)
+    tour = tour_of({"a": found})
+    assert [(one.step, one.kind) for one in tour] == [
+        (1, "begins"),
+        (3, "divided"),
+        (9, "found"),
+        (40, "ends"),
+    ]
+
+
+def test_before_the_first_update_there_is_no_tour():
+    assert tour_of({"a": RunVerdict()}) == ()
+
+
+def test_there_are_never_more_than_five_moments():
+    episodes = tuple(
+        Episode("lost", k, k + 4, k, lost=k + 3, localized=k + 5, steps=5) for k in range(10, 90, 10)
+    )
+    run = RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, episodes=episodes)
+    tour = tour_of({"a": run})
+    assert len(tour) == 5
+    assert [one.step for one in tour] == sorted({one.step for one in tour})
+
+
+def test_a_failure_is_shown_where_its_cause_shows_first():
+    episode = Episode("searching", 1, 40, lost=4, steps=40, sure=22, bereft=20)
+    lost = RunVerdict(
+        updates=40,
+        has_truth=True,
+        first=1,
+        last=40,
+        episodes=(episode,),
+        failures=(Failure(PROPOSAL, 10, episode),),
+        sure_and_wrong=SureAndWrong(26, 1.2, 1.0),
+    )
+    assert [(one.step, one.kind) for one in tour_of({"a": lost})] == [
+        (1, "begins"),
+        (10, "caused"),
+        (26, "sure"),
+        (40, "ends"),
+    ]

@@ -1,0 +1,180 @@
+"""Runs against the first one: differences, where they part, and what is said over the whole drive."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from maurice_mcl.scoring.comparison import (
+    LEAST,
+    ComparisonResult,
+    RunComparison,
+    Step,
+    StepComparison,
+    autocorrelation,
+    block_length,
+    mean_interval,
+)
+from maurice_mcl.scoring.events import PARTED
+from maurice_mcl.scoring.metrics import FIRST_SCORED
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.records import Estimate
+from maurice_mcl.values.session import Frame, Moment
+
+TRUTH = np.array([3.0, -2.0, 0.5])  # far from the origin, which is nobody's truth
+
+
+class Record:
+    """All that a pairing looks at."""
+
+    def __init__(self, estimate: Estimate) -> None:
+        self.estimate = estimate
+
+
+def step(number: int, x_m: float, turned: float = 0.0, truth: Any = TRUTH) -> Step:
+    """A step whose estimate is so far from TRUTH along x, and turned."""
+    pose = TRUTH + np.array([x_m, 0.0, turned])
+    frame = Frame(number, 2.0 * number, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "")
+    record: Any = Record(Estimate(pose, (0.1, 0.1), 0.1, 1.0, 1.0, 1.0))
+    return Moment(frame, truth), record
+
+
+def inches(length_m: float) -> str:
+    return f"{length_m / INCH_M:.1f} in"
+
+
+def paired(
+    first: list[float], other: list[float], **options: Any
+) -> tuple[list[StepComparison], ComparisonResult]:
+    pairing = RunComparison("color", "edges", inches, **options)
+    seen = [
+        pairing.see(step(number, a), step(number, b))
+        for number, (a, b) in enumerate(zip(first, other, strict=True), start=1)
+    ]
+    return seen, pairing.result()
+
+
+def test_errors_are_compared_with_their_sign():
+    (seen, *_), _ = paired([0.30], [-0.10])
+    assert seen.position_m == pytest.approx(-0.20)
+    assert seen.apart_m == pytest.approx(0.40)
+    assert seen.heading_rad == 0.0
+    pairing = RunComparison("a", "b", inches)
+    seen = pairing.see(step(1, 0, np.pi - 0.1), step(1, 0, -np.pi + 0.1))
+    assert seen.heading_rad == pytest.approx(0.0)
+    assert pairing.see(step(2, 0, 2 * np.pi + 0.1), step(2, 0, -0.4)).heading_rad == pytest.approx(0.3)
+
+
+def test_runs_part_once_where_they_are_apart_for_two_steps():
+    near, far = 11.9 * INCH_M, 12.1 * INCH_M
+    seen, result = paired([0.0] * 8, [near, far, near, near, far, far, near, far])
+    assert result.parted_at == 5
+    events = [one.event for one in seen if one.event is not None]
+    assert [(e.step, e.time_s, e.kind) for e in events] == [(6, 12.0, PARTED)]
+    assert events[0].text == "edges and color are 12.1 in apart, since step 5"
+    seen, result = paired([0.0] * 6, [1.0, 1.0, 0.0, 1.0, 1.0, 1.0])
+    assert result.parted_at == 1
+    assert sum(one.event is not None for one in seen) == 1
+    same, result = paired([0.1, 2.0, 0.3], [0.1, 2.0, 0.3])
+    assert result.parted_at is None
+    assert {one.position_m for one in same} == {0.0}
+
+
+def noisy(mean: float, seed: int, count: int = 120) -> list[float]:
+    """Errors above zero that wander."""
+    noise = np.random.default_rng(seed).standard_normal(count)
+    walk = [0.0]
+    for value in noise:
+        walk.append(0.7 * walk[-1] + 0.02 * value)
+    return list(mean + np.abs(walk[1:]))
+
+
+def test_effects_are_found_after_the_first_updates():
+    """The interval of a run against its own copy with other noise holds zero; of a worse one it does not."""
+    first = noisy(0.1, 0)
+    _, worse = paired(first, noisy(0.2, 1))
+    _, alike = paired(first, noisy(0.1, 1))
+    assert 0.05 < worse.position.interval[0] < worse.position.mean < worse.position.interval[1] < 0.15
+    assert alike.position.interval[0] < 0 < alike.position.interval[1]
+    assert worse.position.worse > worse.position.better
+    _, result = paired([0.0] * 5, [9.0, 9.0, 9.0, 1.0, 2.0])
+    assert result.position.updates == 5 - FIRST_SCORED + 1
+    assert result.position.mean == pytest.approx(1.5)
+    assert result.position.interval is None
+    assert (result.position.better, result.position.worse) == (0, 2)
+    assert result.apart_most_m == pytest.approx(9.0)
+    assert result.apart_mean_m == pytest.approx(30 / 5)
+
+
+def test_without_truth_only_places_are_compared():
+    pairing = RunComparison("a", "b", inches)
+    for number in range(1, 9):
+        seen = pairing.see(step(number, 0.0, truth=None), step(number, 1.0, truth=None))
+        assert (seen.position_m, seen.heading_rad) == (None, None)
+    result = pairing.result()
+    assert (result.position, result.heading) == (None, None)
+    assert result.parted_at == 1
+    assert RunComparison("a", "b", inches).result() == ComparisonResult(None, None, None, None, None)
+
+
+def test_runs_of_different_drives_are_compared_by_error_alone():
+    """Robots at different places are no news."""
+    elsewhere = TRUTH + np.array([50.0, 0.0, 0.0])
+    pairing = RunComparison("a", "b", inches, same_drive=False)
+    for number in range(1, 9):
+        moment, record = step(number, 50.2, truth=elsewhere)
+        seen = pairing.see(step(number, 0.1), (moment, record))
+        assert seen.position_m == pytest.approx(0.1)
+        assert (seen.apart_m, seen.event) == (None, None)
+    assert pairing.result().apart_mean_m is None
+
+
+# The interval for a mean: laws, and how often it holds the mean when neighbors are alike.
+
+
+UPDATES = 120  # as long as the demo
+
+
+def series(alike: float, seed: int, count: int = UPDATES) -> F64:
+    """Each value is `alike` times the last plus noise; the mean is zero."""
+    noise = np.random.default_rng([seed, count]).standard_normal(count + 200)
+    return np.asarray(lfilter([1], [1, -alike], noise)[200:])
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.5, 0.8])
+def test_the_interval_holds_the_mean_in_95_of_100_series(alike):
+    drives = 400
+    ends = [mean_interval(series(alike, seed)) for seed in range(drives)]
+    held = np.mean([low <= 0 <= high for low, high in filter(None, ends)])
+    assert abs(held - 0.95) < 4 * np.sqrt(0.95 * 0.05 / drives)
+
+
+def test_the_interval_needs_the_memory_of_the_series():
+    """What the blocks are for: with neighbors this much alike it holds the mean in half of all series."""
+    drives = [series(0.8, seed) for seed in range(200)]
+    held = [abs(one.mean()) < 1.96 * one.std(ddof=1) / np.sqrt(len(one)) for one in drives]
+    assert np.mean(held) < 0.65
+    lengths = [np.mean([block_length(series(alike, seed)) for seed in range(50)]) for alike in (0, 0.5, 0.8)]
+    assert lengths[0] < 3 < 1.5 * lengths[0] + 3 < lengths[1] < lengths[2]
+    assert max(block_length(series(0.99, seed)) for seed in range(20)) == UPDATES // 6
+    found = [autocorrelation(series(0.6, seed)) for seed in range(400)]
+    assert abs(np.mean(found) - 0.6) < 4 * np.std(found) / np.sqrt(len(found)) + 0.01
+    assert autocorrelation(np.full(9, 2.5)) == 0.0
+
+
+def test_the_interval_is_steady():
+    one = series(0.5, 3)
+    low, high = mean_interval(one) or (0.0, 0.0)
+    assert (low + high) / 2 == pytest.approx(one.mean())
+    assert mean_interval(-3 * one + 7) == pytest.approx((-3 * high + 7, -3 * low + 7))
+    one = series(0.5, 4)
+    assert mean_interval(one) == mean_interval(one)
+    width = np.diff(mean_interval(one) or (0.0, 0.0))
+    assert np.diff(mean_interval(one, seed=1) or (0.0, 0.0)) == pytest.approx(width, rel=0.1)
+    assert mean_interval(np.full(LEAST, 0.3)) == pytest.approx((0.3, 0.3))
+    assert mean_interval(np.zeros(LEAST)) == (0.0, 0.0)
+    assert mean_interval(np.zeros(LEAST - 1)) is None

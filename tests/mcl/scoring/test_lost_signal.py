@@ -1,0 +1,101 @@
+"""The lost signal: what it reads, that it notices a kidnapping, and that no truth is needed for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import maurice_mcl as mcl
+from helpers.step_records import at, made, moment
+from maurice_mcl.scoring.episodes import EpisodeFinder
+from maurice_mcl.scoring.events import PROBABLY_LOST, EventDetector
+from maurice_mcl.scoring.lost_signal import WEIGHTS, BeliefNumbers, LostSignal, SignalCollector
+from maurice_mcl.values.records import LibraryEvidence, StepRecord
+
+RIGHT = BeliefNumbers(-2.0, -7.0, -1.0, 1.0, 0.3, 0.3)
+LOST = replace(RIGHT, evidence=-10.0)
+
+
+def fed(signal: LostSignal, *numbers: BeliefNumbers) -> list[float]:
+    return [signal.see(one) for one in numbers]
+
+
+def test_a_picture_that_fits_better_elsewhere_lowers_it_and_several_make_an_alarm():
+    signal = LostSignal()
+    assert fed(signal, *[RIGHT] * 10)[-1] > 0.9
+    assert not signal.probably_lost
+    falling = fed(signal, *[LOST] * 5)
+    assert falling == sorted(falling, reverse=True)
+    assert signal.probably_lost
+    fed(signal, *[RIGHT] * 10)
+    assert not signal.probably_lost
+
+
+def test_what_has_never_known_where_it_is_cannot_be_lost():
+    signal = LostSignal()
+    assert max(fed(signal, *[replace(LOST, mass=0.05, spread=4.0)] * 10)) < 0.5
+    assert not signal.probably_lost
+
+
+def test_impossible_evidence_is_a_number():
+    signal = LostSignal()
+    fed(signal, *[RIGHT] * 5)
+    assert 0 <= fed(signal, replace(RIGHT, evidence=-np.inf))[0] < 1
+
+
+@pytest.mark.parametrize("name", ["gain", "mass"])
+def test_what_speaks_for_the_estimate_has_a_positive_weight(name):
+    assert WEIGHTS[name] > 0
+
+
+def record(step: int, evidence: float) -> StepRecord:
+    one = made(at(1.0, 1.0, 1.0), step=step, evidence=evidence)
+    return replace(one, library_evidence=LibraryEvidence(-7.0, -1.0))
+
+
+def test_numbers_of_a_record_and_of_one_without_library():
+    one = replace(record(1, -3.0), parents=np.array([0, 0, 1, -1], np.int32))
+    found = BeliefNumbers.of(one)
+    assert found is not None
+    assert (found.evidence, found.library_mean, found.library_best) == (-3.0, -7.0, -1.0)
+    assert found.survivors == 0.5
+    assert found.mass == pytest.approx(1)
+    assert BeliefNumbers.of(made(at(1.0, 1.0, 1.0))) is None
+    assert LostSignal().add(made(at(1.0, 1.0, 1.0))) is None
+
+
+def test_events_say_when_it_is_probably_lost_and_the_state_does_so_without_truth():
+    for truth in (None, (1.0, 1.0, 0.0)):
+        detector, kinds = EventDetector(), []
+        for step in range(1, 25):
+            one = record(step, -2.0 if step < 13 else -11.0)
+            kinds += [event.kind for event in detector.see(moment(one, truth), one)]
+            assert detector.knows is not None
+        assert kinds.count(PROBABLY_LOST) == 1
+        assert (detector.state == PROBABLY_LOST) == (truth is None)
+
+
+def test_the_summary_of_a_run():
+    collector, finder = SignalCollector(), EpisodeFinder()
+    assert collector.result() is None
+    for step in range(1, 31):
+        one = record(step, -11.0 if 13 <= step < 20 else -2.0)
+        collector.add(one)
+        finder.add(moment(one), one)
+    found = collector.result()
+    assert found is not None
+    [(first, last)] = finder.doubts
+    assert 13 <= first <= 17
+    assert 19 <= last <= 22
+    assert 0.5 < found.share < 1
+    assert found.at_end > 0.5
+
+
+def test_the_library_as_a_whole_explains_a_picture_less_than_its_best_entry():
+    _, one = next(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    found, cost = one.library_evidence, one.sighting.comparison.cost.astype(float)
+    assert found is not None
+    assert found.best == pytest.approx(-cost.min())
+    assert found.mean == pytest.approx(np.log(np.exp(-cost).mean()))
