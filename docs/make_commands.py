@@ -37,7 +37,6 @@ BEGIN, END = "<!-- commands: made by docs/make_commands.py -->", "<!-- end of co
 WIDTH = 118
 SHARED = 3  # commands that have an option in the same words: it is described once
 COMMON = "Options of several commands"
-TABLE = ("| | meaning | default |", "|---|---|---|")
 DEFAULT = re.compile(r"\s*\[default: ([^\]]*)\]")
 REQUIRED = re.compile(r"\s*\[required\]")
 RANGE = re.compile(r"\s*\[[^\]]*x[<>][^\]]*\]")
@@ -55,7 +54,7 @@ def made(page: str, samples: Mapping[str, Any]) -> str:
     }
     shown = shortened({name: samples[name] for name in commands if name in samples})
     parts = [section(name, rows, shared, shown.get(name)) for name, rows in commands.items()]
-    parts.append("\n".join([f"## {COMMON}", "", *TABLE, *shared.values(), "", ""]))
+    parts.append("\n".join([f"## {COMMON}", "", *shared.values(), "", ""]))
     return f"{before}{BEGIN}\n\n{''.join(parts)}{END}{after}"
 
 
@@ -69,9 +68,9 @@ def section(name: str, rows: Mapping[str, str], shared: Mapping[str, str], shown
     )
     own = [row for row in rows.values() if row not in shared.values()]
     common = ", ".join(f"`{option}`" for option, row in rows.items() if row in shared.values())
-    lines = [f"## maurice-replay {name}", "", f"`{words}`: {_linked(text)}{see}", "", *TABLE, *own]
+    lines = [f"## maurice-replay {name}", "", f"`{words}`: {_linked(text)}{see}", "", *own]
     if common:
-        lines.append(f"| {common} | [{COMMON.lower()}](#{COMMON.lower().replace(' ', '-')}) | |")
+        lines.append(f"* {common}: [{COMMON.lower()}](#{COMMON.lower().replace(' ', '-')})")
     if shown is not None:
         lines += ["", "```json", *json_lines(shown), "```"]
     return "\n".join(lines) + "\n\n"
@@ -90,7 +89,7 @@ def _is_argument(parameter: Any) -> bool:
 
 
 def row(parameter: Any, context: typer.Context) -> str:
-    """Return an option or argument as a row of a table."""
+    """Return an option or argument as a line: what it means, and its default."""
     parameter.hidden, hidden = False, getattr(parameter, "hidden", False)
     words, text = parameter.get_help_record(context)
     parameter.hidden = hidden
@@ -101,8 +100,8 @@ def row(parameter: Any, context: typer.Context) -> str:
     words = re.sub(r" <[^>]*>$", " N" if "int" in words else " X", words)
     for pattern in (DEFAULT, REQUIRED, RANGE):
         text = pattern.sub("", text)
-    cells = (f"`{words}`", _linked(" ".join(text.split())), usual)
-    return f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+    text = _linked(" ".join(text.split()))
+    return f"* `{words}`: {text}" + (f" *{usual}*" if usual else "")
 
 
 def _metavar(argument: Any) -> str:

@@ -50,7 +50,7 @@ def test_the_page_is_as_it_is_made(page):
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_stands_in_the_section_of_its_command(name, page):
     section = re.split(rf"^## maurice-replay {name}$", page, flags=re.MULTILINE)[1].split("\n## ")[0]
-    named = set(re.findall(r"--[\w-]+", "".join(re.findall(r"^\| (.*?) \| ", section, re.MULTILINE))))
+    named = set(re.findall(r"--[\w-]+", "".join(re.findall(r"^\* (.*?): ", section, re.MULTILINE))))
     names = [{*one.opts, *one.secondary_opts} for one in load(COMMANDS[name]).params]
     options = [kept for kept in ({w for w in words if w.startswith("--")} for words in names) if kept]
     assert named <= set().union(*options), AGAIN
