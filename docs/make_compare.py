@@ -28,7 +28,7 @@ def main() -> None:
     presets = [f"--preset={preset}" for preset in ("thesis", "refined", "robust")]
     with tempfile.TemporaryDirectory() as folder:
         maurice(folder, "simulate", "kidnapped", "-o", "carried")
-        maurice(folder, "compare", "carried/session.log", *presets, "--rrd", "three.rrd")
+        maurice(folder, "compare", "carried/session.log", *presets, "-o", "three.rrd")
         with headless_viewer(Path(folder) / "three.rrd") as viewer:
             png = viewer.picture("step", CARRIED)
     image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)

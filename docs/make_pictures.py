@@ -65,7 +65,7 @@ def drive_alone(demo: Path, folder: Path) -> Path:
     header, rest = log.read_text(encoding="utf-8").split("\n", 1)
     kept = {key: value for key, value in json.loads(header).items() if key != "survey"}
     log.write_text(f"{json.dumps(kept)}\n{rest}", encoding="utf-8")
-    maurice(str(log.relative_to(folder)), "--rrd", "alone.rrd", folder=folder)
+    maurice(str(log.relative_to(folder)), "-o", "alone.rrd", folder=folder)
     return folder / "alone.rrd"
 
 
@@ -73,7 +73,7 @@ def as_recorded(run: str, folder: Path) -> Path:
     """Record a run as another localizer's: from the particles in its MCAP export."""
     bag, recording = folder / "run.mcap", folder / "recorded.rrd"
     maurice("export", run, "--mcap", str(bag))
-    maurice(str(bag), "--as-recorded", "--rrd", str(recording))
+    maurice(str(bag), "--as-recorded", "-o", str(recording))
     return recording
 
 
@@ -81,7 +81,7 @@ def diagnosis(folder: Path) -> Path:
     """Draw the first screen of the demo's kidnapped drive, at the step that its diagnosis names."""
     kept, pictures = folder / "kidnapped", folder / "diagnosis"
     log = str(kidnapping_paths().session)
-    maurice("replay", log, "--feature", "best", "--save-run", str(kept), "--rrd", "none")
+    maurice("replay", log, "--feature", "best", "--save-run", str(kept), "-o", "none")
     maurice("diagnose", str(kept), "-o", str(pictures))
     return pictures / "best-step-41-kidnapped.png"
 
@@ -101,14 +101,14 @@ def ruled_out(folder: Path) -> Path:
     told = ("--moved", "3", "--updates", "100", "--seed", "13", "--arena-seed", "1")
     maurice("simulate", "tracking", *told, "-o", str(drive))
     solid = ("--preset", "precise", "--set", "map.obstacles=solid", "--particles", "1000")
-    maurice("replay", str(drive / "session.log"), *solid, "--rrd", str(recording))
+    maurice("replay", str(drive / "session.log"), *solid, "-o", str(recording))
     return recording
 
 
 def sensors(session: str, folder: Path) -> None:
     """Draw what landmarks show, and a map that rules the truth out."""
     landmarks = folder / "landmarks.rrd"
-    maurice("replay", session, "--preset", "precise", "--layout", "sensors", "--rrd", str(landmarks))
+    maurice("replay", session, "--preset", "precise", "--layout", "sensors", "-o", str(landmarks))
     with headless_viewer(landmarks) as viewer:
         keep("layout-sensors.jpg", viewer.picture("step", AGREED))
     with headless_viewer(ruled_out(folder)) as viewer:
@@ -121,12 +121,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         parts = ("told.rrd", "both.rrd", "one.rrd", "kept", "explain.png")
         told, both, one, kept, explained = (str(Path(name) / part) for part in parts)
-        maurice("demo", "--rrd", told)
-        maurice("demo", "features", "--rrd", both)
+        maurice("demo", "-o", told)
+        maurice("demo", "features", "-o", both)
         alone = drive_alone(Path(session).parent, Path(name))
         with headless_viewer(alone) as viewer:
             keep("drive.png", viewer.picture("step", ASTRAY))
-        maurice("replay", session, "--feature", "blended", "--save-run", kept, "--rrd", one)
+        maurice("replay", session, "--feature", "blended", "--save-run", kept, "-o", one)
         maurice("explain", kept, "--step", str(ASTRAY), "-o", explained)
         keep("explain.png", Path(explained).read_bytes())
         keep("diagnose.jpg", diagnosis(Path(name)).read_bytes())

@@ -14,7 +14,7 @@ SIZE = "1200,2560"
 STEPS = (
     ("simulate", "kidnapped", "-o", "drive", "--tier", "hard", "--seed", "3", "--updates", "100"),
     ("compare", "drive/session.log", "--preset", "thesis", "--preset", "robust", "--save-run", "both",
-     "--rrd", "none"),
+     "-o", "none"),
     ("report", "both", "-o", "report.html"),
 )  # fmt: skip
 

@@ -125,7 +125,7 @@ def _display(recording: Path, width: Side, height: Side) -> None:
     from rerun_notebook import Viewer  # type: ignore[import-not-found]
 
     if not recording.is_file():
-        raise InputError(recording, "found no such recording; replay a session with --rrd to make one")
+        raise InputError(recording, "found no such recording; replay a session with -o FILE.rrd to make one")
     # our colors are made for a dark ground, whatever the notebook's is
     viewer = Viewer(width=width, height=height, theme="dark")
     # the file as it is: it begins with its layout. Through a recording stream, whose first message names

@@ -119,7 +119,7 @@ FOUR = {
 
 
 def recorded(out: Path, *args: str) -> Path:
-    result = CliRunner().invoke(app, [*args, "--rrd", str(out)])
+    result = CliRunner().invoke(app, [*args, "-o", str(out)])
     assert result.exit_code == 0, result.output
     return out
 

@@ -86,10 +86,10 @@ def _replay(localizer: Localizer, stored: Stored, start: F64 | None, file: Path 
 
 COMMANDS = {
     "--help": ["--help"],
-    "replay of the demo's drive, blended, 2,000, into a file": ["SESSION", "--rrd", "OUT", "--force"],
-    "the same, --detail light": ["SESSION", "--rrd", "OUT", "--force", "--detail", "light"],
-    "the same without a recording": ["SESSION", "--rrd", "none"],
-    "demo, from a warm cache": ["demo", "--rrd", "OUT", "--force"],
+    "replay of the demo's drive, blended, 2,000, into a file": ["SESSION", "-o", "OUT", "--force"],
+    "the same, --detail light": ["SESSION", "-o", "OUT", "--force", "--detail", "light"],
+    "the same without a recording": ["SESSION", "-o", "none"],
+    "demo, from a warm cache": ["demo", "-o", "OUT", "--force"],
 }
 
 

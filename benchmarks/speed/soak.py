@@ -60,7 +60,7 @@ def soak(folder: Path, rate: float, robot_s: float) -> int:
     assert robot.stdout is not None
     address = robot.stdout.readline().strip()
     record = ["--library", folder / "survey" / "survey.log", "--capture", folder / "drive"]
-    save = ["--rrd", folder / "live.rrd", "--patience", "30"]
+    save = ["-o", folder / "live.rrd", "--patience", "30"]
     output = (folder / "follower.txt").open("w")
     follower = subprocess.Popen([COMMAND, address, *record, *save], stdout=output, stderr=output)
     held = watch(robot, follower, robot_s / rate / LOOKS)

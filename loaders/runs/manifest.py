@@ -151,7 +151,7 @@ def _how_to_save(source: Path) -> str:
     """Say how a saved run is made; of a recording that is there, by the whole command."""
     if not source.exists():
         return "make one with --save-run"
-    return f"make one with: maurice-replay {quote(str(source))} --rrd none --save-run my-run"
+    return f"make one with: maurice-replay {quote(str(source))} -o none --save-run my-run"
 
 
 def _manifest(found: Mapping[str, Any]) -> RunManifest:

@@ -189,7 +189,7 @@ def playback_of_session(
     )
 
 
-STEM = "live"  # of the recording, where no --rrd names it
+STEM = "live"  # of the recording, where no -o names it
 LATE_S = 10.0  # of session time: by then a robot may have moved
 CALENDAR_S = 1e8  # times from here on count from 1970, and do not show when the drive began
 

@@ -166,7 +166,7 @@ def _recorded_span(source: Path, asked: Sequence[int]) -> tuple[int, int] | None
 
 def _expect_recording(source: Path) -> None:
     if not source.is_file():
-        raise InputError(source, "found no such recording; replay a session with --rrd to make one")
+        raise InputError(source, "found no such recording; replay a session with -o FILE.rrd to make one")
     expect_whole_frames(source)
 
 

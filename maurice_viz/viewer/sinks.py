@@ -39,7 +39,7 @@ GIVE_UP_S = 5.0  # for closing what could not be written
 CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
-ELSEWHERE = "use --rrd FILE.rrd, and open it where there is a screen"
+ELSEWHERE = "use -o FILE.rrd, and open it where there is a screen"
 SERVED = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
 LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
 PROBE = 1 << 18  # bytes that are written to try the disk
@@ -149,7 +149,7 @@ def _check_target(path: Path, force: bool) -> None:
     if path.is_dir():
         raise SinkError(path, "is a folder, not a file; choose another name")
     if path.exists() and not force:
-        raise SinkError(path, "exists already; use --force to replace it or --rrd to choose another name")
+        raise SinkError(path, "exists already; use --force to replace it or -o to choose another name")
     remove_leftovers(path)
     part = part_of(path)
     try:

@@ -46,17 +46,17 @@ QUICK = ("--particles", "300")
 
 # What is typed, and what it makes: the rest of a folder is not its own.
 COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "replay": (("replay", "session.log", *QUICK, "--rrd", "a.rrd", "--json"), ("a.rrd",)),
-    "save": (("replay", "session.log", *QUICK, "--rrd", "none", "--save-run", "kept", "--json"), ("kept",)),
+    "replay": (("replay", "session.log", *QUICK, "-o", "a.rrd", "--json"), ("a.rrd",)),
+    "save": (("replay", "session.log", *QUICK, "-o", "none", "--save-run", "kept", "--json"), ("kept",)),
     "both": (
-        ("replay", "session.log", *QUICK, "--rrd", "a.rrd", "--save-run", "kept", "--json"),
+        ("replay", "session.log", *QUICK, "-o", "a.rrd", "--save-run", "kept", "--json"),
         ("a.rrd", "kept"),
     ),
     "compare": (
-        ("compare", "session.log", *QUICK, "--rrd", "a.rrd", "--save-run", "kept", "--json"),
+        ("compare", "session.log", *QUICK, "-o", "a.rrd", "--save-run", "kept", "--json"),
         ("a.rrd", "kept"),
     ),
-    "demo": (("demo", "--rrd", "a.rrd", "--json"), ("a.rrd",)),
+    "demo": (("demo", "-o", "a.rrd", "--json"), ("a.rrd",)),
     "import": (("import", "pictures", "photos", "--poses", "photos/poses.csv", "-o", "made"), ("made",)),
     "build": (("library", "build", "survey.log", "-o", "library"), ("library",)),
     "report": (("report", "saved", "-o", "a.html"), ("a.html",)),
@@ -122,7 +122,7 @@ def prepare(base: Path) -> None:
         cv2.imwrite(str(base / f"photos/{number}.png"), picture_at(pose))  # type: ignore[arg-type]
         rows.append(f"{number}.png,{pose[0]},{pose[1]},{6 * number}")
     (base / "photos/poses.csv").write_text("\n".join(rows) + "\n")
-    done = run(base, base, ("replay", "session.log", *QUICK, "--rrd", "none", "--save-run", "saved"))
+    done = run(base, base, ("replay", "session.log", *QUICK, "-o", "none", "--save-run", "saved"))
     assert done.status == 0, done.err
 
 

@@ -17,14 +17,14 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.session import SessionInfo
 
-LOST = "--preset thesis --particles 200 --rrd none"
+LOST = "--preset thesis --particles 200 -o none"
 FIRST = (f"replay drive {LOST} --save-run lost", "trials run plan.toml -o made --workers 1")
 WORDS: Mapping[str, str] = {
     "replay": f"replay drive {LOST}",
     "compare": f"compare drive {LOST} --seed 0 --seed 1",
     "verify": "verify lost",
     "diagnose": "diagnose lost",
-    "what-if": "what-if lost --from 3 --particles 60 --rrd none",
+    "what-if": "what-if lost --from 3 --particles 60 -o none",
     "inspect": "inspect drive",
     "doctor": "doctor drive --reading turn_scale=-1",
     "check": "check drive --max-error 1m --localized-by 3 --particles 60 --seeds 2",

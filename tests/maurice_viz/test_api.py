@@ -50,7 +50,7 @@ def test_a_comparison_in_python_gives_the_numbers_of_the_command(small_session, 
     assert capfd.readouterr() == ("", "")
     assert found.rrd == tmp_path / "out.rrd"
     words = ["compare", str(small_session), "--feature", "color", "--feature", "blended"]
-    done = CliRunner().invoke(app, [*words, "--particles", "100", "--rrd", "none", "--json"])
+    done = CliRunner().invoke(app, [*words, "--particles", "100", "-o", "none", "--json"])
     assert done.exit_code == 0, done.stderr
     ours, theirs = found.to_json()["runs"], json.loads(done.stdout)["runs"]
     for run in (*ours, *theirs):
@@ -142,7 +142,7 @@ def test_little_is_imported_for_help_and_replay():
 
 
 def test_a_replay_without_a_recording_imports_nothing_that_draws(small_session):
-    words = ["maurice-replay", str(small_session), "--particles", "50", "--rrd", "none", "--json"]
+    words = ["maurice-replay", str(small_session), "--particles", "50", "-o", "none", "--json"]
     code = (
         f"import sys\nsys.argv = {words}\nfrom maurice_viz.cli.main import main\n"
         "try: main()\nexcept SystemExit: pass\n"

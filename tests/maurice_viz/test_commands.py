@@ -35,7 +35,7 @@ def test_a_session_alone_writes_a_recording_and_a_table(small_session, tmp_path)
 
 
 def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
-    done = run("--json", "--seed", "3", small_session, "--rrd", "none")
+    done = run("--json", "--seed", "3", small_session, "-o", "none")
     (found,) = json.loads(done.stdout)["runs"]
     assert set(found) >= RUN_KEYS
     assert (found["label"], found["updates"]) == ("blended", 14)
@@ -44,7 +44,7 @@ def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
     assert not list(tmp_path.glob("*.rrd"))
 
     def figures(seed: str) -> list[dict[str, object]]:
-        return runs_of(run(small_session, "--json", "--rrd", "none", "--seed", seed).stdout)
+        return runs_of(run(small_session, "--json", "-o", "none", "--seed", seed).stdout)
 
     assert figures("1") == figures("1")
     assert figures("1") != figures("2")
@@ -58,7 +58,7 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path)
         "edges",
         "--feature",
         "edges",
-        "--rrd",
+        "-o",
         "both.rrd",
         "--json",
     ]
@@ -82,7 +82,7 @@ def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path)
     ],
 )
 def test_a_recording_is_named_after_what_it_holds(small_session, tmp_path, args, name):
-    words = [args[0], small_session, *args[1:], "--particles", "50", "--rrd", "auto"]
+    words = [args[0], small_session, *args[1:], "--particles", "50", "-o", "auto"]
     run(*words)
     assert [file.name for file in tmp_path.glob("*.rrd")] == [f"{tmp_path.name}{name}.rrd"]
     assert "exists already" in run(*words, expect=1).stderr
@@ -110,9 +110,9 @@ def test_inspect_and_one_picture(small_session):
 
 
 def test_starts_and_motion_are_checked(small_session, tmp_path):
-    run(small_session, "--rrd", "none", "--start", "global")
-    run(small_session, "--rrd", "none", "--start", "1.6,0.6,17")
-    wrong = run(small_session, "--rrd", "none", "--start", "somewhere", expect=2)
+    run(small_session, "-o", "none", "--start", "global")
+    run(small_session, "-o", "none", "--start", "1.6,0.6,17")
+    wrong = run(small_session, "-o", "none", "--start", "somewhere", expect=2)
     assert "X,Y,HEADING in m and degrees" in " ".join(wrong.stderr.replace("│", " ").split())
     lines = small_session.read_text().splitlines(keepends=True)
     header = json.loads(lines[0])
@@ -129,7 +129,7 @@ def test_a_library_takes_a_map_of_ros_and_without_walls_this_is_said(small_sessi
     (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
     bare = run("library", "build", "survey.log", "-o", "bare")
     assert "found no walls, so all of" in bare.stderr
-    assert "found no walls, so all of" in run(small_session, "--particles", "20", "--rrd", "none").stderr
+    assert "found no walls, so all of" in run(small_session, "--particles", "20", "-o", "none").stderr
     (tmp_path / "map.pgm").write_bytes(b"P5\n# made\n60 60\n255\n" + bytes([254] * 3600))
     (tmp_path / "map.yaml").write_text("image: map.pgm\nresolution: 0.1\norigin: [-1, -1, 0]\n")
     done = run("library", "build", "survey.log", "-o", "kept", "--map", "map.yaml")
@@ -147,7 +147,7 @@ def test_one_unit_in_all_that_a_command_says(small_session, tmp_path):
     assert " m)" not in shown
     assert "(m)" not in shown
     assert "(-100.0, -100.0) in is outside the map (x 0.0 to" in failure(
-        small_session, "--rrd", "none", "--start", "-100,-100,0"
+        small_session, "-o", "none", "--start", "-100,-100,0"
     )
 
 
@@ -158,8 +158,8 @@ def test_library_build_show_and_use(small_session, tmp_path):
     assert (facts["entries"], facts["places"]) == (160, 20)
     assert set(facts["channels"]) >= {"color", "edges", "chromaticity"}
     assert "160 pictures" in run("library", "show", "survey.log").stdout
-    kept = run(small_session, "--json", "--rrd", "none", "--library", "kept")
-    named = run(small_session, "--json", "--rrd", "none")
+    kept = run(small_session, "--json", "-o", "none", "--library", "kept")
+    named = run(small_session, "--json", "-o", "none")
     errors = [json.loads(d.stdout)["runs"][0]["position_error_mean_m"] for d in (kept, named)]
     assert errors[0] == errors[1]
 
@@ -168,8 +168,8 @@ def test_keep_going_skips_counts_and_says_so(small_session, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     lines[4] = "{broken\n"
     small_session.write_text("".join(lines))
-    assert "session.log:5:" in failure(small_session, "--rrd", "none")
-    done = run(small_session, "--rrd", "none", "--keep-going")
+    assert "session.log:5:" in failure(small_session, "-o", "none")
+    done = run(small_session, "-o", "none", "--keep-going")
     assert "skipped 1 broken record" in done.stderr
 
 
@@ -227,7 +227,7 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, 
 
 
 def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
-    args = [small_session, "--rrd", "none", "--start"]
+    args = [small_session, "-o", "none", "--start"]
     assert "outside the map" in failure(*args, "-100,-100,0")
     run(*args, "1e300,0,0", expect=2)
     on_a_wall = run(*args, "0,1,180")
@@ -243,7 +243,7 @@ def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
     info["map"]["obstacles"] = [{"name": "flood", "polygon_m": everywhere}]
     (tmp_path / "survey.log").write_text("\n".join([json.dumps(info), *rest]) + "\n")
     (tmp_path / "c.toml").write_text(f'recovery.strategy = "{strategy}"\n')
-    args = [small_session, "--rrd", "none", "--config", "c.toml"]
+    args = [small_session, "-o", "none", "--config", "c.toml"]
     assert "has no free space" in failure(*args)
 
 
@@ -256,8 +256,8 @@ def test_a_dead_display_counts_as_none(small_session, tmp_path):
 @pytest.mark.parametrize(
     "words",
     [
-        "replay {} --json --particles 50 --rrd none",
-        "compare {} --json --particles 50 --rrd none",
+        "replay {} --json --particles 50 -o none",
+        "compare {} --json --particles 50 -o none",
         "diagnose {} --json --particles 50",
         "budget {} --json --particles 20 --seeds 2",
         "check {} --max-error 5m --particles 50",

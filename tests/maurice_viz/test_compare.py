@@ -22,7 +22,7 @@ from maurice_viz.playback import run_together
 from maurice_viz.running.open import make_runs, open_library_for
 from maurice_viz.running.run_spec import RunSpec
 
-FEW = ("--particles", "150", "--rrd", "none", "--json")
+FEW = ("--particles", "150", "-o", "none", "--json")
 AGAINST = {"label", "position_error", "heading_error", "apart_mean_m", "apart_most_m", "parted_at_step"}
 DIFFERENCE = {"difference_mean_m", "interval_95_m", "block_steps", "steps", "better", "worse"}
 
@@ -121,10 +121,10 @@ def test_json_says_how_runs_compare(small_session):
 
 
 def test_every_value_reaches_its_run_and_the_table(small_session):
-    out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "--rrd", "none")
+    out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "-o", "none")
     for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
         assert row in out
-    assert "against" not in maurice(small_session, "--rrd", "none")[0]
+    assert "against" not in maurice(small_session, "-o", "none")[0]
     # What a comparison gives for a run is what the run gives alone
     schemes = ["--set=resampling.scheme=residual", "--set=resampling.scheme=multinomial"]
     for options in (["--seed=3", "--seed=4"], schemes):
@@ -141,7 +141,7 @@ def test_without_truth_only_places_are_compared(small_session, tmp_path):
     against = runs_of(maurice("compare", small_session, *FEW)[0])[1]["against_first"]
     assert against["position_error"] is None
     assert against["apart_mean_m"] > 0
-    maurice("compare", small_session, "--particles", "50", "--rrd", "no-truth.rrd")
+    maurice("compare", small_session, "--particles", "50", "-o", "no-truth.rrd")
 
 
 def test_saved_runs_are_compared_as_if_they_had_gone_together(small_session, monkeypatch):
@@ -152,7 +152,7 @@ def test_saved_runs_are_compared_as_if_they_had_gone_together(small_session, mon
     from maurice_mcl.filter.localizer import Localizer
 
     monkeypatch.delattr(Localizer, "step")  # nothing is filtered again
-    out, err = maurice("compare", "kept color", "kept blended", "--rrd", "none", "--json")
+    out, err = maurice("compare", "kept color", "kept blended", "-o", "none", "--json")
     assert err == ""
     assert labels_of(out) == ["kept color", "kept blended"]
     for run, saved in zip(together, runs_of(out), strict=True):
@@ -160,13 +160,13 @@ def test_saved_runs_are_compared_as_if_they_had_gone_together(small_session, mon
         if saved["against_first"]:
             saved["against_first"]["label"] = "color"
         assert saved == run
-    maurice("compare", "kept color", "kept blended", "--rrd", "saved.rrd")
+    maurice("compare", "kept color", "kept blended", "-o", "saved.rrd")
 
 
 def test_a_saved_comparison_is_shown_with_its_differences(small_session):
     then, _ = maurice("compare", small_session, "--save-run", "both", *FEW)
-    assert maurice("compare", "both", "--rrd", "none", "--json")[0] == then
-    out, _ = maurice("compare", "both/blended", "both/color", "--rrd", "none", "--json")
+    assert maurice("compare", "both", "-o", "none", "--json")[0] == then
+    out, _ = maurice("compare", "both/blended", "both/color", "-o", "none", "--json")
     assert labels_of(out) == ["blended", "color"]
     forward, backward = runs_of(then)[1]["against_first"], runs_of(out)[1]["against_first"]
     assert backward["position_error"]["difference_mean_m"] == -forward["position_error"]["difference_mean_m"]
@@ -223,7 +223,7 @@ def test_saved_runs_of_two_sessions_are_compared_too(small_session, tmp_path):
     live = runs_of(maurice("compare", small_session, other, *FEW)[0])
     maurice(small_session, "--save-run", "session-run", *FEW)
     maurice(other, "--save-run", "other-run", *FEW)
-    out, err = maurice("compare", "session-run", "other-run", "--rrd", "none", "--json")
+    out, err = maurice("compare", "session-run", "other-run", "-o", "none", "--json")
     assert "other-run has no more" in one_line(err)
     assert [run["position_error_mean_m"] for run in runs_of(out)] == [
         run["position_error_mean_m"] for run in live
@@ -265,7 +265,7 @@ def test_a_session_of_one_picture_is_compared(small_session):
     lines = small_session.read_text().splitlines(keepends=True)
     pictures = [number for number, line in enumerate(lines) if '"image"' in line]
     small_session.write_text("".join(lines[: pictures[1]]))
-    out, _ = maurice("compare", small_session, "--particles", "40", "--rrd", "one.rrd", "--json")
+    out, _ = maurice("compare", small_session, "--particles", "40", "-o", "one.rrd", "--json")
     against = runs_of(out)[1]["against_first"]
     assert against["position_error"] is None  # the first three updates are never scored
     assert against["parted_at_step"] is None
@@ -282,7 +282,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):
 
     monkeypatch.setattr(RunWriter, "add", stop)
     maurice(small_session, "--save-run", "stopped", *FEW, expect=130)
-    out, err = maurice("compare", "whole", "stopped", "--rrd", "none", "--json")
+    out, err = maurice("compare", "whole", "stopped", "-o", "none", "--json")
     assert "stopped: the run stopped; it holds 6 of 14 steps" in err
     whole, stopped = runs_of(out)
     assert whole["updates"] == stopped["updates"] == 6
@@ -290,7 +290,7 @@ def test_a_stopped_run_is_compared_as_far_as_it_got(small_session, monkeypatch):
 
 
 def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(small_session, tmp_path):
-    maurice("compare", small_session, "--particles", "40", "--save-run", "both", "--rrd", "none")
+    maurice("compare", small_session, "--particles", "40", "--save-run", "both", "-o", "none")
     draw_saved(Path("both"), tmp_path / "both.rrd")
     there = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
     assert {APART, TEXT, RESULT} <= there

@@ -142,7 +142,7 @@ def test_every_command_says_so_in_one_line(kept: Path, bad: Path, damage: Damage
     replace(kept, bad, damage, [1])
     for words in (
         ["events", bad],
-        [bad, "--rrd", "none"],
+        [bad, "-o", "none"],
         ["export", bad, "--csv", "a.csv"],
         ["report", bad],
         ["explain", bad],

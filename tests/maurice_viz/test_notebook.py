@@ -59,7 +59,7 @@ def rows_of(reader: RrdReader) -> int:
 
 def test_results_are_those_of_the_command(small_session):
     printed, _ = maurice(
-        "compare", small_session, "--particles", "150", "--save-run", "both", "--rrd", "none", "--json"
+        "compare", small_session, "--particles", "150", "--save-run", "both", "-o", "none", "--json"
     )
     frame = mv.results("both")
     assert frame["label"].to_list() == ["color", "blended"]
@@ -71,7 +71,7 @@ def test_results_are_those_of_the_command(small_session):
 
 
 def test_traces_are_those_of_the_run(small_session):
-    maurice(small_session, "--particles", "150", "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "150", "--save-run", "kept", "-o", "none")
     frame = mv.traces(Path("kept"))
     steps = pl.read_parquet("kept/steps/*.parquet")
     assert frame["step"].to_list() == list(range(1, 15))
@@ -88,7 +88,7 @@ def test_traces_are_those_of_the_run(small_session):
 def test_extras_and_unknown_values(tmp_path, small_session, monkeypatch):
     lines = [line for line in small_session.read_text().splitlines() if '"truth"' not in line]
     small_session.write_text("\n".join(lines) + "\n")
-    maurice(small_session, "--particles", "50", "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "50", "--save-run", "kept", "-o", "none")
     frame = mv.traces("kept")
     assert frame["position_error_m"].null_count() == frame.height == frame["truth_x_m"].null_count()
     assert mv.results("kept")["position_error_mean_m"].to_list() == [None]
@@ -109,7 +109,7 @@ def test_what_cannot_be_shown_is_an_input_error(tmp_path, displayed):
 
 
 def test_a_recording_is_shown_whole_below_its_verdict(small_session, tmp_path, displayed):
-    maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
+    maurice(small_session, "--particles", "50", "-o", "a.rrd")
     mv.show("a.rrd", width=800, height=600)
     verdict, viewer = displayed
     assert "Look at **step" in verdict
@@ -127,7 +127,7 @@ def test_the_widget_takes_what_it_is_given():
 
 
 def test_a_saved_run_and_a_session_are_drawn_and_shown(small_session, tmp_path, displayed, capsys):
-    maurice(small_session, "--particles", "50", "--feature", "color", "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "50", "--feature", "color", "--save-run", "kept", "-o", "none")
     mv.show("kept", layout="overview")
     mv.show(small_session, feature="color", particles=50)
     assert not "".join(capsys.readouterr())

@@ -17,7 +17,7 @@ from maurice_mcl.sensor.distances import DISTANCES
 DOCS = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text()
 SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]
 PROJECT = tomllib.loads(re.findall(r"```toml\n(.*?)```", DOCS, re.S)[0])
-RUN = ["--rrd", "none", "--json", "--particles", "200"]
+RUN = ["-o", "none", "--json", "--particles", "200"]
 
 
 def _install(folder, source=SOURCE):

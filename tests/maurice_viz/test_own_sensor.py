@@ -20,7 +20,7 @@ from maurice_mcl.sensor.outside import load_sensor, package_of
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "beacon"
-FILTER = ["--rrd", "none", "--particles", "100"]
+FILTER = ["-o", "none", "--particles", "100"]
 
 
 @pytest.fixture
@@ -76,11 +76,11 @@ def test_it_is_installed_used_by_name_saved_verified_and_refused_where_it_is_mis
     refused = process("verify", saved, expect=1).stderr.strip()
     assert refused.endswith("not installed here: pip install maurice-beacon==1.0")
     assert len(refused.splitlines()) == 1
-    assert "pip install maurice-beacon==1.0" in process(saved, "--rrd", "none").stderr
+    assert "pip install maurice-beacon==1.0" in process(saved, "-o", "none").stderr
     (metadata,) = site.glob("*.egg-info/PKG-INFO")
     metadata.write_text(metadata.read_text().replace("Version: 1.0", "Version: 1.1"))
     assert "maurice-beacon was 1.0, is 1.1" in process("verify", saved, **installed).stdout
-    assert "maurice-beacon was 1.0, is 1.1" in process(saved, "--rrd", "none", **installed).stderr
+    assert "maurice-beacon was 1.0, is 1.1" in process(saved, "-o", "none", **installed).stderr
 
 
 def test_saved_runs_what_if_check_and_the_python_api_carry_it(drive, module, tmp_path):
@@ -90,8 +90,8 @@ def test_saved_runs_what_if_check_and_the_python_api_carry_it(drive, module, tmp
     assert scores.runs[0].score.position_error_mean_m != without.runs[0].score.position_error_mean_m
     assert mv.verify(saved)[0].same
     outside = ["--set", f"sensor.outside={spelled}"]
-    maurice("what-if", saved, "--from", "1", "--set", "resampling.scheme=residual", "--rrd", "none")
-    maurice("what-if", saved, "--from", "1", "--preset", "thesis", "--rrd", "none")
+    maurice("what-if", saved, "--from", "1", "--set", "resampling.scheme=residual", "-o", "none")
+    maurice("what-if", saved, "--from", "1", "--preset", "thesis", "-o", "none")
     maurice("diagnose", saved)
     maurice("explain", saved, "--step", "2")
     assert run("check", drive, *outside, "--max-error", "100m", "--particles", "100").exit_code == 0
@@ -107,7 +107,7 @@ def test_a_run_by_it_alone_is_verified_branched_and_explained_in_units(drive, mo
     mv.replay(drive, sensors=[spelled], settings=alone, particles=100, save_run=saved)
     assert open_run(saved).manifest.channels == ()
     assert mv.verify(saved)[0].same
-    maurice("what-if", saved, "--from", "1", "--set", "resampling.scheme=residual", "--rrd", "none")
+    maurice("what-if", saved, "--from", "1", "--set", "resampling.scheme=residual", "-o", "none")
     assert "the beacon is" in (line := failure("explain", saved, "--step", "2"))
     assert "{}" not in line
 

@@ -109,7 +109,7 @@ def test_an_error_names_what_the_caller_has_options_or_parameters(small_session,
         with pytest.raises(InputError, match=re.escape(parameter)):
             maurice_viz.replay(alone, **more)
         words = [word for name, value in more.items() for word in (f"--{name}", value)]
-        assert option in " ".join(failure("replay", alone, *words, "--rrd", "none").split())
+        assert option in " ".join(failure("replay", alone, *words, "-o", "none").split())
 
 
 def test_no_message_or_help_sends_people_to_pages_that_are_not_installed():
@@ -132,12 +132,12 @@ def test_no_message_or_help_sends_people_to_pages_that_are_not_installed():
 def test_what_an_option_and_a_setting_both_give_is_refused(small_session, tmp_path, option, setting):
     name, value = option
     key, _, text = setting.partition("=")
-    drive = "replay", small_session, "--rrd", "none"
+    drive = "replay", small_session, "-o", "none"
     err = " ".join(run(*drive, f"--{name}", value, "--set", setting, expect=2).stderr.split())
     assert f"{key} is given twice, by --{name} and by --set; give it once" in err
     with pytest.raises(InputError, match=f"{key} is given twice, by {name}= and by settings="):
         maurice_viz.replay(small_session, settings={key: text}, **{name: value})
-    run("replay", small_session, "--rrd", "none", "--save-run", tmp_path / "kept")
+    run("replay", small_session, "-o", "none", "--save-run", tmp_path / "kept")
     err = run(
         "what-if", tmp_path / "kept", "--from", 3, f"--{name}", value, "--set", setting, expect=2
     ).stderr

@@ -20,7 +20,7 @@ from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.geometry import compose
 from maurice_viz.app import compare as side_by_side
 
-COMMON = ("--rrd", "none", "--json", "--particles", 100, "--start", "global")
+COMMON = ("-o", "none", "--json", "--particles", 100, "--start", "global")
 
 
 def views(session: Path, folder: Path) -> tuple[Path, Path]:
@@ -41,7 +41,7 @@ def kept_and_shown(run: Path, recording: Path, survey: Path, options: Sequence[o
     """Save a run, and have it shown, verified and drawn again."""
     saved, _ = maurice(recording, "--library", survey, *COMMON, *options, "--save-run", run)
     assert json.loads(saved)["runs"][0]["updates"] > 0
-    shown, said = maurice(run, "--rrd", "none", "--json")
+    shown, said = maurice(run, "-o", "none", "--json")
     assert shown == saved
     assert "stay empty" not in said
     assert "to the last bit" in maurice("verify", run)[0]

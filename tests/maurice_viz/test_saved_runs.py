@@ -27,7 +27,7 @@ from maurice_viz.cli.shared import console
 @pytest.fixture
 def saved(small_session: Path) -> str:
     """Save a run to `kept`, and give the JSON of its figures."""
-    return maurice(small_session, "--particles", "300", "--save-run", "kept", "--rrd", "none", "--json")[0]
+    return maurice(small_session, "--particles", "300", "--save-run", "kept", "-o", "none", "--json")[0]
 
 
 def content(recording: Path) -> dict[tuple[str, str], list[str]]:
@@ -47,7 +47,7 @@ def test_the_console_writes_to_what_is_standard_output_now(capsys):
 
 
 def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(saved, monkeypatch):
-    assert maurice("kept", "--rrd", "none", "--json") == (saved, "")
+    assert maurice("kept", "-o", "none", "--json") == (saved, "")
     assert json.loads(saved)["runs"][0]["updates"] == 14
     out, err = maurice("verify", "kept")
     assert (out, err) == ("blended: the same, all 14 steps to the last bit\n", "")
@@ -61,12 +61,12 @@ def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(saved, monk
         raise AssertionError("a saved run is not to be filtered again")
 
     monkeypatch.setattr(Localizer, "step", refuse)
-    assert maurice("kept", "--rrd", "none", "--json")[0] == saved
+    assert maurice("kept", "-o", "none", "--json")[0] == saved
 
 
 def test_a_saved_run_draws_the_same_recording(small_session, tmp_path):
-    maurice(small_session, "--particles", "60", "--save-run", "kept", "--rrd", "then.rrd")
-    maurice("kept", "--rrd", "now.rrd")
+    maurice(small_session, "--particles", "60", "--save-run", "kept", "-o", "then.rrd")
+    maurice("kept", "-o", "now.rrd")
     then, now = content(tmp_path / "then.rrd"), content(tmp_path / "now.rrd")
     assert len(then) > 50
     assert now == then
@@ -76,13 +76,13 @@ def test_without_library_and_session_the_figures_stay_and_a_line_says_what_is_em
     (tmp_path / "survey.log").rename(tmp_path / "away.log")
     figures = runs_of(saved)
     assert figures[0].pop("odometry_alone")  # needs the motion model, which the session's header names
-    out, err = maurice("kept", "--rrd", "a.rrd", "--json")
+    out, err = maurice("kept", "-o", "a.rrd", "--json")
     (now,) = runs_of(out)
     assert [now] == [{**figures[0], "odometry_alone": None}]
     assert "survey.log" in err.splitlines()[0]
     assert "panels of comparisons stay empty" in err.splitlines()[0]
     (tmp_path / "session.log").unlink()
-    out, err = maurice("kept", "--rrd", "b.rrd", "--json")
+    out, err = maurice("kept", "-o", "b.rrd", "--json")
     assert runs_of(out) == [now]
     assert "panels of pictures and comparisons stay empty" in err.splitlines()[0]
     paths = {path for path, _ in content(tmp_path / "b.rrd")}
@@ -100,7 +100,7 @@ def test_a_run_with_a_sensor_of_ones_own_opens_without_it(saved, tmp_path):
     manifest = read_manifest(folder)
     write_manifest(folder, replace(manifest, configuration_sha256=hash_file(file)))
     assert open_run(folder).configuration.values()["sensor.weights"]["beacon"] == 0.5
-    out, err = maurice("kept", "--rrd", "none", "--json")
+    out, err = maurice("kept", "-o", "none", "--json")
     (found,), (expected,) = runs_of(out), runs_of(saved)
     assert found["position_error_mean_m"] == expected["position_error_mean_m"]
     assert "no channel called 'beacon'" in one_line(err)
@@ -111,11 +111,11 @@ def test_a_run_with_a_sensor_of_ones_own_opens_without_it(saved, tmp_path):
 def test_a_changed_picture_empties_the_panels_from_there_on(saved, tmp_path):
     pictures = sorted((tmp_path / "pictures").glob("session*"))
     shutil.copyfile(pictures[0], pictures[6])
-    out, err = maurice("kept", "--rrd", "none", "--json")
+    out, err = maurice("kept", "-o", "none", "--json")
     assert out == saved
     assert "the picture of step 7 is not the one that the run saw" in one_line(err)
     pictures[9].unlink()
-    assert "step 7" in one_line(maurice("kept", "--rrd", "none", "--json")[1])
+    assert "step 7" in one_line(maurice("kept", "-o", "none", "--json")[1])
     out, _ = maurice("verify", "kept", expect=1)
     assert "step 7, picture" in out
 
@@ -130,7 +130,7 @@ def test_a_changed_picture_empties_the_panels_from_there_on(saved, tmp_path):
     ids=["thesis", "robust", "options"],
 )
 def test_verify_puts_any_filter_together_again(small_session, options, monkeypatch):
-    maurice(small_session, "--particles", "100", *options, "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "100", *options, "--save-run", "kept", "-o", "none")
     monkeypatch.setenv("MAURICE_FILTER_SENSOR__SHARPNESS", "3")  # does not reach into a saved run
     assert "the same" in maurice("verify", "kept")[0]
 
@@ -164,27 +164,27 @@ def test_verify_sees_other_survey_pictures(saved, tmp_path):
 
 
 def test_compare_saves_one_folder_a_run(small_session, tmp_path):
-    then, _ = maurice("compare", small_session, "--save-run", "both", "--rrd", "none", "--json")
-    now, err = maurice("both", "--rrd", "none", "--json")
+    then, _ = maurice("compare", small_session, "--save-run", "both", "-o", "none", "--json")
+    now, err = maurice("both", "-o", "none", "--json")
     assert (now, err) == (then, "")
     assert [run["label"] for run in json.loads(now)["runs"]] == ["color", "blended"]
     assert maurice("verify", "both")[0].count("the same") == 2
     assert "the same" in maurice("verify", "both/color")[0]
     assert "--force" in one_line(
-        maurice("compare", small_session, "--save-run", "both", "--rrd", "none", expect=1)[1]
+        maurice("compare", small_session, "--save-run", "both", "-o", "none", expect=1)[1]
     )
-    maurice(small_session, "--save-run", "both", "--force", "--rrd", "none", "--particles", "20")
+    maurice(small_session, "--save-run", "both", "--force", "-o", "none", "--particles", "20")
     assert not (tmp_path / "both" / "color").exists()
 
 
 def test_a_folder_that_is_taken_is_refused_before_anything_is_done(saved, small_session, tmp_path):
-    _, err = maurice(small_session, "--save-run", "kept", "--rrd", "x.rrd", expect=1)
+    _, err = maurice(small_session, "--save-run", "kept", "-o", "x.rrd", expect=1)
     assert "--force" in one_line(err)
     assert not list(tmp_path.glob("x.*"))
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "thesis.txt").write_text("all of it")
-    maurice(small_session, "--save-run", "mine", "--force", "--rrd", "none", expect=1)
+    maurice(small_session, "--save-run", "mine", "--force", "-o", "none", expect=1)
     assert (mine / "thesis.txt").read_text() == "all of it"
 
 
@@ -207,7 +207,7 @@ def test_a_full_disk_prints_the_figures_so_far_and_one_line(small_session, tmp_p
         add(self, moment, record)
 
     monkeypatch.setattr(RunWriter, "add", full)
-    out, err = maurice(small_session, "--save-run", "kept", "--rrd", "none", "--json", expect=1)
+    out, err = maurice(small_session, "--save-run", "kept", "-o", "none", "--json", expect=1)
     assert json.loads(out)["runs"][0]["updates"] == 9
     assert "kept: cannot be written to the end (No space left on device)" in one_line(err)
     manifest = read_manifest(tmp_path / "kept")
@@ -216,7 +216,7 @@ def test_a_full_disk_prints_the_figures_so_far_and_one_line(small_session, tmp_p
 
 def start_slow(small_session: Path, tmp_path: Path) -> subprocess.Popen[bytes]:
     """Start a replay whose every step fills a part, and wait until some are there."""
-    args = [*COMMAND, str(small_session), "--particles", "250000", "--save-run", "kept", "--rrd", "none"]
+    args = [*COMMAND, str(small_session), "--particles", "250000", "--save-run", "kept", "-o", "none"]
     going = subprocess.Popen(args, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     for _ in range(6000):
         if len(list((tmp_path / "kept" / "steps").glob("0*.parquet"))) >= 2:
@@ -230,7 +230,7 @@ def test_a_killed_run_keeps_what_was_written(small_session, tmp_path):
     with start_slow(small_session, tmp_path) as going:
         os.kill(going.pid, signal.SIGKILL)
     assert read_manifest(tmp_path / "kept").state == "writing"
-    out, err = maurice("kept", "--rrd", "none", "--json")
+    out, err = maurice("kept", "-o", "none", "--json")
     steps = json.loads(out)["runs"][0]["updates"]
     assert 2 <= steps < 14
     assert f"the run was cut off; it holds {steps} of 14 steps" in one_line(err)
@@ -245,8 +245,8 @@ def test_a_run_without_a_step_is_shown_and_not_verified(small_session, monkeypat
         raise KeyboardInterrupt
 
     monkeypatch.setattr(RunWriter, "add", stop)
-    maurice(small_session, "--save-run", "kept", "--rrd", "none", expect=130)
-    out, err = maurice("kept", "--rrd", "none", "--json")
+    maurice(small_session, "--save-run", "kept", "-o", "none", expect=130)
+    out, err = maurice("kept", "-o", "none", "--json")
     assert json.loads(out)["runs"][0]["updates"] == 0
     assert "holds 0 of 14 steps" in one_line(err)
     assert "nothing to verify" in one_line(maurice("verify", "kept", expect=1)[1])
@@ -259,7 +259,7 @@ def test_a_stopped_run_keeps_every_step_and_says_so(small_session, tmp_path):
     assert going.returncode == 130, err
     manifest = read_manifest(tmp_path / "kept")
     assert manifest.state == "stopped"
-    again, err_again = maurice("kept", "--rrd", "none")
+    again, err_again = maurice("kept", "-o", "none")
     # the table; above it the verdict of a few steps is wrapped to the width of each console
     assert again[again.index("┏") :] == out.decode()[out.decode().index("┏") :]
     assert f"the run stopped; it holds {manifest.steps} of 14 steps" in " ".join(err_again.split())

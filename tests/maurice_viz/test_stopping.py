@@ -102,7 +102,7 @@ def test_figures_recording_and_saved_run_go_equally_far(small_session, tmp_path,
         add(self, moment, record)
 
     monkeypatch.setattr(RunWriter, "add", stop_within)
-    done = CliRunner().invoke(app, [str(small_session), "--save-run", "kept", "--rrd", "a.rrd", "--json"])
+    done = CliRunner().invoke(app, [str(small_session), "--save-run", "kept", "-o", "a.rrd", "--json"])
     assert done.exit_code == 130, done.stderr
     assert "stopped; the recording and the scores are complete up to that point" in done.stderr
     assert json.loads(done.stdout)["runs"][0]["updates"] == 7
@@ -123,7 +123,7 @@ def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sinks, "_check_written", impatient)
-    done = CliRunner().invoke(app, [str(small_session), "--rrd", "a.rrd", "--particles", "50", *options])
+    done = CliRunner().invoke(app, [str(small_session), "-o", "a.rrd", "--particles", "50", *options])
     assert done.exit_code == 130
     assert "14" in done.stdout.replace(" ", "")
     if options:

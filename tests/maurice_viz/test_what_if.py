@@ -90,7 +90,7 @@ def test_a_branch_may_compare_pictures_by_other_channels(folder):
 
 
 def test_the_command_prints_when_they_part_and_json(folder):
-    args = ("what-if", folder / "lost", "--from", "3", "--particles", "800", "--rrd", "none")
+    args = ("what-if", folder / "lost", "--from", "3", "--particles", "800", "-o", "none")
     out, err = maurice(*args)
     assert out.startswith("From step 3 with 800 particles: the number of particles differs at step 4;")
     assert "the belief after step 3 is resampled to 800 particles" in err
@@ -115,7 +115,7 @@ def test_options_that_make_no_sense_are_refused(folder, words, message):
 
 def test_a_session_is_answered_with_the_command_that_saves_a_run_of_it(small_session):
     said = failure("what-if", small_session, "--from", 4)
-    assert f"make one with: maurice-replay {small_session} --rrd none --save-run my-run" in said
+    assert f"make one with: maurice-replay {small_session} -o none --save-run my-run" in said
 
 
 def test_a_run_whose_session_is_gone_is_one_line(folder, tmp_path):

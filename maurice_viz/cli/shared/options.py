@@ -138,7 +138,7 @@ Library = Annotated[Path | None, option("--library", _LIBRARY, FILTER, metavar="
 Rrd = Annotated[
     str | None,
     option(
-        "-o --output --rrd",
+        "-o --output",
         "Write the Rerun recording to this file and open no viewer; auto: name it after what it holds; "
         "none: write no recording. [default: the viewer where there is a display, else auto]",
         OUTPUT,
@@ -237,6 +237,8 @@ def output_of(
 
     if web and rrd is not None:
         raise OptionError("--web serves the recording and -o writes it: give one of them")
+    if rrd not in (None, "auto", "none") and Path(str(rrd)).suffix != ".rrd":
+        raise OptionError(f"-o is a Rerun recording that ends in .rrd, or auto, or none; found {rrd!r}")
     if rrd != "none":
         skip_pandas()
     file = None if rrd in (None, "auto", "none") else Path(str(rrd))

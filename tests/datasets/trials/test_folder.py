@@ -65,7 +65,7 @@ def test_the_commands_of_every_row_have_its_error(trials: TrialsFolder) -> None:
             if text not in drives:
                 run(*shlex.split(text)[1:])
             drives.add(text)
-        told = json.loads(run("replay", *shlex.split(replay)[1:], "--rrd", "none", "--json").stdout)
+        told = json.loads(run("replay", *shlex.split(replay)[1:], "-o", "none", "--json").stdout)
         assert told["runs"][0]["position_error_mean_m"] == row["error_m"]
 
 

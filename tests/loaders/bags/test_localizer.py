@@ -261,7 +261,7 @@ def test_words_are_only_of_what_a_bag_holds(nav2: Path, tmp_path: Path) -> None:
 def test_options_and_sources_that_do_not_go_with_it(
     source: str, more: list[str], told: str, nav2: Path
 ) -> None:
-    result = CliRunner().invoke(app, ["replay", source or str(nav2), "--as-recorded", "--rrd", "auto", *more])
+    result = CliRunner().invoke(app, ["replay", source or str(nav2), "--as-recorded", "-o", "auto", *more])
     assert result.exit_code == 2
     assert told in " ".join(result.output.split())
 

@@ -92,12 +92,12 @@ def library(small_session: Path) -> Path:
 def test_a_pipe_gives_the_same_figures_as_the_file(
     small_session: Path, library: Path, inline: list[bytes]
 ) -> None:
-    expected = figures(run(small_session, "--json", "--rrd", "none"))
-    words = ["--library", library, "--json", "--rrd", "none", "--capture", "rec"]
+    expected = figures(run(small_session, "--json", "-o", "none"))
+    words = ["--library", library, "--json", "-o", "none", "--capture", "rec"]
     done = piped(b"".join(inline), "-", *words)
     assert done.returncode == 0, done.stderr
     assert figures(done) == expected
-    again = run("rec/session.log", "--json", "--rrd", "none")
+    again = run("rec/session.log", "--json", "-o", "none")
     assert figures(again) == expected
     assert "14 pictures came, 0 were skipped" in done.stderr
 
@@ -116,7 +116,7 @@ def test_who_joins_late_does_not_start_where_the_robot_was(
 ) -> None:
     records = [json.loads(line) for line in inline[1:]]
     moved = [json.dumps(record | {"t": record["t"] + later_s}).encode() + b"\n" for record in records]
-    words = ["--library", library, "--json", "--rrd", "none", "--patience", "0.5", "--every-picture", *typed]
+    words = ["--library", library, "--json", "-o", "none", "--patience", "0.5", "--every-picture", *typed]
     with peer(says(b"".join([inline[0], *moved]))) as address:
         done = run(address, *words)
     assert done.exit_code == 0, done.stderr
@@ -125,7 +125,7 @@ def test_who_joins_late_does_not_start_where_the_robot_was(
 
 
 def test_a_file_that_grows_gives_the_same_figures(small_session: Path, tmp_path: Path) -> None:
-    expected = figures(run(small_session, "--json", "--rrd", "none"))
+    expected = figures(run(small_session, "--json", "-o", "none"))
     growing = tmp_path / "growing.log"
     growing.touch()
 
@@ -138,7 +138,7 @@ def test_a_file_that_grows_gives_the_same_figures(small_session: Path, tmp_path:
 
     writer = threading.Thread(target=write)
     writer.start()
-    done = run(growing, "--follow", "--json", "--patience", "1", "--rrd", "a.rrd")
+    done = run(growing, "--follow", "--json", "--patience", "1", "-o", "a.rrd")
     writer.join()
     assert done.exit_code == 0, done.stderr
     assert figures(done) == expected
@@ -157,7 +157,7 @@ def slowly(lines: list[bytes], pause_s: float) -> Act:
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopping_leaves_complete_files(number: int, status: int, inline: list[bytes], library: Path) -> None:
     with peer(slowly(inline + inline[1:] * 20, 0.05)) as address:
-        words = [address, "--library", library, "--capture", "rec", "--rrd", "a.rrd", "--json"]
+        words = [address, "--library", library, "--capture", "rec", "-o", "a.rrd", "--json"]
         process = subprocess.Popen(
             [*MAIN, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
@@ -207,7 +207,7 @@ def test_pictures_may_change_their_size(library: Path) -> None:
         said.append(line(t, image={"base64": data}))
     words = ["--library", library, "--start", "global", "--every-picture", "--patience", "0.3"]
     with peer(says(b"".join(said))) as address:
-        done = run(address, *words, "--rrd", "a.rrd", "--json")
+        done = run(address, *words, "-o", "a.rrd", "--json")
     assert done.exit_code == 0, done.stderr
     assert figures(done)["updates"] == 5
     assert steps_in(Path("a.rrd")) == {1, 2, 3, 4, 5}
@@ -249,7 +249,7 @@ def refused() -> str:
 
 
 def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, inline: list[bytes]) -> None:
-    done = run(refused, "--library", library, "--patience", "0.3", "--rrd", "none")
+    done = run(refused, "--library", library, "--patience", "0.3", "-o", "none")
     assert done.exit_code == 1
     *notes, last = done.stderr.strip().splitlines()
     assert last.startswith(f"maurice-replay: {refused}: found no session log there")
@@ -260,11 +260,11 @@ def test_what_goes_wrong_is_one_line_and_status_1(refused: str, library: Path, i
     last = done.stderr.strip().splitlines()[-1]
     assert last.endswith("ended before a picture came, so nothing was localized")
     assert done.exception is None or isinstance(done.exception, SystemExit)
-    done = piped(b"nonsense\n", "-", "--rrd", "none")
+    done = piped(b"nonsense\n", "-", "-o", "none")
     assert done.returncode == 1
     assert "found broken JSON" in done.stderr
     lines = [inline[0].strip(), b'{"t": 1e6, "image": "gone.jpg"}']
-    done = piped(b"\n".join(lines) + b"\n", "-", "--library", str(library), "--rrd", "none")
+    done = piped(b"\n".join(lines) + b"\n", "-", "--library", str(library), "-o", "none")
     assert done.returncode == 1
     assert "1 lines or pictures made no sense and were left out, the first: standard input:2" in done.stderr
     assert "gone.jpg: found no such picture" in done.stderr

@@ -145,7 +145,7 @@ def test_a_drive_begins_at_its_first_true_pose() -> None:
 def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path) -> None:
     kept = [line for line in small_session.read_text().splitlines() if '"odometry"' not in line]
     small_session.write_text("\n".join(kept) + "\n")
-    typed = "--rrd none --particles 400 --reading odometry_from_truth=true --start truth"
+    typed = "-o none --particles 400 --reading odometry_from_truth=true --start truth"
     words = [str(small_session), *typed.split()]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr
@@ -165,7 +165,7 @@ def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path
 def test_starting_where_there_is_no_truth_is_refused(tmp_path: Path, small_session: Path) -> None:
     pictures, survey = sample("pictures", tmp_path / "made"), small_session.with_name("survey.log")
     for start, told in (("truth", "found no truth to start from"), ("tracking", "give --start truth")):
-        words = [str(pictures), "--library", str(survey), "--rrd", "none", "--start", start]
+        words = [str(pictures), "--library", str(survey), "-o", "none", "--start", start]
         done = CliRunner().invoke(app, words)
         assert done.exit_code == 1
         assert told in done.stderr.splitlines()[-1]

@@ -165,7 +165,7 @@ def test_the_session_says_where_its_odometry_is_from(bare: Path) -> None:
 
 
 def test_the_command_says_so_too_and_a_saved_run_repeats(bare: Path) -> None:
-    typed = f"--rrd none --particles 300 --reading odometry_from_pictures=true {GIVEN_BY}"
+    typed = f"-o none --particles 300 --reading odometry_from_pictures=true {GIVEN_BY}"
     words = [str(bare), *typed.split(), "--json", "--save-run", str(bare.with_name("kept"))]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.stderr

@@ -26,7 +26,7 @@ def test_one_thread_an_operation_unless_the_user_says_otherwise(monkeypatch: pyt
 
 def test_one_and_two_threads_give_the_same_steps(small_session: Path, tmp_path: Path) -> None:
     """Every step that a saved run holds, bit by bit: `verify` compares with what is computed now."""
-    words = ("--feature", "best", "--particles", "300", "--rrd", "none")
+    words = ("--feature", "best", "--particles", "300", "-o", "none")
     one, two = (dict.fromkeys(THREADS, number) for number in ("1", "2"))
     process(small_session, *words, "--save-run", tmp_path / "one", **one)
     assert "the same, all 14 steps to the last bit" in process("verify", tmp_path / "one", **two).stdout

@@ -40,7 +40,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
             if number % 12 == 5 and path.name == "session.log":
                 lines.append({"t": record["t"], "event": f"kidnapped: {HOSTILE}"})
         path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
-    run("replay", folder / "session.log", "--rrd", "none", "--save-run", folder / "kept")
+    run("replay", folder / "session.log", "-o", "none", "--save-run", folder / "kept")
     return folder
 
 
@@ -60,9 +60,9 @@ def test_marks_stand_for_all_that_steers():
 @pytest.mark.parametrize(
     "words",
     [
-        ("replay", "session.log", "--rrd", "none"),
-        ("replay", "session.log", "--rrd", "none", "--json"),
-        ("compare", "session.log", "--preset", "thesis", "--preset", "robust", "--rrd", "none"),
+        ("replay", "session.log", "-o", "none"),
+        ("replay", "session.log", "-o", "none", "--json"),
+        ("compare", "session.log", "--preset", "thesis", "--preset", "robust", "-o", "none"),
         ("inspect", "session.log"),
         ("inspect", "session.log", "--json"),
         ("inspect", "kept"),
@@ -76,7 +76,7 @@ def test_marks_stand_for_all_that_steers():
         ("diagnose", "kept", "--json"),
         ("verify", "kept"),
         ("budget", "session.log", "--seeds", "1"),
-        ("what-if", "kept", "--from", "4", "--particles", "300", "--rrd", "none"),
+        ("what-if", "kept", "--from", "4", "--particles", "300", "-o", "none"),
         ("library", "show", "survey.log"),
         ("library", "check", "survey.log"),
         ("library", "build", "session.log", "-o", "built"),

@@ -58,7 +58,7 @@ def carmen(folder: Path) -> Path:
 
 
 def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare, tmp_path):
-    done = run(bare, "--rrd", tmp_path / "a.rrd")
+    done = run(bare, "-o", tmp_path / "a.rrd")
     assert f"maurice-replay library build {bare}" in done.output
     found = drawn(tmp_path / "a.rrd")
     pictures = RecordedSession(open_recording(bare)).overview()[0]
@@ -68,7 +68,7 @@ def test_a_session_without_a_survey_is_drawn_and_what_is_missing_is_said(bare, t
     assert not any("belief" in path for path in found)
 
 
-@pytest.mark.parametrize("asked", [["--feature", "color"], ["--rrd", "none"], ["--json"], ["--seed", "3"]])
+@pytest.mark.parametrize("asked", [["--feature", "color"], ["-o", "none"], ["--json"], ["--seed", "3"]])
 def test_who_asks_for_a_filter_or_figures_is_told_that_a_library_is_missing(bare, tmp_path, asked):
     assert "--library" in run(bare, *asked, expect=1).output
     assert not list(tmp_path.glob("*.rrd"))
@@ -81,7 +81,7 @@ def test_odometry_alone_has_moments_where_the_robot_moved(tmp_path):
     gone = [float(moment.frame.motions[:, 0].sum()) for moment in moments[1:]]
     turned = [float(moment.frame.motions[:, 2].sum()) for moment in moments[1:]]
     assert all(0.25 <= way < 0.35 or turn >= 0.26 for way, turn in zip(gone, turned, strict=True))
-    done = run(path, "--rrd", tmp_path / "a.rrd")
+    done = run(path, "-o", tmp_path / "a.rrd")
     assert "no pictures" in done.output
     found = drawn(tmp_path / "a.rrd")
     assert len(found["/session/odometry"] - {0}) == len(moments)
@@ -95,7 +95,7 @@ def test_little_movement_is_one_moment_and_nothing_is_refused(tmp_path):
     assert RecordedSession(Placeholders(open_recording(path))).overview()[0] == 1
     path = tmp_path / "a.log"
     path.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session", "name": "a"}\n')
-    done = run(path, "--rrd", tmp_path / "a.rrd", expect=1)
+    done = run(path, "-o", tmp_path / "a.rrd", expect=1)
     assert "nothing to show" in done.output
 
 
@@ -108,7 +108,7 @@ def test_pictures_alone_are_drawn(tmp_path):
         rows.append(f"{k}.0,{k}.png")
     (folder / "list.csv").write_text("\n".join(rows) + "\n")
     columns = ["--reading", "columns=time=t:s,image=file"]
-    run(folder, "--reading", f"table={folder / 'list.csv'}", *columns, "--rrd", tmp_path / "a.rrd")
+    run(folder, "--reading", f"table={folder / 'list.csv'}", *columns, "-o", tmp_path / "a.rrd")
     found = drawn(tmp_path / "a.rrd")
     assert found["/session/camera"] >= {1, 2, 3}
     assert "/world/floors" not in found
@@ -116,7 +116,7 @@ def test_pictures_alone_are_drawn(tmp_path):
 
 def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(bare, tmp_path, monkeypatch):
     monkeypatch.setattr(drive_alone, "MOST_DRAWN", 5)
-    done = run(bare, "--rrd", tmp_path / "a.rrd")
+    done = run(bare, "-o", tmp_path / "a.rrd")
     assert "drawing one of every" in done.output
     session = RecordedSession(open_recording(bare))
     fewer = list(drive_alone._drawn_of(session, session.overview()[0], SILENT).moments())

@@ -58,7 +58,7 @@ class Outline(HTMLParser):
 
 def reported(session: Path, *words: str) -> str:
     """Save a run of a session, and give the page about it."""
-    maurice(session, "--particles", "150", "--save-run", "kept", "--rrd", "none", *words)
+    maurice(session, "--particles", "150", "--save-run", "kept", "-o", "none", *words)
     assert maurice("report", "kept", "-o", "r.html") == ("r.html\n", "")
     return Path("r.html").read_text(encoding="utf-8")
 
@@ -107,7 +107,7 @@ def test_the_same_run_gives_the_same_bytes(small_session):
 
 
 def test_a_comparison_is_one_page(small_session):
-    maurice("compare", small_session, "--particles", "150", "--save-run", "both", "--rrd", "none")
+    maurice("compare", small_session, "--particles", "150", "--save-run", "both", "-o", "none")
     maurice("report", "both", "-o", "r.html")
     page = Path("r.html").read_text(encoding="utf-8")
     found = check(page, runs=2)
@@ -131,7 +131,7 @@ def test_without_truth_the_errors_are_left_out_and_said(tmp_path):
 
 
 def test_without_session_and_library_it_says_so(small_session, tmp_path):
-    maurice(small_session, "--particles", "150", "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "150", "--save-run", "kept", "-o", "none")
     small_session.unlink()
     (tmp_path / "survey.log").unlink()
     maurice("report", "kept", "-o", "r.html")
@@ -302,7 +302,7 @@ def test_what_is_not_known_is_said_and_hostile_names_are_text(tmp_path):
 @needs_browser
 @pytest.mark.parametrize("size", [(1600, 1000), (800, 1000), (400, 900)], ids=str)
 def test_text_has_at_least_11_px_and_nothing_is_cut_off(small_session, tmp_path, size):
-    maurice("compare", small_session, "--particles", "50", "--save-run", "both", "--rrd", "none")
+    maurice("compare", small_session, "--particles", "50", "--save-run", "both", "-o", "none")
     maurice("report", "both", "-o", "r.html")
     with browser(tmp_path / "profile") as page:
         page.open((tmp_path / "r.html").as_uri(), *size)

@@ -93,7 +93,7 @@ def test_the_server_ends_when_the_replay_is_killed(small_session):
 @pytest.mark.slow
 @needs_browser
 def test_a_browser_gets_the_recording(small_session, tmp_path):
-    maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
+    maurice(small_session, "--particles", "50", "-o", "a.rrd")
     size = (tmp_path / "a.rrd").stat().st_size
     with serving("a.rrd", "--web") as (_, lines), browser(tmp_path / "profile", *SOFTWARE) as page:
         page.open(url_of(lines) + "&renderer=webgl", 64, 64)  # small: the processor draws it

@@ -17,7 +17,7 @@ from maurice_mcl.values.session import SessionInfo
 @pytest.fixture
 def saved(small_session: Path, tmp_path: Path) -> Path:
     folder = tmp_path / "kept"
-    words = ("replay", small_session, "--particles", "60", "--rrd", "none", "--save-run", folder)
+    words = ("replay", small_session, "--particles", "60", "-o", "none", "--save-run", folder)
     run(*words)
     return folder
 
@@ -40,7 +40,7 @@ def test_all_formats_at_once(saved, tmp_path):
 def test_scored_figures_are_those_of_the_table(saved, tmp_path):
     done = run("export", saved, "--tum", tmp_path / "a.tum", "--scored", "--json")
     (exported,) = json.loads(done.stdout)["runs"]
-    (shown,) = json.loads(run("replay", saved, "--rrd", "none", "--json").stdout)["runs"]
+    (shown,) = json.loads(run("replay", saved, "-o", "none", "--json").stdout)["runs"]
     assert exported["updates"] == 11
     assert exported["label"] == shown["label"]
     for name in ("mean", "median"):
@@ -52,7 +52,7 @@ def test_scored_figures_are_those_of_the_table(saved, tmp_path):
 def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session, tmp_path):
     run("convert", small_session, tmp_path / "c", "--t-offset", "1000")
     log, kept = tmp_path / "c" / "session.log", tmp_path / "kept"
-    words = ("--library", small_session.parent / "survey.log", "--particles", "60", "--rrd", "none")
+    words = ("--library", small_session.parent / "survey.log", "--particles", "60", "-o", "none")
     run("replay", log, *words, "--save-run", kept)
 
     def first_s(*options: str) -> float:
@@ -78,7 +78,7 @@ def test_mcap_without_the_session_has_no_pictures_and_says_so(saved, small_sessi
 
 def test_a_comparison_needs_the_runs_label(small_session, tmp_path):
     folder = tmp_path / "both"
-    options = ("--particles", "30", "--rrd", "none", "--save-run", folder)
+    options = ("--particles", "30", "-o", "none", "--save-run", folder)
     run("compare", small_session, "--seed", "1", "--seed", "2", *options)
     asked = ("export", folder, "--tum", tmp_path / "a.tum")
     label = re.findall(r"runs (.*?),", failure(*asked))[0]
@@ -101,7 +101,7 @@ def test_exports_that_cannot_be_are_one_line(small_session, tmp_path):
         assert "saved run" in failure("export", path, "--tum", tmp_path / "a.tum")
     lines = small_session.read_text().splitlines()
     small_session.write_text("\n".join(line for line in lines if '"truth"' not in line) + "\n")
-    words = ("--particles", "60", "--rrd", "none", "--save-run", tmp_path / "kept")
+    words = ("--particles", "60", "-o", "none", "--save-run", tmp_path / "kept")
     run("replay", small_session, *words)
     options = ("--tum", tmp_path / "t.tum", "--only", "truth")
     assert "has no truth" in failure("export", tmp_path / "kept", *options)
@@ -121,7 +121,7 @@ def test_a_converted_log_gives_the_same_figures(small_session, tmp_path):
     assert "14 pictures, 14 motions, 14 true poses" in done.stdout
     figures = []
     for path in (small_session, tmp_path / "copy.log"):
-        words = ("replay", path, "--particles", "60", "--rrd", "none", "--json")
+        words = ("replay", path, "--particles", "60", "-o", "none", "--json")
         (shown,) = json.loads(run(*words).stdout)["runs"]
         del shown["steps_per_s"]
         figures.append(shown)

@@ -34,7 +34,7 @@ def as_table(session: Path) -> Path:
 def test_a_table_replays_as_the_log_of_the_same_drive(small_session):
     """The first motion is missing, which goes before the first picture, and nothing else."""
     table, survey = as_table(small_session), small_session.with_name("survey.log")
-    common = ("--rrd", "none", "--json", "--particles", 500, "--start", "global")
+    common = ("-o", "none", "--json", "--particles", 500, "--start", "global")
     native, _ = maurice(small_session, *common)
     other, said = maurice(table, "--library", survey, *common)
     assert "read as table" in said
@@ -45,12 +45,12 @@ def test_a_table_replays_as_the_log_of_the_same_drive(small_session):
 
 
 def test_recordings_need_a_library_and_sound_options(small_session):
-    assert "name one with --library" in run(as_table(small_session), "--rrd", "none", expect=1).stderr
+    assert "name one with --library" in run(as_table(small_session), "-o", "none", expect=1).stderr
     for pair in ("columns=a", "columns==b", "time_unit=h", "max_dt_s=-1", "max_dt=1", "odometry_seed=x"):
-        run(small_session, "--rrd", "none", "--reading", pair, expect=2)
+        run(small_session, "-o", "none", "--reading", pair, expect=2)
     assert columns_of("image=file, heading=yaw:deg") == {"image": "file", "heading": "yaw:deg"}
     gated = ("--particles", 100, "--reading", "min_distance_m=0.2")
-    out, _ = maurice(small_session, "--rrd", "none", "--json", *gated)
+    out, _ = maurice(small_session, "-o", "none", "--json", *gated)
     assert json.loads(out)["runs"][0]["updates"] == 7
 
 
@@ -69,4 +69,4 @@ def test_brackets_in_names_are_shown_as_they_are(small_session):
     named = json.dumps(json.loads(header) | {"name": "my [bold] drive"})
     small_session.write_text("\n".join([named, *rest]) + "\n")
     assert "my [bold] drive" in run("inspect", small_session).stdout
-    assert "my [bold] drive" in run(small_session, "--rrd", "none", "--particles", 50).stdout
+    assert "my [bold] drive" in run(small_session, "-o", "none", "--particles", 50).stdout

@@ -88,7 +88,7 @@ def test_the_noise_of_odometry_from_a_recording_of_another_format(tmp_path, smal
     found = tomllib.loads((tmp_path / "m.toml").read_text())["robot"]["motion"]
     assert found["turn_from_turn"] == pytest.approx(0.05, rel=0.5)
     assert found["way_from_way"] == pytest.approx(0.003, rel=0.7)
-    run(small_session, "--set", f"motion={tmp_path / 'm.toml'}", "--rrd", "none", "--particles", 50)
+    run(small_session, "--set", f"motion={tmp_path / 'm.toml'}", "-o", "none", "--particles", 50)
     facts = json.loads(calibrate("drive", log, "--json").stdout)
     assert facts["motion"] == found
     assert found["model"] == "odometry"
@@ -228,7 +228,7 @@ def test_noise_of_a_survey_and_its_figure(small_session, tmp_path):
 
 def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session, tmp_path):
     def error(*args: str | Path) -> float:
-        (found,) = runs_of(run(small_session, "--rrd", "none", "--json", *args).stdout)
+        (found,) = runs_of(run(small_session, "-o", "none", "--json", *args).stdout)
         return float(found["position_error_mean_m"])
 
     right, wrong = tmp_path / "right.toml", tmp_path / "wrong.toml"
@@ -241,10 +241,10 @@ def test_motion_from_a_file_takes_the_place_of_the_header_s(small_session, tmp_p
 def test_bad_motion_files_are_named(small_session, tmp_path):
     bad = tmp_path / "bad.toml"
     bad.write_text("[robot.motion]\nturn_gian = 1.0\n")
-    words = (small_session, "--rrd", "none", "--set", f"motion={bad}")
+    words = (small_session, "-o", "none", "--set", f"motion={bad}")
     assert f"{bad}: robot.motion.turn_gian is not known" in failure(*words)
     bad.write_text("turn_gain = 1.0\n")
     assert (
         "expected a table [robot.motion]"
-        in run(small_session, "--rrd", "none", "--set", f"motion={bad}", expect=1).stderr
+        in run(small_session, "-o", "none", "--set", f"motion={bad}", expect=1).stderr
     )

@@ -76,7 +76,7 @@ def test_a_recording_without_pictures_is_not_asked_for_a_library(tmp_path):
 
 def test_what_it_says_is_a_command_that_mends(small_session, tmp_path):
     def replayed(*words: str) -> object:
-        (found,) = runs_of(run(*words, "--rrd", "none", "--json", "--particles", "200").stdout)
+        (found,) = runs_of(run(*words, "-o", "none", "--json", "--particles", "200").stdout)
         return {name: value for name, value in found.items() if isinstance(value, float)}
 
     wrong, survey = in_millimeters(small_session), small_session.with_name("survey.log")

@@ -34,7 +34,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [log, "--particles", 200, "--save-run", folder / "kept"],
         ["compare", log, *two, "--particles", 100, "--save-run", folder / "both"],
     ):
-        maurice(*args, "--rrd", "none")
+        maurice(*args, "-o", "none")
     return folder
 
 
@@ -105,7 +105,7 @@ def test_without_truth_nothing_is_judged(runs, made):
     log = made / "no truth.log"
     lines = (made / "session.log").read_text().splitlines(keepends=True)
     log.write_text("".join(line for line in lines if '"truth"' not in line))
-    maurice(log, "--particles", 50, "--save-run", "blind", "--rrd", "none")
+    maurice(log, "--particles", 50, "--save-run", "blind", "-o", "none")
     assert {"lost", "localized", "recovered", "beyond-three-sigma"}.isdisjoint(
         str(one["kind"]) for one in listed("blind", "--all")
     )

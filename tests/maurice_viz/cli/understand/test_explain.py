@@ -16,7 +16,7 @@ from maurice_viz.viewer.snapshot import software_driver
 def saved(small_session: Path, tmp_path: Path) -> Path:
     """Save a run to a folder with a name in another script."""
     kept = tmp_path / "gefüllt 東"
-    run(small_session, "--particles", 200, "--save-run", kept, "--rrd", "none")
+    run(small_session, "--particles", 200, "--save-run", kept, "-o", "none")
     return kept
 
 
@@ -80,7 +80,7 @@ def test_what_cannot_be_explained(tmp_path, saved, monkeypatch):
 
 
 def test_of_a_comparison_one_run_is_chosen(small_session):
-    run("compare", small_session, "--particles", 50, "--save-run", "both", "--rrd", "none")
+    run("compare", small_session, "--particles", 50, "--save-run", "both", "-o", "none")
     words = one_line(ask("both", expect=1)[1])
     assert "holds the runs color, blended; choose one with --run-label" in words
     assert ask("both", "--run-label", "color")[0].startswith("color, step 14")

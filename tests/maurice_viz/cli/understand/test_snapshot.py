@@ -58,7 +58,7 @@ def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
 
 @needs_renderer
 def test_pictures_of_a_saved_run(small_session, tmp_path):
-    maurice(small_session, "--particles", "100", "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "100", "--save-run", "kept", "-o", "none")
     out, err = maurice("snapshot", "kept", "-o", "belief.png", "--step", "7", "--view", "belief",
                        "--size", "900x600")  # fmt: skip
     assert (out, err) == ("belief.png\n", "")
@@ -77,7 +77,7 @@ def test_pictures_of_a_saved_run(small_session, tmp_path):
     ],
 )
 def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small_session, monkeypatch, asked):
-    maurice(small_session, "--particles", "50", "--save-run", "kept", "--rrd", "none")
+    maurice(small_session, "--particles", "50", "--save-run", "kept", "-o", "none")
     monkeypatch.setattr("maurice_viz.app.snapshot.draw_saved", None)
     monkeypatch.setattr("maurice_viz.app.snapshot.expect_driver", lambda source: None)
     found = one_line(maurice("snapshot", "kept", *asked, expect=1)[1])
@@ -92,7 +92,7 @@ def test_a_step_that_a_saved_run_lacks_is_refused_before_anything_is_drawn(small
     ],
 )
 def test_a_step_that_a_recording_lacks_is_refused_before_a_viewer_starts(small_session, monkeypatch, asked):
-    maurice(small_session, "--particles", "50", "--rrd", "a.rrd")
+    maurice(small_session, "--particles", "50", "-o", "a.rrd")
     monkeypatch.setattr("maurice_viz.app.snapshot.expect_driver", lambda source: None)
     monkeypatch.setattr("maurice_viz.app.snapshot.headless_viewer", None)
     found = one_line(maurice("snapshot", "a.rrd", *asked, expect=1)[1])
@@ -102,7 +102,7 @@ def test_a_step_that_a_recording_lacks_is_refused_before_a_viewer_starts(small_s
 @pytest.mark.slow
 @needs_renderer
 def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
-    maurice(small_session, "--particles", "100", "--rrd", "a.rrd")
+    maurice(small_session, "--particles", "100", "-o", "a.rrd")
     maurice(
         "snapshot", "a.rrd", "-o", "weight.png", "--step", "7", "--phase", "weight", "--layout", "overview"
     )
