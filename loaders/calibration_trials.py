@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, trials_of
 from maurice_mcl.values.arrays import F64, U8, Bool
-from maurice_mcl.values.geometry import INCH_M, motion_between
+from maurice_mcl.values.geometry import INCH_M, motion_between, rotated
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import first_word
 
@@ -364,7 +364,7 @@ def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
 def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
     steps = np.diff(odometry, axis=0)
     way, arc = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) * cutting.turning_m
-    ahead = steps[:, 0] * np.cos(odometry[:-1, 2]) + steps[:, 1] * np.sin(odometry[:-1, 2])
+    ahead = rotated(steps[:, 0], steps[:, 1], -odometry[:-1, 2])[0]
     going = np.where(arc > way, TURNING, np.where(ahead >= 0, FORWARD, BACKWARD))
     return np.where(np.maximum(way, arc) < cutting.still_m, STANDING, going).astype(np.int64)
 

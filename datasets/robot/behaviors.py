@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M, wrap_angle
 from maurice_mcl.values.map import Arena
 
 # Infrared proximity: a ring of short-sighted distance sensors, and what they show of the space ahead.
@@ -182,7 +182,7 @@ class GoToPoint:
             bearing = senses.goal_rad + (2 * die - 1) * self.loose_rad
             open_m = senses.proximity.open_m(bearing, self.stride.half_width_m)
             if open_m >= self.stride.shortest_m:
-                turn = (bearing + np.pi) % (2 * np.pi) - np.pi
+                turn = wrap_angle(bearing)
                 length = self.stride.length(senses.dice[5], open_m)
                 return BehaviorProposal("going to a point", 1, turn, length)
         return None
@@ -209,7 +209,7 @@ def most_open(proximity: Proximity, stride: Stride) -> Command:
     """Return the sensor's bearing in which the robot can go farthest, in [-pi, pi), and how far."""
     open_m = [proximity.open_m(float(b), stride.half_width_m) for b in proximity.bearings_rad]
     best = int(np.argmax(open_m))
-    bearing = (float(proximity.bearings_rad[best]) + np.pi) % (2 * np.pi) - np.pi
+    bearing = wrap_angle(float(proximity.bearings_rad[best]))
     return bearing, open_m[best]
 
 

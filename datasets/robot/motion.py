@@ -13,7 +13,7 @@ import numpy as np
 
 from maurice_mcl.fitting.motion import Straights, Trials, Turns
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.geometry import INCH_M, wrap, wrap_angle
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.randomness import Domain, stream
 
@@ -244,4 +244,4 @@ def _straight(
 
 def _changed(path: F64) -> float:
     """Return the heading's change along a path (K, 3), in [-pi, pi)."""
-    return float((path[-1, 2] - path[0, 2] + np.pi) % (2 * np.pi) - np.pi)
+    return wrap_angle(float(path[-1, 2] - path[0, 2]))

@@ -23,7 +23,7 @@ from maurice_loaders.session_log.records import (
     with_truth,
 )
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.geometry import INCH_M, motion_between
 from maurice_mcl.values.session import KIDNAPPED
 
 from .planner import Placement
@@ -76,13 +76,13 @@ def read_tables(folder: Path, updates: int) -> RecordedPath:
     jumped = jumps(drive, Cutting())
     rows = [0]
     for row in range(1, len(drive.odometry)):
-        forward, left, turn = between(drive.odometry[rows[-1]], drive.odometry[row])
+        forward, left, turn = motion_between(drive.odometry[rows[-1]], drive.odometry[row])
         if len(rows) <= updates and (np.hypot(forward, left) >= STRIDE_M or abs(turn) >= SWING_RAD):
             rows.append(row)
     segments = []
     for a, b in pairwise(rows):
         carried = (Happened(b * ROW_S, KIDNAPPED),) if jumped[a:b].any() else ()
-        moved = Moved(b * ROW_S, between(drive.odometry[a], drive.odometry[b]))
+        moved = Moved(b * ROW_S, motion_between(drive.odometry[a], drive.odometry[b]))
         segments.append(Segment((*carried, moved), b * ROW_S, drive.truth[b]))
     return RecordedPath(folder.name, drive.truth[0], tuple(segments), drive.truth[: rows[-1] + 1, :2], None)
 
@@ -114,10 +114,3 @@ def read_log(path: Path, updates: int) -> RecordedPath:
     shares = np.linspace(0, 1, 16, endpoint=False)[:, None, None]
     track = corners[:-1] + shares * (corners[1:] - corners[:-1])
     return RecordedPath(info.name, start, tuple(segments), track.reshape(-1, 2), info.motion)
-
-
-def between(a: F64, b: F64) -> F64:
-    """Return the motion (forward_m, left_m, turn_rad) that leads from one pose (3,) to another."""
-    cos, sin = np.cos(a[2]), np.sin(a[2])
-    dx, dy = b[:2] - a[:2]
-    return np.array([cos * dx + sin * dy, cos * dy - sin * dx, wrap(b[2:] - a[2])[0]])

@@ -13,7 +13,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from maurice_mcl.values.arrays import F32
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M, rotated
 
 from . import textures
 from . import wall_pictures as pictures
@@ -38,10 +38,9 @@ Part = tuple[Solid, Paint]
 
 def placed(part: Solid, stand: Footprint) -> Solid:
     """Bring a part from the piece's own frame into the world."""
-    cos, sin = np.cos(stand.yaw_rad), np.sin(stand.yaw_rad)
-    x = stand.x_in + float(part.x_in * cos - part.y_in * sin)
-    y = stand.y_in + float(part.x_in * sin + part.y_in * cos)
-    return replace(part, x_in=x, y_in=y, yaw_rad=part.yaw_rad + stand.yaw_rad)
+    x, y = rotated(part.x_in, part.y_in, stand.yaw_rad)
+    yaw_rad = part.yaw_rad + stand.yaw_rad
+    return replace(part, x_in=stand.x_in + float(x), y_in=stand.y_in + float(y), yaw_rad=yaw_rad)
 
 
 def assemble(

@@ -9,7 +9,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values.geometry import INCH_M, rotated
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.randomness import Domain, stream
 
@@ -81,10 +81,8 @@ def _edge_distance(polygon: F64, points: F64) -> float:
 
 
 def _spun(points: F64, turn: float) -> F64:
-    cos, sin = np.cos(turn), np.sin(turn)
     result = np.array(points, dtype=np.float64)
-    result[..., 0] = cos * points[..., 0] - sin * points[..., 1]
-    result[..., 1] = sin * points[..., 0] + cos * points[..., 1]
+    result[..., 0], result[..., 1] = rotated(points[..., 0], points[..., 1], turn)
     return result
 
 

@@ -19,6 +19,7 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import path_of
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.session import Moment, SessionInfo, is_kidnapping
 
@@ -30,14 +31,7 @@ from ..reading.options import MADE_ODOMETRY, ReadingOptions, option_name
 from ..reading.recording import Motion, OdometryPose, Picture, Readings, Recording, TruthPose
 from ..reading.time_alignment import offset_between
 from ..reading.transforms import corrected
-from .findings import (
-    Evidence,
-    Finding,
-    RecordedDrive,
-    RecordedOdometry,
-    RecordedTruth,
-    joined,
-)
+from .findings import Evidence, Finding, RecordedDrive, RecordedOdometry, RecordedTruth
 from .odometry import comparable, compared_with_truth
 from .pictures import (
     FEWEST_PLACES,
@@ -132,7 +126,7 @@ def movement_apart(drive: RecordedDrive) -> float | None:
     truth, odometry = drive.truth, drive.odometry
     if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
         return None
-    poses = odometry.values if odometry.poses else joined(odometry.values)
+    poses = odometry.values if odometry.poses else path_of(odometry.values)
     found = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
     return None if found is None else found.offset_s
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, I32
-from maurice_mcl.values.geometry import wrap_angle
+from maurice_mcl.values.geometry import motions_between
 
 DEGREE = float(np.pi / 180)
 Value = float | str
@@ -85,27 +85,6 @@ def motions_of(odometry: RecordedOdometry, turn: float = 1.0) -> F64:
     """Return motions (K, 3), zero for a first pose; every angle is multiplied by `turn`."""
     values = odometry.values * [1, 1, turn]
     return motions_between(values) if odometry.poses else values
-
-
-def motions_between(poses: F64) -> F64:
-    """Return the motion (K, 3) to each of K poses from the previous one; zero for the first."""
-    step = np.diff(poses, axis=0, prepend=poses[:1])
-    before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
-    ahead, aside = rotated(step[:, 0], step[:, 1], -before)
-    return np.column_stack([ahead, aside, wrap_angle(step[:, 2])])
-
-
-def joined(motions: F64) -> F64:
-    """Return the poses (K, 3) that K motions lead to, from the origin; headings are not wrapped."""
-    heading = np.cumsum(motions[:, 2])
-    x, y = rotated(motions[:, 0], motions[:, 1], heading - motions[:, 2])
-    return np.column_stack([np.cumsum(x), np.cumsum(y), heading])
-
-
-def rotated(x: F64, y: F64, angle_rad: F64 | float) -> tuple[F64, F64]:
-    """Turn vectors counter-clockwise."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return x * cos - y * sin, x * sin + y * cos
 
 
 # Findings about odometry and camera that several checks share.

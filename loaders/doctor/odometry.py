@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, I32
-from maurice_mcl.values.geometry import wrap_angle
+from maurice_mcl.values.geometry import motions_between, rotated, wrap_angle
 
 from .findings import (
     DEGREE,
@@ -24,9 +24,7 @@ from .findings import (
     direction_finding,
     frame_finding,
     gain_finding,
-    motions_between,
     motions_of,
-    rotated,
     scale_finding,
     turn_finding,
 )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.geometry import compose, inverse
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Camera, SessionInfo
 
@@ -182,7 +182,7 @@ class RunSink:
         for motion in step.rows.step["motions"]:
             self._put(step, MOTIONS, make.motion(ROBOT, np.array(motion, np.float64)))
         self._put(step, ODOMETRY, make.odometry(ODOM, ROBOT, step.odometry))
-        correction = compose(step.estimate, motion_between(step.odometry, np.zeros(3)))
+        correction = compose(step.estimate, inverse(step.odometry))
         self._put(step, TF, make.transforms((MAP, ODOM, correction), (ODOM, ROBOT, step.odometry)))
         if image is not None:
             self._scene.write_picture(self._mcap, step.time_s, image, "jpeg")

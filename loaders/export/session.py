@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.session import Moment, Session, SessionInfo
 
 from ..bags.readers import MOTIONS, READINGS
@@ -330,7 +330,7 @@ class DriveWriter:
         self._odometry_s = t_s
 
     def _place(self, pose: F64) -> None:
-        self._correction = compose(pose, motion_between(self._odometry, np.zeros(3)))
+        self._correction = compose(pose, inverse(self._odometry))
 
     def _write_transforms(self) -> None:
         if self._due_s is not None:

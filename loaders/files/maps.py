@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, Bool
+from maurice_mcl.values.geometry import rotated
 from maurice_mcl.values.map import Arena, open_arena
 
 from ..errors import FieldError, InputError, PictureError
@@ -252,7 +252,5 @@ def _coarser(cells: Bool, joined: Callable[..., Any]) -> Bool:
 def _placed(segments: F64, origin: tuple[float, float, float]) -> F64:
     """Transform segments (W, 4) from the grid's frame to the map's."""
     x_m, y_m, heading = origin
-    cos, sin = math.cos(heading), math.sin(heading)
-    x, y = segments[:, 0::2], segments[:, 1::2]
-    turned = np.stack([x_m + x * cos - y * sin, y_m + x * sin + y * cos], axis=2)
-    return turned.reshape(-1, 4)
+    x, y = rotated(segments[:, 0::2], segments[:, 1::2], heading)
+    return np.stack([x_m + x, y_m + y], axis=2).reshape(-1, 4)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maurice_mcl.values.arrays import F64, U8, Bool
+from maurice_mcl.values.geometry import angle_between
 from maurice_mcl.values.radii import fitted_m
 from maurice_mcl.values.session import Moment, SessionInfo
 
@@ -106,7 +107,7 @@ def choose(poses: F64, sharpnesses: F64, every: Spacing) -> NDArray[np.intp]:
 
 
 def _same(a: F64, b: F64, every: Spacing) -> bool:
-    turned = abs((float(a[2] - b[2]) + np.pi) % (2 * np.pi) - np.pi)
+    turned = angle_between(float(a[2]), float(b[2]))
     apart = float(np.hypot(a[0] - b[0], a[1] - b[1]))
     return apart < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)
 

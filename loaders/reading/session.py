@@ -13,7 +13,7 @@ import numpy as np
 
 from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import compose, motion_between, wrap_angle
+from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
@@ -264,22 +264,13 @@ def first_truth(recording: Recording) -> F64 | None:
     moved, first = np.zeros(3), None
     for record in checked(recording, ReadingNotes(keep_going=True)):
         if isinstance(record, TruthPose):
-            return before(record.pose, moved)
+            return compose(record.pose, inverse(moved))
         if isinstance(record, Motion):
             moved = compose(moved, record.motion)
         elif isinstance(record, OdometryPose):
             first = record.pose if first is None else first
             moved = motion_between(first, record.pose)
     return None
-
-
-def before(pose: F64, motion: F64) -> F64:
-    """Return the pose (3,) from which a motion (3,) leads to a pose (3,)."""
-    heading = float(pose[2] - motion[2])
-    cos, sin = np.cos(heading), np.sin(heading)
-    x = pose[0] - (motion[0] * cos - motion[1] * sin)
-    y = pose[1] - (motion[0] * sin + motion[1] * cos)
-    return np.array([x, y, wrap_angle(heading)])
 
 
 def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import compose, compose_motions, motion_between, wrap_angle
+from maurice_mcl.values.geometry import compose, compose_motions, motion_between, rotated, wrap_angle
 from maurice_mcl.values.randomness import Domain, stream
 from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
@@ -165,7 +165,7 @@ class Corrected(RecordingWrapper):
 
     def _at_wheels(self, pose: F64) -> F64:
         """Return the pose (3,) of the wheels' center from that of the place on the robot that truth is of."""
-        moved = _turned(self.correction.truth_ahead_m, self.correction.truth_left_m, float(pose[2]))
+        moved = rotated(self.correction.truth_ahead_m, self.correction.truth_left_m, float(pose[2]))
         return np.asarray(pose - np.array([*moved, 0.0]))
 
 
@@ -211,7 +211,7 @@ class _Wheels:
 
     def motion(self, values: F64) -> F64:
         forward, left, turn = (float(v) for v in self._as_motion(values * self._units))
-        forward, left = _turned(forward, left, -self._ahead_rad)
+        forward, left = rotated(forward, left, -self._ahead_rad)
         return np.array([forward, left, turn * self._gain])
 
     def pose(self, values: F64) -> F64:
@@ -237,7 +237,7 @@ class _Wheels:
         if self._are == "steps":
             heading_rad, turn = self._heading_rad, float(values[2])
             self._heading_rad += turn
-            return np.array([*_turned(float(values[0]), float(values[1]), -heading_rad), turn])
+            return np.array([*rotated(float(values[0]), float(values[1]), -heading_rad), turn])
         return values
 
     def _between(self, before: F64, after: F64) -> F64:
@@ -246,11 +246,6 @@ class _Wheels:
         self._counted_on |= max(abs(float(before[2])), abs(float(after[2]))) > math.pi
         counted = self._counted_on and abs(turn) < 1.5 * math.pi  # not so where they begin anew at a turn
         return np.array([motion[0], motion[1], turn]) if counted else motion
-
-
-def _turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    return x * cos - y * sin, x * sin + y * cos
 
 
 # Odometry for drives that come without: made from the steps between known poses, plus stated noise.

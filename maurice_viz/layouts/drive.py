@@ -16,7 +16,7 @@ from maurice_loaders.reading.recording import SimplifiedPath
 from maurice_loaders.reading.transforms import PLACEHOLDER
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F32, F64
-from maurice_mcl.values.geometry import compose, compose_motions, motion_between
+from maurice_mcl.values.geometry import compose, compose_motions, inverse, motion_between, rotated
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Moment, SessionInfo
@@ -92,7 +92,7 @@ def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
         measured.add(own)
         if one.truth is not None:
             true.add(one.truth)
-            begins = compose(one.truth, motion_between(own, np.zeros(3))) if begins is None else begins
+            begins = compose(one.truth, inverse(own)) if begins is None else begins
     if not moves:
         return DrivePaths(count, events, False, begins, np.zeros((0, 2)), true.poses()[:, :2])
     begins = np.zeros(3) if begins is None else begins
@@ -103,8 +103,7 @@ def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
 
 def _laid(points: F64, begins: F64) -> F64:
     """Turn and shift points (K, 2) from the odometry's own frame onto the map."""
-    cos, sin = np.cos(begins[2]), np.sin(begins[2])
-    return np.asarray(points @ np.array([[cos, sin], [-sin, cos]]) + begins[:2])
+    return np.column_stack(rotated(points[:, 0], points[:, 1], float(begins[2]))) + begins[:2]
 
 
 ODOMETRY = "/session/odometry"

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
 from ..values.arrays import F64
-from ..values.geometry import compose, motion_between, wrap_angle
+from ..values.geometry import compose, motion_between, rotated, wrap_angle
 from .motion import FloorOf, MotionSegment
 
 TRUTH = np.diag([0.001**2, 0.001**2, math.radians(0.05) ** 2])  # least covariance of a segment: the truth's
@@ -168,9 +168,8 @@ def linearized(segments: Sequence[MotionSegment], model: LinearModel, means: F64
 
 def _wheels(poses: F64, place: F64) -> F64:
     """Return the poses (N, 3) of the wheels' center from those of a place (2,) ahead and left of it."""
-    cos, sin = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    away = [cos * place[0] - sin * place[1], sin * place[0] + cos * place[1], 0 * cos]
-    return np.asarray(poses - np.column_stack(away))
+    ahead, left = rotated(place[:1], place[1:], poses[:, 2])
+    return np.asarray(poses - np.column_stack([ahead, left, np.zeros(len(poses))]))
 
 
 def _swing(end: F64) -> F64:

@@ -18,7 +18,7 @@ import numpy as np
 from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.model import SensorModel
 from ..values.arrays import F64, U8
-from ..values.geometry import wrap
+from ..values.geometry import rotated, wrap
 from ..values.randomness import Domain, stream
 from .left_out import WIDENINGS
 
@@ -115,14 +115,8 @@ def _log_likelihoods(
         return None
     origin = sensor.library.origin
     x, y, heading = picture.truth - [*origin, 0.0]
-    cos, sin = np.cos(heading), np.sin(heading)
-    poses = np.column_stack(
-        [
-            x + cos * offsets[:, 0] - sin * offsets[:, 1],
-            y + sin * offsets[:, 0] + cos * offsets[:, 1],
-            wrap(heading + offsets[:, 2]),
-        ]
-    ).astype(np.float32)
+    ahead, aside = rotated(offsets[:, 0], offsets[:, 1], heading)
+    poses = np.column_stack([x + ahead, y + aside, wrap(heading + offsets[:, 2])]).astype(np.float32)
     comparison = sensor.compare(measured(image, sensor.weights, known)[0])
     return sensor.references.at(comparison.of_references, poses, origin).astype(np.float64)
 

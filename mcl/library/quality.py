@@ -18,7 +18,7 @@ from scipy.ndimage import label
 from ..sensor.model import SensorModel
 from ..sensor.references import distinct_places
 from ..values.arrays import F64, I32, Bool
-from ..values.geometry import wrap
+from ..values.geometry import wrap, wrap_angle
 from ..values.library import Library
 from ..values.map import Grid, make_grid, place_tree, spacing
 from .left_out import clustered
@@ -96,7 +96,7 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
     tree, wanted = place_tree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     shares = []
     for entries in tree.query_ball_point(some, reach_m):
-        apart = np.abs((poses[entries, 2] - wanted[:, None] + np.pi) % (2 * np.pi) - np.pi)
+        apart = np.abs(wrap_angle(poses[entries, 2] - wanted[:, None]))
         shares.append(float((apart.min(axis=1) <= VIEW_RAD / 2 + 1e-6).mean()))
     return float(np.mean(shares))
 

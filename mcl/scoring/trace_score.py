@@ -13,6 +13,7 @@ import numpy as np
 
 from ..filter.batch import RunTrace
 from ..values.arrays import F64, Bool
+from ..values.geometry import wrap_angle
 from ..values.map import Arena
 from ..values.session import Moment
 from .metrics import (
@@ -90,7 +91,7 @@ def trace_errors(trace: RunTrace, path: DrivenPath) -> RunErrors:
     """Return what `score_step` finds at every update."""
     off = trace.poses - path.truths
     off_m = np.hypot(off[:, 0], off[:, 1])
-    off_rad = np.abs((off[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+    off_rad = np.abs(wrap_angle(off[:, 2]))
     return RunErrors(
         known=path.known,
         off_m=off_m,

@@ -196,7 +196,7 @@ def distinct_places(xy: F64) -> tuple[F64, I32]:
 def _by_heading(entries: NDArray[np.intp], headings: F64) -> tuple[I32, F64]:
     """Return the entry of nearest heading for every heading bin, the first of equals, and how far it is."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
-    apart = np.abs((centers[:, None] - headings[entries] + np.pi) % (2 * np.pi) - np.pi)
+    apart = np.abs(wrap_angle(centers[:, None] - headings[entries]))
     return np.asarray(entries[apart.argmin(axis=1)], np.int32), np.asarray(apart.min(axis=1), np.float64)
 
 

@@ -1,4 +1,4 @@
-"""Poses in the plane: wrapping, composing, motions between poses, circular means.
+"""Poses in the plane (SE(2)): wrapping, turning, composing, motions between poses, circular means.
 
 Headings are radians, counter-clockwise from +x (REP-103); poses are (..., 3): x_m, y_m, heading_rad.
 """
@@ -32,17 +32,24 @@ def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
     return np.maximum(turned, -pi, out=turned)
 
 
-Angle = TypeVar("Angle", float, F64)
+Numbers = TypeVar("Numbers", float, F64)
 
 
-def wrap_angle(angle_rad: Angle) -> Angle:
+def wrap_angle(angle_rad: Numbers) -> Numbers:
     """Bring angles into [-pi, pi) by one modulo: for a few angles, where rounding may be visible."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 
 def angle_between(a_rad: float, b_rad: float) -> float:
     """Return the unsigned angle from one heading to the other, in [0, pi]."""
-    return abs((a_rad - b_rad + np.pi) % (2 * np.pi) - np.pi)
+    return abs(wrap_angle(a_rad - b_rad))
+
+
+def rotated(x: Numbers, y: Numbers, angle_rad: F64 | float) -> tuple[Numbers, Numbers]:
+    """Turn vectors, given by their coordinates, counter-clockwise; arguments are broadcast."""
+    cos: Any = np.cos(angle_rad)
+    sin: Any = np.sin(angle_rad)
+    return x * cos - y * sin, x * sin + y * cos
 
 
 def compose(pose: F64, motion: F64) -> F64:
@@ -50,9 +57,8 @@ def compose(pose: F64, motion: F64) -> F64:
     x, y, heading = (float(v) for v in pose)
     forward, left, turn = (float(v) for v in motion)
     cos, sin = np.cos(heading), np.sin(heading)
-    moved = [x + forward * cos - left * sin, y + forward * sin + left * cos, heading + turn]
-    moved[2] = (moved[2] + np.pi) % (2 * np.pi) - np.pi
-    return np.array(moved)
+    ahead, aside = x + forward * cos - left * sin, y + forward * sin + left * cos
+    return np.array([ahead, aside, wrap_angle(heading + turn)])
 
 
 def compose_motions(first: F64, second: F64) -> F64:
@@ -66,6 +72,26 @@ def motion_between(before: F64, after: F64) -> F64:
     dx, dy, turn = (float(v) for v in after - before)
     cos, sin = math.cos(before[2]), math.sin(before[2])
     return np.array([dx * cos + dy * sin, dy * cos - dx * sin, wrap_angle(turn)])
+
+
+def inverse(motion: F64) -> F64:
+    """Return the motion (3,) that takes one (3,) back: `compose(compose(pose, motion), inverse(motion))`."""
+    return motion_between(motion, np.zeros(3))
+
+
+def motions_between(poses: F64) -> F64:
+    """Return the motion (K, 3) to each of K poses (K, 3) from the one before it; zero for the first."""
+    step = np.diff(poses, axis=0, prepend=poses[:1])
+    before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
+    ahead, aside = rotated(step[:, 0], step[:, 1], -before)
+    return np.column_stack([ahead, aside, wrap_angle(step[:, 2])])
+
+
+def path_of(motions: F64) -> F64:
+    """Return the poses (K, 3) that K motions (K, 3) lead to, from the origin; headings are not wrapped."""
+    heading = np.cumsum(motions[:, 2])
+    x, y = rotated(motions[:, 0], motions[:, 1], heading - motions[:, 2])
+    return np.column_stack([np.cumsum(x), np.cumsum(y), heading])
 
 
 def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float, float]:

@@ -12,9 +12,7 @@ from maurice_loaders.doctor.findings import (
     RecordedDrive,
     RecordedOdometry,
     RecordedTruth,
-    motions_between,
     motions_of,
-    rotated,
 )
 from maurice_loaders.doctor.odometry import (
     Reading,
@@ -35,6 +33,7 @@ from maurice_loaders.doctor.plausibility import (
     truth_apart,
 )
 from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import motions_between, rotated
 from maurice_mcl.values.map import Arena
 
 RATE_HZ = 10.0

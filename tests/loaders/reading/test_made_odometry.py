@@ -18,7 +18,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Motion, Note, OdometryPose, TruthPose
-from maurice_loaders.reading.session import RecordedSession, before, first_truth
+from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_loaders.reading.transforms import (
     NAMED,
     MadeOdometry,
@@ -139,7 +139,6 @@ def test_a_drive_begins_at_its_first_true_pose() -> None:
     for late in ([*measured, TruthPose(2, poses[2])], [*steps, TruthPose(3, poses[3])]):
         np.testing.assert_allclose(first_truth(Given(late)), poses[0], atol=1e-9)  # type: ignore[arg-type]
     assert first_truth(Given([Note(0, "on")])) is None
-    np.testing.assert_allclose(compose(before(poses[3], np.ones(3)), np.ones(3)), poses[3])
 
 
 def test_the_command_says_it_before_in_the_table_and_in_json(small_session: Path) -> None:

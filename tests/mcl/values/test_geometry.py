@@ -5,7 +5,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from maurice_mcl.values.geometry import angle_between, circular_mean, compose, wrap
+from maurice_mcl.values.geometry import (
+    angle_between,
+    circular_mean,
+    compose,
+    compose_motions,
+    inverse,
+    motion_between,
+    motions_between,
+    path_of,
+    rotated,
+    wrap,
+)
 
 ANGLES = st.floats(-1000, 1000)
 
@@ -62,6 +73,27 @@ def test_angle_between(a, b, apart):
 )
 def test_compose(pose, motion, moved):
     assert compose(np.array(pose), np.array(motion)) == pytest.approx(np.array(moved))
+
+
+def test_motions_are_a_group_and_agree_one_by_one_and_all_at_once():
+    rng = np.random.default_rng(0)
+    poses = rng.uniform([-5, -5, -np.pi], [5, 5, np.pi], (50, 3))
+    motions = motions_between(poses)
+    assert not motions[0].any()
+    for before, after, motion in zip(poses, poses[1:], motions[1:], strict=False):
+        np.testing.assert_allclose(motion, motion_between(before, after), atol=1e-12)
+        np.testing.assert_allclose(compose(before, motion), after, atol=1e-12)
+        np.testing.assert_allclose(compose(after, inverse(motion)), before, atol=1e-12)
+        joined = compose_motions(motion, inverse(motion))
+        np.testing.assert_allclose(np.abs(wrap(joined)), 0, atol=1e-12)
+    laid = [compose(poses[0], place) for place in path_of(motions)]
+    np.testing.assert_allclose(laid, poses, atol=1e-9)
+
+
+def test_vectors_turn_counter_clockwise():
+    assert rotated(1.0, 0.0, np.pi / 2) == pytest.approx((0.0, 1.0))
+    x, y = rotated(np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([np.pi, -np.pi / 2]))
+    np.testing.assert_allclose([x, y], [[-1, 1], [0, 0]], atol=1e-12)
 
 
 def test_circular_means_agree_with_the_resultant():
