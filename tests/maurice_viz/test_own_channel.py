@@ -14,10 +14,16 @@ from helpers.commands import process, runs_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, SCALES
 from maurice_mcl.sensor.distances import DISTANCES
 
-DOCS = (Path(__file__).parents[2] / "docs" / "sensors.md").read_text()
-SOURCE = re.findall(r"```python\n(.*?)```", DOCS, re.S)[0]
-PROJECT = tomllib.loads(re.findall(r"```toml\n(.*?)```", DOCS, re.S)[0])
+ROOT = Path(__file__).parents[2] / "docs"
+DOCS = (ROOT / "sensors.md").read_text()
+EXAMPLE = ROOT / "examples" / "mychannel"
+SOURCE = (EXAMPLE / "mychannel.py").read_text()
+PROJECT = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())
 RUN = ["-o", "none", "--json", "--particles", "200"]
+
+
+def test_the_page_quotes_the_example():
+    assert re.findall(r"```python\n(.*?)```", DOCS, re.S)[0].strip() in SOURCE
 
 
 def _install(folder, source=SOURCE):
