@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test test-all check gate bench thesis results studies fuzz stops soak docs clean
+.PHONY: demo test test-all check gate bench thesis results studies fuzz stops soak docs release-check clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -13,6 +13,10 @@ test: .venv/installed-dev
 
 test-all: .venv/installed-dev .venv/installed-docs
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+
+# The sdist and the wheel, tried in a fresh environment, and the constraints for every Python: two minutes. CI runs it.
+release-check: .venv/installed-dev
+	$(BIN)/python -m pytest tests/test_release.py
 
 check: .venv/installed-dev
 	$(BIN)/ruff check .
@@ -32,22 +36,22 @@ bench: .venv/installed-dev
 
 # The thesis's trials, figures and claims (docs/results.md): a quarter of an hour, and it goes on where it stopped.
 thesis: .venv/installed-dev
-	$(BIN)/maurice-replay trials run thesis -o .thesis --resume
-	$(BIN)/python -m benchmarks.thesis .thesis -o out/thesis --write
+	$(BIN)/maurice-replay trials run thesis -o out/trials/thesis --resume
+	$(BIN)/python -m benchmarks.thesis out/trials/thesis -o out/thesis --write
 
 # The tables of docs/results.md and docs/landmarks.md, on unseen arenas: hours, and they go on where they stopped.
 # SEEDS=5 for fewer runs.
 SEEDS ?=
 PLANS := benchmarks/studies/plans
-TRIALS_OF = $(BIN)/maurice-replay trials run $(PLANS)/$(1).toml -o .$(1) --resume $(if $(SEEDS),--seeds $(SEEDS))
+TRIALS_OF = $(BIN)/maurice-replay trials run $(PLANS)/$(1).toml -o out/trials/$(1) --resume $(if $(SEEDS),--seeds $(SEEDS))
 results: .venv/installed-dev
 	$(call TRIALS_OF,results)
-	$(BIN)/python -m benchmarks.studies.results .results
+	$(BIN)/python -m benchmarks.studies.results out/trials/results
 	$(call TRIALS_OF,landmarks)
-	$(BIN)/python -m benchmarks.studies.results .landmarks
+	$(BIN)/python -m benchmarks.studies.results out/trials/landmarks
 	$(call TRIALS_OF,channels)
 	$(call TRIALS_OF,landmarks-spacing)
-	$(BIN)/python -m benchmarks.studies.landmark_figures .channels .landmarks-spacing -o docs/pictures
+	$(BIN)/python -m benchmarks.studies.landmark_figures out/trials/channels out/trials/landmarks-spacing -o docs/pictures
 
 # How often verdicts, signals and beliefs are right, on drives that nothing was fitted on: an hour; they go on where
 # they stopped. STUDIES=causes for one of them (benchmarks/studies/README.md).
@@ -90,5 +94,7 @@ docs: .venv/installed-docs
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
 	touch $@
 
+# All that the targets write, as .gitignore names it; out/ holds trials of hours.
 clean:
-	rm -rf site .venv build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv .venv-peers build dist out site *.egg-info *.rrd .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find . -name __pycache__ -prune -exec rm -rf {} +

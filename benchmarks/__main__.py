@@ -1,7 +1,7 @@
 """All benchmarks in one run (`make bench`): `python -m benchmarks [NAME ...] [--quick] [--resume] [--write]`.
 
-Prints every table as it is done, and saves it to bench.json, beside those of earlier runs. `--resume` leaves
-out what is saved there. `--write` also puts the tables into docs/performance.md, each between its marks.
+Prints every table as it is done, and saves it to out/bench.json, beside those of earlier runs. `--resume`
+leaves out what is saved there. `--write` also puts the tables into docs/performance.md, between their marks.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .speed.measure import Table, machine
 from .speed.peers import install
 
 DOCS = Path(__file__).parents[1] / "docs" / "performance.md"
-SAVED = Path("bench.json")
+SAVED = Path("out/bench.json")
 
 SECTIONS: Mapping[str, Callable[[bool], Table]] = {
     "filter-step": lambda quick: filter_step.filter_steps(install(), quick),
@@ -57,6 +57,7 @@ def main() -> None:
         tables[name] = SECTIONS[name](asked.quick)
         show(console, tables[name])
         held = {"on": on, "tables": {name: asdict(one) for name, one in tables.items()}}
+        SAVED.parent.mkdir(exist_ok=True)
         SAVED.write_text(json.dumps(held, indent=1))
     if asked.write:
         write([tables[name] for name in names], on)

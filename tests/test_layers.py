@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ast
 import re
-import tomllib
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -243,13 +242,10 @@ def test_a_class_name_has_one_meaning():
     assert {name: files for name, files in defined.items() if len(files) > 1} == {}
 
 
-def test_package_list_is_complete():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
-    found = {
-        ".".join([FOLDERS[folder], *file.parent.relative_to(ROOT / folder).parts]) for folder, file in SOURCES
-    }
-    assert set(settings["packages"]) == found
-    assert settings["package-dir"] == {package: folder for folder, package in FOLDERS.items()}
+def test_clean_removes_what_git_ignores():
+    recipe = (ROOT / "Makefile").read_text(encoding="utf-8").partition("\nclean:\n")[2].split()
+    for line in (ROOT / ".gitignore").read_text(encoding="utf-8").split():
+        assert line.strip("/") in recipe
 
 
 def test_constraints_name_versions_and_nothing_else():

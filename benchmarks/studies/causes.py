@@ -1,7 +1,7 @@
 """How often a diagnosis is right: planted causes by the first cause that is named (docs/diagnose.md).
 
-    python -m benchmarks.studies.causes -o .causes            # the judged set; goes on where it stopped
-    python -m benchmarks.studies.causes -o .causes --write    # and the table goes into docs/diagnose.md
+    python -m benchmarks.studies.causes -o out/causes            # the judged set; goes on where it stopped
+    python -m benchmarks.studies.causes -o out/causes --write    # and the table goes into docs/diagnose.md
     python -m benchmarks.studies.causes --set develop --kinds motion lighting --show    # while tuning
 
 Nothing was tuned on the drives of the judged set; one of its worlds is seen nowhere else. A planted run
@@ -60,7 +60,7 @@ def main() -> None:
 
 def _asked() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.causes", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path(".causes"))
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/causes"))
     parser.add_argument("--set", choices=SETS, default="unseen")
     parser.add_argument("--kinds", nargs="*", choices=WAYS, default=list(WAYS), metavar="KIND")
     parser.add_argument("--drives", type=int, default=DRIVES, help="of each kind that count")

@@ -1,7 +1,7 @@
 """How often a proposed remedy works: planted failures, what `what-if --remedy` proposes, other seeds.
 
-    python -m benchmarks.studies.remedies -o .remedies            # the judged set; goes on where it stopped
-    python -m benchmarks.studies.remedies -o .remedies --write    # and the table goes into docs/what-if.md
+    python -m benchmarks.studies.remedies -o out/remedies           # the judged set; goes on where it stopped
+    python -m benchmarks.studies.remedies -o out/remedies --write    # and the table goes into docs/what-if.md
 
 Every planted run (`planted/`) is written as files, replayed and saved as a user would. Where it is not lost
 any more (its pictures are JPEG now), it does not count.
@@ -69,7 +69,7 @@ def main() -> None:
 
 def _asked() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.remedies", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path(".remedies"))
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/remedies"))
     parser.add_argument("--set", choices=SETS, default="unseen")
     kinds = [kind for kind in WAYS if kind != HEALTHY]
     parser.add_argument("--kinds", nargs="*", choices=kinds, default=kinds, metavar="KIND")

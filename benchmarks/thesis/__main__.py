@@ -1,8 +1,8 @@
 """The thesis told again (`make thesis`): its figures, and its claims beside our numbers.
 
-maurice-replay trials run thesis -o .thesis --resume
-python -m benchmarks.thesis .thesis -o out/thesis            # figure-26.png and so on, and claims.md
-python -m benchmarks.thesis .thesis -o out/thesis --write    # and what docs/results.md shows of them
+maurice-replay trials run thesis -o out/trials/thesis --resume
+python -m benchmarks.thesis out/trials/thesis -o out/thesis           # figure-26.png and so on, and claims.md
+python -m benchmarks.thesis out/trials/thesis -o out/thesis --write   # and what docs/results.md shows of them
 """
 
 from __future__ import annotations
