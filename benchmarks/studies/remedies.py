@@ -29,7 +29,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.export.session import convert_to_log
 from maurice_loaders.libraries.files import save_library
 from maurice_viz.app.branch import open_branch
-from maurice_viz.app.candidates import candidates
+from maurice_viz.app.remedies import candidates
 from maurice_viz.errors import OptionError
 
 from .planted.places import SETS

@@ -27,7 +27,7 @@ from maurice_loaders.libraries.store import build_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.values.library import Library
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 

@@ -13,7 +13,7 @@ import pytest
 from maurice_loaders.doctor.inspection import inspect_session
 from maurice_loaders.errors import InputError
 
-from .conftest import WriteLog
+from ..conftest import WriteLog
 
 Pixel = dict[str, Any]
 
