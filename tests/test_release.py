@@ -110,7 +110,7 @@ def test_first_commands_in_a_fresh_environment(command, tmp_path):
     run(command, "demo", cwd=tmp_path)
     assert (tmp_path / "demo.rrd").stat().st_size > 100_000
     run(command, "demo", "features", "--session-only", "mine", cwd=tmp_path)
-    run(command, "mine", "--rrd", "none", "--save-run", "run", cwd=tmp_path)
+    run(command, "mine", "-o", "none", "--save-run", "run", cwd=tmp_path)
     run(command, "diagnose", "run", cwd=tmp_path)
     run(command, "report", "run", "-o", "report.html", cwd=tmp_path)
 
