@@ -1,13 +1,18 @@
-"""What a layout has to know: the runs that are shown, and the scene that they share."""
+"""One description of what is shown: the runs, and the scene that they share. Layouts and panels get both."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
+
+import numpy as np
 
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
 from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
@@ -15,7 +20,8 @@ from maurice_mcl.values.radii import USUAL, Radii
 from maurice_mcl.values.session import SessionInfo
 
 from .drawing.contact_sheet import cell_height
-from .style import Scale, scale_for
+from .entities import RunPaths
+from .style import COLOR_WORDS, RGB, RUN_COLORS, Scale, scale_for
 
 NEVER, EVENLY, LIKELY = "never", "evenly", "likelihood"  # where a run draws new particles
 
@@ -28,12 +34,12 @@ class Detail(StrEnum):
     LIGHT = "light"  # camera, text, traces, estimate, and a cloud of a few hundred particles
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """What all runs of a Rerun recording share, as it is known before the first step."""
 
     info: SessionInfo
-    library: Library
+    library: Library  # without entries where only the map is known
     has_truth: bool
     updates: int = 0  # how many there will be; 0 when that is not known
     has_pictures: bool = True  # whether the robot has a camera at all
@@ -44,7 +50,7 @@ class Scene:
         """The map."""
         return self.library.arena
 
-    @property
+    @cached_property
     def scale(self) -> Scale:
         """From meters to what is drawn, in the session's units."""
         return scale_for(self.info.display_units, self.arena)
@@ -53,6 +59,18 @@ class Scene:
     def picture_height(self) -> int:
         """Of a reference on the contact sheet, in pixels."""
         return cell_height(self.library.pictures)
+
+    @cached_property
+    def nearest(self) -> NearestReference | None:
+        """The library's own rule for which entry represents a pose; None for a library without entries."""
+        return nearest_reference(self.library.poses, self.arena) if self.library.size else None
+
+    def entry_at(self, pose: F64) -> int:
+        """Return the entry that represents a pose (3,) in the map's frame; -1 outside free space."""
+        if self.nearest is None:
+            return -1
+        relative = (pose - np.append(self.library.origin, 0)).astype(np.float32)
+        return int(self.nearest.entries(relative[None], self.library.origin)[0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +86,7 @@ class RunView:
     localizer: Localizer | None = None  # None: failures are judged by the records alone
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
     start: F64 | None = None  # (3,) in the map's frame, where it is known to begin
+    number: int = 0  # among the runs of the recording; the first draws what all share (see `numbered`)
 
     @property
     def is_recorded(self) -> bool:
@@ -79,22 +98,44 @@ class RunView:
         """The names of its pose sensors; none if it is not known what it was made with."""
         return () if self.sensor is None else tuple(self.sensor.sensors)
 
+    @property
+    def distances(self) -> Mapping[str, str]:
+        """How each channel measures distances; none if comparisons are not available."""
+        return {} if self.sensor is None else self.sensor.distances
+
+    @property
+    def paths(self) -> RunPaths:
+        """Where it is drawn."""
+        return RunPaths(self.label)
+
+    @property
+    def color(self) -> RGB:
+        """Of its estimate, its path and its curves; a fifth run has the first one's again."""
+        return RUN_COLORS[self.number % len(RUN_COLORS)]
+
+    @property
+    def color_word(self) -> str:
+        """The name of its color."""
+        return COLOR_WORDS[self.number % len(COLOR_WORDS)]
+
     @classmethod
-    def live(cls, label: str, localizer: Localizer, start: F64 | None = None) -> RunView:
-        """Return the view of a run all of whose panels will be filled."""
-        sensor = localizer.sensor
-        names = tuple(sensor.distances)
-        draws_new = _draws_new(localizer)
+    def of(cls, label: str, localizer: Localizer, start: F64 | None = None) -> RunView:
+        """Return the view of a filter's run, all of whose panels will be filled."""
         return cls(
             label,
-            names,
-            sensor,
+            tuple(localizer.sensor.distances),
+            localizer.sensor,
             localizer.particles,
             radii=localizer.radii,
-            draws_new=draws_new,
+            draws_new=_draws_new(localizer),
             localizer=localizer,
             start=start,
         )
+
+
+def numbered(runs: Iterable[RunView]) -> list[RunView]:
+    """Return runs with their numbers, in order: each has its own color."""
+    return [replace(run, number=number) for number, run in enumerate(runs)]
 
 
 def _draws_new(localizer: Localizer) -> str | None:

@@ -92,8 +92,6 @@ def one(way: str, steps: int, folder: str | None = None) -> tuple[float, float]:
     run = FilterRun("run", localizer, None if folder else session.info.start)
     with ExitStack() as stack:
         drawn = _observer(stack, localizer, library, DETAILS[way]) if way in DETAILS else None
-        if drawn is not None:
-            drawn.begin(session.info, library)
         began = perf_counter()
         for moment, records in run_together([run], repeated(session, steps)):
             if drawn is not None:
@@ -118,11 +116,11 @@ def _peak_mb() -> float:
 
 def _observer(stack: ExitStack, localizer: Localizer, library: mcl.Library, detail: Detail) -> RerunObserver:
     folder = stack.enter_context(tempfile.TemporaryDirectory())
-    distances = localizer.sensor.distances
     scene = Scene(SessionInfo("x", library.display_units), library, True)
-    layout = runs_blueprint([RunView("run", tuple(distances))], scene)
+    view = RunView.of("run", localizer)
+    layout = runs_blueprint([view], scene)
     rec = stack.enter_context(sinks.to_file(Path(folder) / "long.rrd", "long", layout))
-    return RerunObserver(rec, "run", distances, detail=detail, sensor=localizer.sensor)
+    return RerunObserver(rec, view, scene, detail)
 
 
 if __name__ == "__main__":

@@ -99,9 +99,12 @@ def _name(panel: Panel) -> str:
 
 
 def _names(drive: _Drive) -> list[str]:
-    observer = RerunObserver(sinks.recording("names"), "run", drive.localizer.sensor.distances)
-    observer.begin(drive.session.info, drive.library)
-    return [_name(panel) for panel in observer._panels]
+    view, scene = RunView.of("run", drive.localizer), _scene(drive)
+    return [_name(panel) for panel in RerunObserver(sinks.recording("names"), view, scene).panels]
+
+
+def _scene(drive: _Drive) -> Scene:
+    return Scene(SessionInfo("x", drive.library.display_units), drive.library, True)
 
 
 def _least(drive: _Drive, detail: Detail, chosen: Chosen, quick: bool, live: bool = False) -> Cost:
@@ -112,15 +115,13 @@ def _least(drive: _Drive, detail: Detail, chosen: Chosen, quick: bool, live: boo
 
 def _measure(drive: _Drive, detail: Detail, chosen: Chosen, live: bool = False) -> Cost:
     """Draw a drive with some panels; return what an update took and held the second time."""
-    sensor, library = drive.localizer.sensor, drive.library
-    scene = Scene(SessionInfo("x", library.display_units), library, True)
-    layout = runs_blueprint([RunView("run", tuple(sensor.distances))], scene)
+    view, scene = RunView.of("run", drive.localizer), _scene(drive)
+    layout = runs_blueprint([view], scene)
     with tempfile.TemporaryDirectory() as folder:
         path, port = Path(folder) / "run.rrd", sinks.free_port() if live else None
         with sinks.to_file(path, "run", layout, serve=port) as rec:
-            observer = RerunObserver(rec, "run", sensor.distances, detail=detail, sensor=sensor)
-            observer.begin(drive.session.info, library)
-            observer._panels = [panel for panel in observer._panels if chosen(panel)]
+            observer = RerunObserver(rec, view, scene, detail)
+            observer.panels = [panel for panel in observer.panels if chosen(panel)]
             for again in (False, True):
                 before, began = _held(folder), process_time()
                 for moment, record in drive.updates:

@@ -289,7 +289,7 @@ def _sessions_playback(
         aligned([shared(run_together([run], s.moments())) for run, s in zip(runs, sessions, strict=True)]),
         shortest,
         [
-            replace(RunView.live(run.label, run.localizer, run.start), own_drive=drive != drives[0])
+            replace(RunView.of(run.label, run.localizer, run.start), own_drive=drive != drives[0])
             for run, drive in zip(runs, drives, strict=True)
         ],
         Scene(info, references, any(truth for _, truth in overviews), shortest),

@@ -183,7 +183,7 @@ def playback_of_session(
     return Playback(
         shared(run_together(runs, session.moments())),
         pictures,
-        [RunView.live(run.label, run.localizer, run.start) for run in runs],
+        [RunView.of(run.label, run.localizer, run.start) for run in runs],
         Scene(session.info, library, has_truth, pictures),
         lambda collector: remark(collector, session, listener),
     )
@@ -266,7 +266,7 @@ def _localize(
     playback = Playback(
         shared(run_together(runs, chain([first], moments), live=True)),
         0,
-        [RunView.live(run.label, run.localizer, run.start) for run in runs],
+        [RunView.of(run.label, run.localizer, run.start) for run in runs],
         Scene(session.info, references, first.truth is not None, live=True),
         lambda collector: remark_live(collector, session, listener),
     )

@@ -13,7 +13,8 @@ from maurice_loaders.runs.store import open_runs
 from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..running.output import layout_of, observed
+from ..panels.observer import SceneObserver
+from ..running.output import layout_of
 from ..running.run import collector_of, step_through
 from ..running.saved import open_saved, playback_of
 from ..viewer import sinks
@@ -120,11 +121,8 @@ def draw_saved(folder: Path, recording: Path, layout: str | None = None, listene
     """
     playback = playback_of(open_saved(folder, listener))
     runs, scene = playback.views, playback.scene
-    with (
-        sinks.to_file(recording, scene.info.name, layout_of(runs, scene, layout), force=True) as rec,
-        observed(rec, runs, scene) as observers,
-    ):
-        step_through(playback, observers, {}, collector_of(playback), listener)
+    with sinks.to_file(recording, scene.info.name, layout_of(runs, scene, layout), force=True) as rec:
+        step_through(playback, SceneObserver(rec, runs, scene), {}, collector_of(playback), listener)
 
 
 def _checked(target: Path, suffixes: tuple[str, ...], size: tuple[int, int], *, force: bool) -> Path:

@@ -179,7 +179,7 @@ class _Pair:
     def playback(self, listener: Listener) -> Playback:
         """Prepare both for `play`."""
         point, manifest = self.point, self.point.run.manifest
-        branch = RunView.live(self.label, self.localizer)
+        branch = RunView.of(self.label, self.localizer)
         scene = Scene(point.session.info, point.library, manifest.has_truth, manifest.pictures)
 
         def remarks(collector: ResultCollector) -> None:

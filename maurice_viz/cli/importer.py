@@ -130,7 +130,8 @@ def _usual_run(log: SessionLog) -> Playback:
 
 def _play(playback: Playback, recording_id: str | None) -> None:
     """Draw runs as they go, so that the viewer shows the first steps at once."""
-    from ..running.output import layout_of, observed
+    from ..panels.observer import SceneObserver
+    from ..running.output import layout_of
     from ..running.run import collector_of, step_through
     from ..viewer.sinks import recording
     from .shared.console import TO_CONSOLE
@@ -138,8 +139,8 @@ def _play(playback: Playback, recording_id: str | None) -> None:
     rec = recording(playback.scene.info.name, recording_id)
     rec.stdout(default_blueprint=layout_of(playback.views, playback.scene))
     collector = collector_of(playback)
-    with observed(rec, playback.views, playback.scene) as observers:
-        step_through(playback, observers, {}, collector, TO_CONSOLE)
+    observer = SceneObserver(rec, playback.views, playback.scene)
+    step_through(playback, observer, {}, collector, TO_CONSOLE)
     playback.remarks(collector)
     _finish(rec)
 

@@ -6,7 +6,6 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from ..drawing.canvas import map_extent
-from ..entities import RunPaths
 from ..panels.belief import belief_view, closeup_view
 from ..panels.camera import camera_view, edges_view
 from ..panels.events import words_view
@@ -30,7 +29,7 @@ LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
 def overview(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the arena and the words left, matching in the middle, pictures and traces right."""
-    paths = RunPaths(run.label)
+    paths = run.paths
     distances, *others = single_plots(paths, scene)
     left = rrb.Vertical(
         belief_view(paths, scene),
@@ -56,7 +55,7 @@ def overview(run: RunView, scene: Scene) -> rrb.Vertical:
 
 def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the cloud large; likelihoods, headings, ancestors and evidence beside it."""
-    paths = RunPaths(run.label)
+    paths = run.paths
     cloud = rrb.Vertical(
         closeup_view(paths, scene),
         words_view(paths),
@@ -82,7 +81,7 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
 
 def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the map and the figures left; the sentence right, over camera and references side by side."""
-    paths = RunPaths(run.label)
+    paths = run.paths
     extent = map_extent(scene.arena, scene.scale)
     map_share = float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))  # as its shape needs
     table_share = 0.65 + 0.1 * len(run.channels)
@@ -98,7 +97,7 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
 
 def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out another localizer's clouds: the arena and the words left, the close-up, traces right."""
-    paths = RunPaths(run.label)
+    paths = run.paths
     left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[2.2, 0.95])
     middle = rrb.Vertical(closeup_view(paths, scene), modes_view(paths), row_shares=[1.85, 1])
     seen = rrb.Horizontal(*([camera_view()] if scene.has_pictures else []), headings_view(paths))

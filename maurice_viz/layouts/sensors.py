@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
-from ..entities import RunPaths
 from ..panels.sensors import (
     in_space,
     sensor_map_view,
@@ -21,8 +20,8 @@ WORDS, PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text ove
 
 def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the map left; right the words and pictures of each sensor, or the distances."""
-    paths = RunPaths(run.label)
-    blocks = [_of_sensor(run, paths, name) for name in run.sensors]
+    paths = run.paths
+    blocks = [_of_sensor(run, name) for name in run.sensors]
     right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
     views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
     known = {} if run.sensor is None else run.sensor.sensors
@@ -33,7 +32,7 @@ def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
     return over_events(rrb.Horizontal(column, right, column_shares=[1, 1.1]), [run])
 
 
-def _of_sensor(run: RunView, paths: RunPaths, name: str) -> rrb.Container:
-    pictures = sensor_picture_views(run, paths, name)
+def _of_sensor(run: RunView, name: str) -> rrb.Container:
+    pictures = sensor_picture_views(run, name)
     shares = [WORDS, *(PICTURES * len(pictures))[: len(pictures)]]
-    return rrb.Vertical(sensor_words_view(paths, name), *pictures, name=name, row_shares=shares)
+    return rrb.Vertical(sensor_words_view(run.paths, name), *pictures, name=name, row_shares=shares)

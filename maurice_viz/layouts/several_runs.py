@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from ..drawing.keys import NARROW_FROM
-from ..entities import RunPaths
 from ..panels import comparison as shared
 from ..panels import traces as lines
 from ..panels.camera import camera_view
@@ -30,13 +29,13 @@ def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
 
 
 def _two(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
-    first, second = (_wide(run, number, len(runs), scene) for number, run in enumerate(runs))
+    first, second = (_wide(run, len(runs), scene) for run in runs)
     return rrb.Horizontal(first, _wide_shared(runs, scene), second, column_shares=[1, 1.1, 1])
 
 
 def _many(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
     together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
-    maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
+    maps = [shared.run_belief_view(run, len(runs), scene) for run in runs]
     pictures = rrb.Horizontal(*shared.camera_views(runs))
     plots = rrb.Vertical(pictures, *_narrow_plots(runs, scene))
     return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1, 1.5, 0.9])
@@ -45,17 +44,17 @@ def _many(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
 def recorded_compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out several recorded localizers: one shared map, a map each, how they differ."""
     together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
-    maps = [shared.run_belief_view(run, number, len(runs), scene) for number, run in enumerate(runs)]
+    maps = [shared.run_belief_view(run, len(runs), scene) for run in runs]
     pictures = [camera_view()] if scene.has_pictures else []
     plots = rrb.Vertical(*pictures, *_narrow_plots(runs, scene))
     grid = rrb.Grid(*maps, grid_columns=1 if len(runs) < NARROW_FROM else 2)
     return over_events(rrb.Horizontal(together, grid, plots, column_shares=[1.1, 1.2, 1]), runs)
 
 
-def _wide(run: RunView, number: int, count: int, scene: Scene) -> rrb.Vertical:
-    paths = RunPaths(run.label)
+def _wide(run: RunView, count: int, scene: Scene) -> rrb.Vertical:
+    paths = run.paths
     return rrb.Vertical(
-        rrb.Tabs(shared.run_belief_view(run, number, count, scene), circles_view(paths, scene)),
+        rrb.Tabs(shared.run_belief_view(run, count, scene), circles_view(paths, scene)),
         best_references_view(paths, scene),
         rrb.Tabs(*histogram_views(paths, run.channels, SHORT_LEGEND), active_tab=0),
         words_view(paths, f"{run.label}: What this step did"),
@@ -74,40 +73,38 @@ def _wide_shared(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
 
 def _wide_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.Tabs]:
     """Plot the runs themselves, then how they differ from the first."""
-    labels, distances = [run.label for run in runs], shared.distance_plots(runs, scene)
+    distances = shared.distance_plots(runs, scene)
     if not scene.has_truth:
-        shares = plot_of_runs(lines.CONFIDENCE, "Confidence (share)", labels, 1.1)
-        return [rrb.Tabs(one) for one in (_spread(labels, scene), *(distances or [shares]))]
+        shares = plot_of_runs(lines.CONFIDENCE, "Confidence (share)", runs, 1.1)
+        return [rrb.Tabs(one) for one in (_spread(runs, scene), *(distances or [shares]))]
     position, heading = shared.difference_plots(runs, scene)
     differences = [position, *distances, heading]
     return [
-        rrb.Tabs(*lines.error_plots(labels, scene), _spread(labels, scene), active_tab=0),
+        rrb.Tabs(*lines.error_plots(runs, scene), _spread(runs, scene), active_tab=0),
         rrb.Tabs(*differences, active_tab=0),
     ]
 
 
 def _narrow_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
-    labels = [run.label for run in runs]
     if not scene.has_truth:
-        return [_spread(labels, scene), *shared.distance_plots(runs, scene)]
-    error, _ = lines.error_plots(labels, scene)
+        return [_spread(runs, scene), *shared.distance_plots(runs, scene)]
+    error, _ = lines.error_plots(runs, scene)
     return [error, shared.difference_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
 
 
-def _spread(labels: Sequence[str], scene: Scene) -> rrb.TimeSeriesView:
-    return plot_of_runs(lines.SPREAD, f"Spread ({scene.scale.units.name})", labels)
+def _spread(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
+    return plot_of_runs(lines.SPREAD, f"Spread ({scene.scale.units.name})", runs)
 
 
 def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Plot one quantity per panel, one line per run."""
-    labels = [run.label for run in runs]
-    who = lines.who_is_who(labels)  # stands in the first two titles
-    columns, knows = [], lines.knows_plot(labels)
+    who = lines.who_is_who(runs)  # stands in the first two titles
+    columns, knows = [], lines.knows_plot(runs)
     if scene.has_truth:
-        errors = lines.error_plots(labels, scene, who)
-        columns.append(rrb.Vertical(*errors, *lines.truth_plots(labels), knows))
+        errors = lines.error_plots(runs, scene, who)
+        columns.append(rrb.Vertical(*errors, *lines.truth_plots(runs), knows))
     cloud = lines.cloud_plots(runs, scene, lines.NOBODY if scene.has_truth else who)
-    cloud += lines.survival_plots(labels)
+    cloud += lines.survival_plots(runs)
     columns.append(rrb.Vertical(*cloud, *([] if scene.has_truth else [knows])))
     return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
 
@@ -115,21 +112,20 @@ def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
 def _last(runs: Sequence[RunView]) -> rrb.Vertical:
     """Plot evidence, one panel per run, over the key of its lines."""
     titles = {run.label: f"{run.label}: " if len(runs) > 1 else "" for run in runs}
-    evidence = [lines.evidence_plot(RunPaths(run.label), titles[run.label]) for run in runs]
+    evidence = [lines.evidence_plot(run.paths, titles[run.label]) for run in runs]
     by_channels = {run.channels: run for run in reversed(runs)}  # the same channels have the same key
     first_ones = [run for run in runs if by_channels[run.channels] is run]
     if len(first_ones) > 1:
-        keys = [lines.evidence_key(RunPaths(run.label), titles[run.label]) for run in first_ones]
+        keys = [lines.evidence_key(run.paths, titles[run.label]) for run in first_ones]
         key: rrb.Tabs | rrb.Spatial2DView = rrb.Tabs(*keys, active_tab=0)
     else:
-        key = lines.evidence_key(RunPaths(runs[0].label))
+        key = lines.evidence_key(runs[0].paths)
     shares = [2.4 / len(runs)] * len(runs) + [lines.key_share(runs[0])]
     return rrb.Vertical(*evidence, key, row_shares=shares)
 
 
 def recorded_traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
-    labels = [run.label for run in runs]
-    columns = [lines.error_plots(labels, scene)] if scene.has_truth else []
+    columns = [lines.error_plots(runs, scene)] if scene.has_truth else []
     columns.append(lines.cloud_plots(runs, scene))
     return over_events(rrb.Horizontal(*(rrb.Vertical(*column) for column in columns)), runs)

@@ -8,7 +8,6 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from ..drawing.keys import NARROW_FROM
-from ..entities import RunPaths
 from ..panels.belief import belief_view
 from ..panels.camera import camera_view
 from ..panels.comparison import all_runs_view, camera_views
@@ -31,25 +30,25 @@ def over_events(body: rrb.Container, runs: Sequence[RunView], brief: bool = True
     """Return a screen over the lanes of events, full width; `brief` leaves out what each run noticed."""
     lanes = 1 + len(runs) * (1 if brief else 2)
     height = LANES + LANE * lanes
-    events = events_view([run.label for run in runs], brief=brief)
+    events = events_view(runs, brief=brief)
     return rrb.Vertical(body, events, row_shares=[SCREEN - height, height])
 
 
 def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out the verdict, one large map beside what was seen, and events over errors, full width."""
     if len(runs) == 1:
-        arena, camera = belief_view(RunPaths(runs[0].label), scene), camera_view("The robot sees")
-        matches = [best_match_view(RunPaths(runs[0].label), scene, "The best match in the library")]
+        arena, camera = belief_view(runs[0].paths, scene), camera_view("The robot sees")
+        matches = [best_match_view(runs[0].paths, scene, "The best match in the library")]
     else:
         arena, camera = all_runs_view(runs, scene), camera_views(runs)[0]
         title = "{}: best match" if len(runs) < NARROW_FROM else "{}"
-        matches = [best_match_view(RunPaths(run.label), scene, title.format(run.label)) for run in runs]
+        matches = [best_match_view(run.paths, scene, title.format(run.label)) for run in runs]
     brief = len(runs) > 1
     lanes = 1 + len(runs) * (1 if brief else 2)
     width, height = scene.arena.size_m
     wide = float(np.clip(width / height * MIDDLE / 16 + 0.06, 0.35, 0.7))
     if len(runs) == 1:
-        paths = RunPaths(runs[0].label)
+        paths = runs[0].paths
         blind = [*(sensor_words_view(paths, name) for name in runs[0].sensors), headings_view(paths)]
         views = [camera, *matches] if runs[0].channels else blind  # without a camera there is no picture
         seen = rrb.Vertical(rrb.Horizontal(*views), tour_view(), row_shares=[2, 1])
@@ -60,7 +59,7 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     return rrb.Vertical(
         verdict_view(),
         rrb.Horizontal(arena, seen, column_shares=[wide, 1 - wide]),
-        events_view([run.label for run in runs], brief=brief),
+        events_view(runs, brief=brief),
         errors_plot(runs, scene),
         row_shares=[TEXTS + LINE * more, MIDDLE - (LANE + LINE) * more, LANES + LANE * lanes, 1.5],
     )

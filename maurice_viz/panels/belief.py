@@ -19,7 +19,7 @@ from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_poi
 from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import WEIGHTS, highest, phase_keys
 from ..entities import Phase, RunPaths
-from ..scene import Scene
+from ..scene import RunView, Scene
 from ..style import (
     DEAD,
     FRESH,
@@ -35,7 +35,7 @@ from ..style import (
     packed,
     weight_colors,
 )
-from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import MAP, map_view, plane_view
 
 PARTICLE = 1.75  # radius in points of the screen
@@ -126,8 +126,8 @@ def reseeded_points(record: StepRecord, scale: Scale) -> Row:
 class FreshPanel(Panel):
     """Draws the fresh particles by themselves: for maps that show few particles, or all of them pale."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._path, self._is_shown = run.paths.fresh, False
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -221,9 +221,9 @@ def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLO
 class EstimatePanel(Panel):
     """Draws the scored estimate."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._marker = estimate_marker(run.paths.estimate, run.library.arena, run.scale, run.color)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._marker = estimate_marker(run.paths.estimate, scene.arena, scene.scale, run.color)
         self._last: F64 | None = None  # the estimate before
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -251,8 +251,8 @@ AROUND = np.linspace(0, 2 * np.pi, 33)
 class EllipsesPanel(Panel):
     """Draws the covariance of the weighted cloud; of a recorded localizer along its last `TRAIL` poses."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._path, self._is_own = run.paths.ellipses, not run.is_recorded
         self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL)
 
@@ -283,10 +283,11 @@ def ellipse_of(belief: Belief, scale: Scale) -> F32:
 class CloseupPanel(Panel):
     """Moves the frame of a view that follows the cloud, with a scale bar."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._path = run.paths.closeup
-        self._widest = long_side(run.library.arena, run.scale) / BARS_WIDE  # bar with the whole map in view
+        # the bar with the whole map in view
+        self._widest = long_side(scene.arena, scene.scale) / BARS_WIDE
         self._bar = 0.0
         self._at = np.zeros(2, np.float32)  # middle of the frame, as drawn
 

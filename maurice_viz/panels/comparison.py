@@ -10,19 +10,18 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.values.arrays import F32, F64, I32, U8
-from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from .. import entities
 from ..drawing.canvas import jpeg, long_side
 from ..drawing.keys import COMPARED, belief_keys, extent_with, highest, runs_key
-from ..entities import Phase, RunPaths
+from ..entities import Phase
 from ..playback import RunResult
 from ..scene import RunView, Scene
-from ..style import COLOR_WORDS, RUN_COLORS, Scale, font_safe
+from ..style import font_safe
 from ..text.summary import NOT_YET, StepWords, result
-from .belief import PoseMarker, truth_marker
+from .belief import truth_marker
 from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
 from .events import EventLines, line_names
 from .panel import MARKDOWN, set_phase, set_phase_only
@@ -43,36 +42,32 @@ class ComparisonDrawing:
     """
 
     def __init__(
-        self, rec: rr.RecordingStream, runs: Sequence[RunView], scale: Scale, draws_fresh: bool = True
+        self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene, draws_fresh: bool = True
     ) -> None:
-        self._rec, self._runs, self._scale = rec, tuple(runs), scale
+        self._rec, self._runs, self._scale = rec, tuple(runs), scene.scale
         self._labels = tuple(run.label for run in runs)
-        self._other_drives = [run.label for run in runs if run.own_drive]
         self._clouds = {label: entities.cloud_of(label) for label in self._labels}
-        self._truths: dict[str, PoseMarker] = {}  # of other drives
-        self._words: StepWords | None = None
+        self._truths = {  # of other drives
+            run.label: truth_marker(entities.truth_of(run.label), scene.arena, scene.scale)
+            for run in runs
+            if run.own_drive
+        }
+        self._words = StepWords(self._labels, scene.scale, scene.has_truth)
         self._draws_fresh = draws_fresh and not all(run.is_recorded for run in runs)
-        self._far, self._key = 0.0, -1  # between the keys of all runs; the one that is shown
+        self._far = FAR * long_side(scene.arena, scene.scale)  # between the keys of all runs
+        self._key = -1  # the one that is shown
         self._events = EventLines()
         self._extents: dict[str, tuple[float, float]] = {}  # least and largest value, by plot
-
-    def begin(self, arena: Arena, has_truth: bool) -> None:
-        self._truths = {
-            label: truth_marker(entities.truth_of(label), arena, self._scale) for label in self._other_drives
-        }
-        self._words = StepWords(self._labels, self._scale, has_truth)
-        self._draw_keys(arena, has_truth)
+        self._draw_keys(scene)
         for path in (entities.TEXT, entities.RESULT):
-            self._rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        self._rec.log(entities.RESULT, rr.TextDocument(NOT_YET, media_type=MARKDOWN), static=True)
-        for label, color in zip(self._labels, RUN_COLORS, strict=False):
-            self._prepare_run(label, color)
+            rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        rec.log(entities.RESULT, rr.TextDocument(NOT_YET, media_type=MARKDOWN), static=True)
+        for run in runs:
+            self._prepare_run(run)
         self._prepare_lines()
 
     def see(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> None:
         """Log one update of all runs."""
-        if self._words is None:
-            raise RuntimeError("begin() comes before see()")
         moment, _ = steps[self._labels[0]]
         self._show_key(moment, (record for _, record in steps.values()))
         set_phase(self._rec, moment, Phase.WEIGHT)
@@ -97,13 +92,12 @@ class ComparisonDrawing:
         text = result(results, self._scale.units)
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
-    def _draw_keys(self, arena: Arena, has_truth: bool) -> None:
-        self._far = FAR * long_side(arena, self._scale)
-        keys_of_all = _keys_of_all(self._runs, has_truth)
-        draw_keys(self._rec, entities.RUNS_KEY, keys_of_all, arena, self._scale)
-        for run, color in zip(self._runs, RUN_COLORS, strict=False):
-            keys = belief_keys(has_truth, color, run.is_recorded, len(self._runs))
-            draw_keys(self._rec, RunPaths(run.label).phase_key(COMPARED), keys, arena, self._scale)
+    def _draw_keys(self, scene: Scene) -> None:
+        keys_of_all = _keys_of_all(self._runs, scene.has_truth)
+        draw_keys(self._rec, entities.RUNS_KEY, keys_of_all, scene.arena, scene.scale)
+        for run in self._runs:
+            keys = belief_keys(scene.has_truth, run.color, run.is_recorded, len(self._runs))
+            draw_keys(self._rec, run.paths.phase_key(COMPARED), keys, scene.arena, scene.scale)
 
     def _show_key(self, moment: Moment, records: Iterable[StepRecord]) -> None:
         """Show the key with fresh particles in the phase in which some run draws them."""
@@ -117,12 +111,12 @@ class ComparisonDrawing:
             set_phase_only(self._rec, moment, Phase.RESEED)
             show_key(self._rec, entities.RUNS_KEY, 1, self._far)
 
-    def _prepare_run(self, label: str, color: tuple[int, int, int]) -> None:
-        points = rr.components.Radius.ui_points
-        dots = rr.Points2D.from_fields(colors=[color], radii=points(DOT), draw_order=20.0)
+    def _prepare_run(self, run: RunView) -> None:
+        label, points = run.label, rr.components.Radius.ui_points
+        dots = rr.Points2D.from_fields(colors=[run.color], radii=points(DOT), draw_order=20.0)
         self._rec.log(self._clouds[label], dots, static=True)
         mark = rr.SeriesPoints(
-            colors=[color], names=[f"{font_safe(label)} parts"], markers="diamond", marker_sizes=[5.0]
+            colors=[run.color], names=[f"{font_safe(label)} parts"], markers="diamond", marker_sizes=[5.0]
         )
         self._rec.log(entities.parted_of(label), mark, static=True)
         if label in self._truths:
@@ -131,7 +125,7 @@ class ComparisonDrawing:
 
     def _prepare_lines(self) -> None:
         first, *others = self._labels
-        colors = list(RUN_COLORS[1 : len(self._labels)])
+        colors = [run.color for run in self._runs[1:]]
         what = {
             entities.POSITION_DIFFERENCE: "position error",
             entities.HEADING_DIFFERENCE: "heading error",
@@ -198,16 +192,16 @@ def first_label(runs: Sequence[RunView]) -> str:
     return label if len(label) <= LONGEST else "the first"
 
 
-def run_belief_view(run: RunView, number: int, count: int, scene: Scene) -> rrb.Spatial2DView:
-    """Show one run's cloud; the title names the run's color in shared panels."""
-    paths = RunPaths(run.label)
+def run_belief_view(run: RunView, count: int, scene: Scene) -> rrb.Spatial2DView:
+    """Show the cloud of one of `count` runs; the title names the run's color in shared panels."""
+    paths = run.paths
     contents = [*MAP, entities.NODES, f"{paths.phase_key(COMPARED)}/**", f"{paths.at('belief')}/**"]
     contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     unit = scene.scale.units.name
-    name = f"{run.label}, {COLOR_WORDS[number]}: belief ({unit})"
+    name = f"{run.label}, {run.color_word}: belief ({unit})"
     if len(name) > LONGEST_TITLE:
-        name = f"{run.label}, {COLOR_WORDS[number]} ({unit})"
-    key = highest(belief_keys(scene.has_truth, RUN_COLORS[number], run.is_recorded, count))
+        name = f"{run.label}, {run.color_word} ({unit})"
+    key = highest(belief_keys(scene.has_truth, run.color, run.is_recorded, count))
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
 
 
@@ -215,7 +209,7 @@ def all_runs_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
     contents = [*MAP, entities.NODES, f"{entities.RUNS_KEY}/**"]
     for run in runs:
-        paths = RunPaths(run.label)
+        paths = run.paths
         contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses, paths.fresh]
         truth = f"{entities.truth_of(run.label, run.own_drive)}/**"
         contents += [truth, paths.error_line] if scene.has_truth else []

@@ -18,11 +18,12 @@ from maurice_mcl.values.session import Moment, first_word
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
+from ..scene import RunView, Scene
 from ..style import FRESH, GROUND, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
 from ..text.failure import title
 from ..text.what_if import BRANCH
-from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only, set_place
+from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_phase_only, set_place
 
 PARTLY = " · only partly drawn, see `--detail`"
 
@@ -235,12 +236,12 @@ class _Marks:
 class EventsPanel(Panel):
     """Draws the lanes of one run, status and what was noticed; and the log's, once for all runs."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        hold_steps, known = hold_for(run.updates or USUAL_UPDATES), run.updates > 0  # else it is live
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        hold_steps, known = hold_for(scene.updates or USUAL_UPDATES), scene.updates > 0  # else it is live
         self._status, self._step = _Lane(status_path(run.paths), STATUS_COLORS), 0
         self._noticed = _Marks(_Lane(noticed_path(run.paths), NOTICED_COLORS), hold_steps, known)
-        self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps, False) if run.draws_scene else None
+        self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps, False) if run.number == 0 else None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._status.prepare(rec)
@@ -283,16 +284,15 @@ def noticed_path(paths: RunPaths) -> str:
     return paths.at("events", "noticed")
 
 
-def events_view(labels: Sequence[str], title: str = "Events", brief: bool = False) -> rrb.StateTimelineView:
+def events_view(runs: Sequence[RunView], brief: bool = False) -> rrb.StateTimelineView:
     """Show the lanes of some runs and of the log, with the meaning of the colors in the title.
 
     Each lane takes 35 pixels, title and time axis together 45: 150 pixels for one run, 220 for two. `brief`
     leaves out what was noticed in each run.
     """
-    runs = [RunPaths(label) for label in labels]
-    contents = [status_path(paths) if brief else f"{paths.at('events')}/**" for paths in runs]
+    contents = [status_path(run.paths) if brief else f"{run.paths.at('events')}/**" for run in runs]
     return rrb.StateTimelineView(
-        name=f"{title}: {LEGEND}; {LINES_LEGEND}", origin="/", contents=[*contents, LOG_LANE]
+        name=f"Events: {LEGEND}; {LINES_LEGEND}", origin="/", contents=[*contents, LOG_LANE]
     )
 
 

@@ -37,12 +37,12 @@ from ..drawing.heat import CHART
 from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
-from ..scene import Scene
+from ..scene import RunView, Scene
 from ..style import GROUND, MISSING, PALE, RANK, RGB
 from ..text.explanation import REFERENCES, say_step
 from ..text.explanation_table import brief_table, winner_first
 from .camera import draw_jpeg, prepare_jpeg
-from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase
+from .panel import MARKDOWN, Panel, StepUpdate, set_phase
 from .views import MAP, map_view, picture_view
 
 OUTSIDE = "outside free space"
@@ -77,9 +77,9 @@ CAMERA_TITLE = "Camera, edges"
 class ExplanationPanel(Panel):
     """Draws the explanation of each step; empty for a saved run without its library."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._has_truth = run.has_truth
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._has_truth = scene.has_truth
         self._references = None if run.sensor is None else _References(run.sensor)
         self._cards: dict[str, bytes] = {}  # last logged, by column
 

@@ -28,8 +28,9 @@ from ..drawing.bars import (
 )
 from ..drawing.heat import AXES, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
+from ..scene import RunView, Scene
 from ..style import BAR
-from .panel import DrawnRun, Panel, StepUpdate, set_phase
+from .panel import Panel, StepUpdate, set_phase
 from .views import bars_view, picture_view
 
 KINDS = ("sample", "reference", "difference")
@@ -41,8 +42,8 @@ HEAT_KINDS = MAPS, ADDED = "maps", "added"  # of a two-dimensional histogram, in
 class HistogramsPanel(Panel):
     """Draws for each channel the picture's descriptor, its best match's, and what each element adds to D."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._tops: dict[str, tuple[float, float]] = {}  # usual height of an element, and what it adds to D
 
     def prepare(self, rec: rr.RecordingStream) -> None:

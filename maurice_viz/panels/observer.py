@@ -1,27 +1,27 @@
-"""Observing a run: an observer gets every moment and record, and never changes the filter."""
+"""Observing runs: an observer gets every moment and record, and never changes the filter."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import rerun as rr
 
 from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.scoring.events import EventDetector
-from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.radii import USUAL, Radii
 from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment, SessionInfo
+from maurice_mcl.values.session import Moment
 
-from ..entities import Phase, RunPaths
-from ..scene import Detail
-from ..style import RGB, RUN_COLORS, scale_for
-from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase
+from ..entities import Phase
+from ..playback import RunResult
+from ..scene import Detail, RunView, Scene
+from .comparison import ComparisonDrawing
+from .panel import StepUpdate, set_phase
 from .registry import panels_of
+from .story import VerdictDrawing
 
 AROUND = 2  # updates before and after an event that are drawn in full
 
@@ -71,93 +71,82 @@ def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) ->
     return round(steps * (whole * full + (1 - whole) * light))
 
 
-class Observer(Protocol):
-    """What a run is reported to, update by update."""
-
-    failures: Sequence[Failure]  # why the run failed; set before `end`
-
-    def begin(self, info: SessionInfo, library: Library) -> None:
-        """Take what is known before the first picture. Called once."""
-
-    def see(self, moment: Moment, record: StepRecord) -> None:
-        """Take one update. Updates come in order, none left out."""
-
-    def end(self) -> None:
-        """Finish. Called once, also after a failure."""
-
-
-@dataclass(slots=True)
 class RerunObserver:
-    """Draws one run into a recording. Several, with different labels, share a recording.
+    """Draws one run into a Rerun recording by its panels; what does not change is drawn at once."""
 
-    `scene` makes this one also draw what the runs share: map, camera, truth. Exactly one should.
-    """
-
-    rec: rr.RecordingStream
-    label: str
-    distances: Mapping[str, str]  # of the run's sensor model, by channel: which histograms there will be
-    scene: bool = True
-    has_truth: bool = True  # whether keys mention the truth
-    detail: Detail = Detail.FULL
-    sensor: SensorModel | None = None  # to explain with; None: that panel stays empty
-    updates: int = 0  # how many there will be; 0 where that is not known
-    radii: Radii = USUAL  # by which the run is judged
-    color: RGB = RUN_COLORS[0]  # of its estimate
-    failures: Sequence[Failure] = ()  # why the run failed: known only before `end`
-    _panels: list[Panel] = field(init=False, default_factory=list)
-    _detector: EventDetector | None = field(init=False, default=None)
-    _filter: DetailFilter = field(init=False)
-    _was_whole: bool | None = field(init=False, default=None)  # of the last update drawn; None: none yet
-
-    def __post_init__(self) -> None:
-        RunPaths(self.label)  # a label that cannot be drawn is refused before anything runs
-        self._filter = DetailFilter(self.detail)
-
-    def begin(self, info: SessionInfo, library: Library) -> None:
-        """Log all that does not change."""
-        scale = scale_for(info.display_units, library.arena)
-        self._detector = EventDetector(scale.say)
-        run = DrawnRun(
-            paths=RunPaths(self.label),
-            library=library,
-            scale=scale,
-            distances=self.distances,
-            finder=EntryFinder.of(library) if library.size else None,
-            sensor=self.sensor,
-            has_truth=self.has_truth,
-            draws_scene=self.scene,
-            updates=self.updates,
-            radii=self.radii,
-            color=self.color,
-        )
-        self._panels = panels_of(run)
-        for panel in self._panels:
-            panel.prepare(self.rec)
+    def __init__(
+        self, rec: rr.RecordingStream, run: RunView, scene: Scene, detail: Detail = Detail.FULL
+    ) -> None:
+        self._rec, self._filter = rec, DetailFilter(detail)
+        self._detector = EventDetector(scene.scale.say)
+        self._was_whole: bool | None = None  # whether the last update was drawn in full; None: none was yet
+        self.panels = panels_of(run, scene)
+        for panel in self.panels:
+            panel.prepare(rec)
 
     def see(self, moment: Moment, record: StepRecord) -> None:
         """Log one update, phase by phase; with the detail "events" two updates later."""
-        if self._detector is None:
-            raise RuntimeError("begin() comes before see()")
-        events = self._detector.see(moment, record)
-        found = self._detector
-        update = StepUpdate(moment, record, events, found.state, found.knows, found.modes)
+        detector = self._detector
+        events = detector.see(moment, record)
+        update = StepUpdate(moment, record, events, detector.state, detector.knows, detector.modes)
         for ready in self._filter.see(update):
             self._draw(ready)
 
-    def end(self) -> None:
-        """Log what was held back. Flushing the recording and reporting failures is up to the caller."""
+    def end(self, failures: Sequence[Failure] = ()) -> None:
+        """Log what was held back, and why the run failed. Flushing the recording is up to the caller."""
         for update in self._filter.rest():
             self._draw(update)
-        for panel in self._panels:
-            panel.diagnosed(self.rec, self.failures)
-            panel.finish(self.rec)
+        for panel in self.panels:
+            panel.diagnosed(self._rec, failures)
+            panel.finish(self._rec)
 
     def _draw(self, update: StepUpdate) -> None:
         update = replace(update, is_first=self._was_whole is None)
         if not update.whole and self._was_whole is not False:
-            set_phase(self.rec, update.moment, Phase.PREDICT)
-            for panel in self._panels:
-                panel.clear(self.rec)
-        for panel in self._panels:
-            panel.draw(self.rec, update)
+            set_phase(self._rec, update.moment, Phase.PREDICT)
+            for panel in self.panels:
+                panel.clear(self._rec)
+        for panel in self.panels:
+            panel.draw(self._rec, update)
         self._was_whole = update.whole
+
+
+class SceneObserver:
+    """Draws all runs of a Rerun recording: each by its own panels, how they compare, and the verdict."""
+
+    def __init__(
+        self,
+        rec: rr.RecordingStream,
+        runs: Sequence[RunView],
+        scene: Scene,
+        detail: Detail = Detail.FULL,
+    ) -> None:
+        self._runs = {run.label: RerunObserver(rec, run, scene, detail) for run in runs}
+        self._comparison: ComparisonDrawing | None = None
+        if len(runs) > 1:
+            self._comparison = ComparisonDrawing(rec, runs, scene, draws_fresh=detail is not Detail.LIGHT)
+        self._verdict = VerdictDrawing(rec, runs, scene)
+
+    def see(
+        self,
+        steps: Mapping[str, Step],
+        pairs: Mapping[str, StepComparison],
+        verdicts: Callable[[], Mapping[str, RunVerdict]],
+    ) -> None:
+        """Log one update of every run, how it compares with the first, and for a live drive the verdict."""
+        for label, observer in self._runs.items():
+            observer.see(*steps[label])
+        if self._comparison is not None:
+            self._comparison.see(steps, pairs)
+        moment, _ = next(iter(steps.values()))
+        self._verdict.see(moment, verdicts)
+
+    def end(self, results: Sequence[RunResult]) -> None:
+        """Log what is known only in the end, by the results so far; none: there was no update."""
+        verdicts = {result.label: result.verdict for result in results}
+        if results:
+            if self._comparison is not None:
+                self._comparison.end(results)
+            self._verdict.end(verdicts)
+        for label, observer in self._runs.items():
+            observer.end(verdicts[label].failures if label in verdicts else ())

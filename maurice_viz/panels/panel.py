@@ -6,69 +6,24 @@ A panel owns the entities that it draws: no other panel logs them. Beside the cl
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import rerun as rr
 
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.reasons.failures.kinds import Failure
 from maurice_mcl.scoring.events import RunEvent
 from maurice_mcl.scoring.modes import TrackedMode
-from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.sensor.references import NearestReference, nearest_reference
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.radii import USUAL, Radii
+from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from ..drawing.canvas import png
-from ..entities import PHASE, SESSION, STEP, Phase, RunPaths, phase_number
-from ..style import RGB, RUN_COLORS, Scale
+from ..entities import PHASE, SESSION, STEP, Phase, phase_number
+from ..scene import RunView, Scene
 
 MARKDOWN = "text/markdown"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class EntryFinder:
-    """Finds the library entry that represents a pose, by the library's own rule."""
-
-    nearest: NearestReference
-    origin: F64  # (2,)
-
-    @classmethod
-    def of(cls, library: Library) -> EntryFinder:
-        """Return the finder of a library with at least one entry."""
-        return cls(nearest_reference(library.poses, library.arena), library.origin)
-
-    def entry_at(self, pose: F64) -> int:
-        """Return the entry nearest to a pose (3,) in the map's frame; -1 outside free space."""
-        relative = (pose - np.append(self.origin, 0)).astype(np.float32)
-        return int(self.nearest.entries(relative[None], self.origin)[0])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnRun:
-    """What the panels of a run know before its first picture."""
-
-    paths: RunPaths
-    library: Library  # of another localizer's run, or of a saved run without it: no entries
-    scale: Scale
-    distances: Mapping[str, str]  # of the sensor model, by channel
-    finder: EntryFinder | None = None  # None: the library has no entries
-    sensor: SensorModel | None = None  # None: nothing can be explained
-    has_truth: bool = True
-    draws_scene: bool = True  # whether this run draws what all runs share: map, camera, truth
-    updates: int = 0  # how many there will be; 0 where that is not known
-    radii: Radii = USUAL  # by which the run is judged
-    color: RGB = RUN_COLORS[0]  # of its estimate, everywhere
-
-    @property
-    def is_recorded(self) -> bool:
-        """Whether another localizer ran it: its sensor model is not known, and nothing is drawn afresh."""
-        return not self.distances and not (self.sensor is not None and self.sensor.sensors)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,10 +46,11 @@ class StepUpdate:
 
 
 class Panel:
-    """One panel of one run. The defaults do nothing."""
+    """One panel of one run, made before its first picture. The defaults do nothing."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        self._run, self._paths, self._scale, self._library = run, run.paths, run.scale, run.library
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        self._run, self._scene, self._paths = run, scene, run.paths
+        self._library, self._scale = scene.library, scene.scale
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change, static."""

@@ -19,9 +19,10 @@ from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars,
 from ..drawing.canvas import Extent, put_text, text_size
 from ..drawing.indexed import IndexedColors
 from ..entities import Phase, RunPaths
+from ..scene import RunView, Scene
 from ..style import Scale, heading_vector
 from .belief import copies_of
-from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
+from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 from .views import plane_view, plot
 
 # Headings: a histogram of all directions at once, area by weight.
@@ -39,7 +40,7 @@ class HeadingsPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points
-        path, drawing = self._paths.headings, rim(self._run.has_truth, self._run.color)
+        path, drawing = self._paths.headings, rim(self._scene.has_truth, self._run.color)
         place_drawing(rec, f"{path}/rim", drawing, (-ROSE_REACH, -ROSE_REACH), 1 / RIM_PX, -10.0)
         shape = rr.LineStrips2D.from_fields(colors=[style.HEADINGS], radii=radius(1.25), draw_order=1.0)
         arrows = rr.Arrows2D.from_fields(draw_order=2.0, radii=radius([1.75, 2.5]))
@@ -140,8 +141,8 @@ CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 class ModesPanel(Panel):
     """Draws the bands of one run, and a ring of the same color around each mode on the map."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._bands = np.full((ROWS, UPDATES_SEEN), NO_MODE, np.uint8)  # the latest update at the right
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -235,8 +236,8 @@ _NO_LINES = row_of(rr.LineStrips2D, strips=strips_of([]))
 class AncestryPanel(Panel):
     """Draws the lines of one run, and logs the shares of survivors and ancestors."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._ancestry = Ancestry()
         self._before: Belief | None = None  # what the last update passed on
 

@@ -33,11 +33,11 @@ from ..drawing.contact_sheet import (
 from ..drawing.indexed import IndexedColors
 from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
-from ..scene import Scene
+from ..scene import RunView, Scene
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
 from .belief import run_key
 from .camera import CaptionedPicture
-from .panel import DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, MAP, map_view, plane_view
 from .world import distinct_places
 
@@ -52,9 +52,9 @@ ALL_CHANNELS = "all"  # the map of all channels together
 class MatchCirclesPanel(Panel):
     """Draws one circle per heading at every library node, its radius the log-likelihood (thesis fig. 34)."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._circles = MatchCircles(run.library, run.scale)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._circles = MatchCircles(scene.library, scene.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._circles.prepare(rec, self._paths)
@@ -120,9 +120,9 @@ def nearness(log_likelihood: F32) -> F32:
 class BestReferencesPanel(Panel):
     """Draws the pictures of the five best references."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._sheet = ContactSheet(run.library, run.scale)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._sheet = ContactSheet(scene.library, scene.scale)
         paths = (run.paths.match(rank) for rank in range(1, BEST + 1))
         self._cells = [CaptionedPicture(path, self._sheet.height) for path in paths]
 
@@ -159,10 +159,10 @@ class LikelihoodPanel(Panel):
     over the part of the map that is nearest to it.
     """
 
-    def __init__(self, run: DrawnRun) -> None:
-        assert run.finder is not None  # this panel is only made where the library has entries
-        super().__init__(run)
-        self._maps = LikelihoodMaps(run.library, run.finder.nearest, run.scale)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        assert scene.nearest is not None  # this panel is only made where the library has entries
+        self._maps = LikelihoodMaps(scene.library, scene.nearest, scene.scale)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         for name in map_names(tuple(self._run.distances)):

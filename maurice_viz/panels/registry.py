@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ..scene import RunView, Scene
 from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel
 from .camera import CameraPanel
 from .events import EventsPanel, WordsPanel
 from .explanation import ExplanationPanel
 from .histograms import HistogramsPanel
-from .panel import DrawnRun, Panel
+from .panel import Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .sensors import SensorsPanel
@@ -17,7 +18,7 @@ from .story import ErrorLinePanel, LimitsPanel
 from .traces import TracesPanel
 from .world import KeysPanel, TruthPanel, WorldPanel
 
-PanelMaker = Callable[[DrawnRun], Panel]
+PanelMaker = Callable[[RunView, Scene], Panel]
 
 OF_THE_SCENE: tuple[PanelMaker, ...] = (
     WorldPanel,
@@ -53,9 +54,9 @@ OF_CHANNELS: frozenset[PanelMaker] = frozenset(
 )  # which a robot without a camera has not
 
 
-def panels_of(run: DrawnRun) -> list[Panel]:
-    """Return the panels of a run."""
-    makers = [*(OF_THE_SCENE if run.draws_scene else ()), *OF_A_RUN]
-    makers += OF_REFERENCES if run.library.size else ()
-    blind = run.sensor is not None and not run.distances
-    return [make(run) for make in makers if not (blind and make in OF_CHANNELS)]
+def panels_of(run: RunView, scene: Scene) -> list[Panel]:
+    """Return the panels of a run; the first run has those of the scene, too."""
+    makers = [*(OF_THE_SCENE if run.number == 0 else ()), *OF_A_RUN]
+    makers += OF_REFERENCES if scene.library.size else ()
+    blind = bool(run.sensors) and not run.channels
+    return [make(run, scene) for make in makers if not (blind and make in OF_CHANNELS)]

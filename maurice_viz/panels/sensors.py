@@ -250,11 +250,11 @@ def sensor_words_view(paths: RunPaths, name: str) -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name=f"{name.capitalize()} in words", origin=paths.sensor(name, "words"))
 
 
-def sensor_picture_views(run: RunView, paths: RunPaths, name: str) -> list[rrb.Spatial2DView]:
+def sensor_picture_views(run: RunView, name: str) -> list[rrb.Spatial2DView]:
     """Show the pictures of a sensor, with its marks."""
     titles = () if run.sensor is None else titles_of(run.sensor.sensors[name])
     views = []
     for title in titles:
-        path = paths.sensor(name, slug(title))
+        path = run.paths.sensor(name, slug(title))
         views.append(rrb.Spatial2DView(name=f"{title} (px)", origin=path))
     return views

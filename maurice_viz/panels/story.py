@@ -17,13 +17,13 @@ from maurice_mcl.values.session import Moment
 
 from ..drawing.arrow import points_of, row_of, strips_of, texts_of
 from ..drawing.canvas import long_side
-from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, RunPaths, phase_number
+from ..entities import LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, phase_number
 from ..scene import RunView, Scene
-from ..style import BAR, COLOR_WORDS, DEAD, RUN_COLORS, Scale, font_safe
+from ..style import BAR, DEAD, font_safe
 from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET, verdict_line
-from .panel import MARKDOWN, DrawnRun, Panel, StepUpdate, set_phase, set_phase_only
+from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_phase_only
 from .traces import LINE, POSITION_ERROR, SPREAD, TWO_SIGMA
 from .views import Overrides, plot
 
@@ -40,12 +40,12 @@ FAINT = 0.8  # width of lines that are beside the point
 class LimitsPanel(Panel):
     """Draws the errors that runs are judged by: right below one, lost above the other."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         limits_m = (run.radii.right_m, run.radii.lost_m)
-        self._values = [run.scale.length(limit_m) for limit_m in limits_m]
-        self._names = [run.scale.say(limit_m) for limit_m in limits_m]
-        self._has_truth, self._seen = run.has_truth, 0
+        self._values = [scene.scale.length(limit_m) for limit_m in limits_m]
+        self._names = [scene.scale.say(limit_m) for limit_m in limits_m]
+        self._has_truth, self._seen = scene.has_truth, 0
         self._last: Moment | None = None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -73,11 +73,10 @@ class ErrorLinePanel(Panel):
     Not in the update of a kidnapping: there the arrow along which the robot was carried says it.
     """
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        number = RUN_COLORS.index(run.color) if run.color in RUN_COLORS else 0
-        below = LABELS_BESIDE[number % len(LABELS_BESIDE)]  # or those of nearby lines would overlap
-        self._beside = np.array([0.0, below * long_side(run.library.arena, run.scale)], np.float32)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        below = LABELS_BESIDE[run.number % len(LABELS_BESIDE)]  # or those of nearby lines would overlap
+        self._beside = np.array([0.0, below * long_side(scene.arena, scene.scale)], np.float32)
         self._is_shown = False
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -118,19 +117,17 @@ class ErrorLinePanel(Panel):
 class VerdictDrawing:
     """Draws the verdict on all runs of a recording. It is known at the end; of a live drive, so far."""
 
-    def __init__(
-        self, rec: rr.RecordingStream, scale: Scale, runs: Sequence[RunView], live: bool = False
-    ) -> None:
-        self._rec, self._scale, self._live = rec, scale, live
+    def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
+        self._rec, self._scale, self._live = rec, scene.scale, scene.live
         self._words = words(runs)
         self._times_s: dict[int, float] = {}  # of each step
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET)
 
-    def see(self, moment: Moment, updates: int, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
-        """Log the verdict after so many updates, for a live drive now and then; deciding it costs much."""
+    def see(self, moment: Moment, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
+        """Take the next update; log the verdict of a live drive now and then: deciding it costs much."""
         self._times_s[moment.frame.step] = moment.frame.time_s
-        if self._live and updates % EVERY == 0:
+        if self._live and len(self._times_s) % EVERY == 0:
             self.end(verdicts())
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
@@ -171,15 +168,14 @@ def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
     """Plot position error and spread of all runs, with the limits that errors are judged by."""
     unit, contents = scene.scale.units.name, list[str]()
     styles: Overrides = {}
-    colors = RUN_COLORS if len(runs) > 1 else (RUN_COLORS[0],)
-    for run, color in zip(runs, colors, strict=False):
-        trace = RunPaths(run.label).trace
+    for run in runs:
+        trace = run.paths.trace
         error, spread, band = trace(POSITION_ERROR), trace(SPREAD), trace(TWO_SIGMA)
-        styles[error] = rr.SeriesLines.from_fields(colors=[color], widths=[LINE])
-        styles[spread] = rr.SeriesLines.from_fields(colors=[color], widths=[FAINT])
-        styles[band] = rr.Measurements.from_fields(colors=[color], widths=[FAINT])
+        styles[error] = rr.SeriesLines.from_fields(colors=[run.color], widths=[LINE])
+        styles[spread] = rr.SeriesLines.from_fields(colors=[run.color], widths=[FAINT])
+        styles[band] = rr.Measurements.from_fields(colors=[run.color], widths=[FAINT])
         contents += [error, band] if scene.has_truth else [spread]
-    names = [f"{run.label} {word}" for run, word in zip(runs, COLOR_WORDS, strict=False)]
+    names = [f"{run.label} {run.color_word}" for run in runs]
     who = f": {', '.join(names)}" if len(runs) > 1 else ""
     if not scene.has_truth:
         return plot(f"Spread of the cloud ({unit}){who}", contents, overrides=styles)

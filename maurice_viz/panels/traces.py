@@ -13,10 +13,10 @@ from ..drawing.canvas import png
 from ..drawing.keys import line_key
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import BAR, COLOR_WORDS, DEAD, RGB, RUN_COLORS, font_safe
+from ..style import BAR, DEAD, RGB, RUN_COLORS, font_safe
 from ..text.narration import errors
 from .events import EventLines, name_of
-from .panel import DrawnRun, EntryFinder, Panel, StepUpdate, set_phase, set_place
+from .panel import Panel, StepUpdate, set_phase, set_place
 from .population import ANCESTORS, SURVIVORS
 from .views import picture_view, plot, plot_of_runs
 
@@ -65,8 +65,8 @@ LABELED_STEPS = {POSITION_ERROR: 4.5, HEADING_ERROR: 6.5, SPREAD: 4.5}
 class TracesPanel(Panel):
     """Logs one value per line; errors and the rank of the truth only if the truth is known."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
         self._most: dict[str, float] = {}  # by quantity
         self._least: dict[str, float] = {}
         self._events = EventLines()
@@ -83,7 +83,7 @@ class TracesPanel(Panel):
             widths=[THIN],
         )
         rec.log(self._paths.trace(TWO_SIGMA), band, static=True)
-        lines = evidence_lines(tuple(self._run.distances))
+        lines = evidence_lines(self._run.channels)
         names, colors, widths = (list(part) for part in zip(*lines, strict=True))
         style = rr.SeriesLines(names=names, colors=colors, widths=widths)
         rec.log(self._paths.trace(EVIDENCE), style, static=True)
@@ -114,8 +114,7 @@ class TracesPanel(Panel):
         if np.isfinite(nats).all():  # -inf when no particle was in free space
             rec.log(self._paths.trace(EVIDENCE), scalars(nats))
             self._note(EVIDENCE, *nats)
-        if self._run.finder is not None:
-            self._draw_rank(rec, update, self._run.finder)
+        self._draw_rank(rec, update)
         frame = update.moment.frame
         self._ends = [*self._ends[:1], (frame.step, frame.time_s)]
         self._events.see(frame.step, frame.time_s, map(name_of, update.events))
@@ -167,14 +166,15 @@ class TracesPanel(Panel):
         self._note(quantity, value)
         rec.log(self._paths.trace(quantity), scalars(value))
 
-    def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate, finder: EntryFinder) -> None:
+    def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log how well the picture fits the true pose: relative to the estimate, and by rank."""
         logs, truth = update.record.sighting.comparison.log_likelihood, update.moment.truth
         if truth is None or not len(logs):
             return
-        at_truth, at_estimate = finder.entry_at(truth), finder.entry_at(update.record.estimate.pose)
+        at_truth = self._scene.entry_at(truth)
         if at_truth < 0:
             return
+        at_estimate = self._scene.entry_at(update.record.estimate.pose)
         self._log(rec, TRUTH_RANK, float((logs > logs[at_truth]).sum() + 1))
         if at_estimate >= 0:
             self._log(rec, TRUTH_RATIO, float(logs[at_truth] - logs[at_estimate]))
@@ -222,52 +222,52 @@ Who = tuple[str, str]  # whose color is which, at the end of two titles
 NOBODY: Who = ("", "")
 
 
-def error_plots(labels: Sequence[str], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
+def error_plots(runs: Sequence[RunView], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
     """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
     unit = scene.scale.units.name
     return [
-        plot_of_runs(POSITION_ERROR, f"Position error, 2 sigma ({unit}){who[0]}", labels, None, TWO_SIGMA),
-        plot_of_runs(HEADING_ERROR, f"Heading error (deg){who[1]}", labels),
+        plot_of_runs(POSITION_ERROR, f"Position error, 2 sigma ({unit}){who[0]}", runs, None, TWO_SIGMA),
+        plot_of_runs(HEADING_ERROR, f"Heading error (deg){who[1]}", runs),
     ]
 
 
-def truth_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
+def truth_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
     """Plot how well the pictures of some runs fit the true pose."""
     return [
-        plot_of_runs(TRUTH_RATIO, "Log-likelihood of truth less estimate (nats)", labels),
-        plot_of_runs(TRUTH_RANK, "Rank of the truth's reference (1 is best)", labels),
+        plot_of_runs(TRUTH_RATIO, "Log-likelihood of truth less estimate (nats)", runs),
+        plot_of_runs(TRUTH_RANK, "Rank of the truth's reference (1 is best)", runs),
     ]
 
 
 def cloud_plots(runs: Sequence[RunView], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
     """Plot spread, confidence and effective sample size of some runs."""
-    labels, near = [run.label for run in runs], scene.scale.say(runs[0].radii.confidence_m)
+    near = scene.scale.say(runs[0].radii.confidence_m)
     return [
-        plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who[0]}", labels),
-        plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near}){who[1]}", labels, top=1.1),
-        plot_of_runs(EFFECTIVE, "Effective sample size (share of particles)", labels, top=1.1),
+        plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who[0]}", runs),
+        plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near}){who[1]}", runs, top=1.1),
+        plot_of_runs(EFFECTIVE, "Effective sample size (share of particles)", runs, top=1.1),
     ]
 
 
-def knows_plot(labels: Sequence[str]) -> rrb.TimeSeriesView:
+def knows_plot(runs: Sequence[RunView]) -> rrb.TimeSeriesView:
     """Plot the lost signal of some runs: the probability that the estimate is right, without truth."""
-    return plot_of_runs(KNOWS, "Knows where it is (probability, without truth)", labels, top=1.1)
+    return plot_of_runs(KNOWS, "Knows where it is (probability, without truth)", runs, top=1.1)
 
 
-def survival_plots(labels: Sequence[str]) -> list[rrb.TimeSeriesView]:
+def survival_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
     """Plot the shares of survivors and distinct ancestors of some runs."""
     return [
-        plot_of_runs(SURVIVORS, "Survivors of resampling (share)", labels, top=1.1),
-        plot_of_runs(ANCESTORS, "Distinct ancestors ten steps back (share)", labels, top=1.1),
+        plot_of_runs(SURVIVORS, "Survivors of resampling (share)", runs, top=1.1),
+        plot_of_runs(ANCESTORS, "Distinct ancestors ten steps back (share)", runs, top=1.1),
     ]
 
 
-def who_is_who(labels: Sequence[str]) -> Who:
+def who_is_who(runs: Sequence[RunView]) -> Who:
     """Return the colors of several runs for two titles, two runs each; empty for one run."""
-    if len(labels) == 1:
+    if len(runs) == 1:
         return NOBODY
-    said = [f"{label} {COLOR_WORDS[k]}" for k, label in enumerate(labels)]
-    first, second = (", ".join(some) for some in (said[:2], said[2:]))
+    names = [f"{run.label} {run.color_word}" for run in runs]
+    first, second = ", ".join(names[:2]), ", ".join(names[2:])
     return f": {first}", f": {second}" if second else ""
 
 

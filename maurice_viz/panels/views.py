@@ -14,9 +14,9 @@ from maurice_mcl.values.arrays import U8
 
 from ..drawing.canvas import Extent, map_extent
 from ..drawing.keys import extent_with
-from ..entities import BARE_FLOORS, FLOORS, STEP, WALLS, RunPaths
-from ..scene import Scene
-from ..style import CLOUD, GROUND, RUN_COLORS
+from ..entities import BARE_FLOORS, FLOORS, STEP, WALLS
+from ..scene import RunView, Scene
+from ..style import CLOUD, GROUND
 
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
@@ -92,20 +92,20 @@ def plot(
 def plot_of_runs(
     quantity: str,
     name: str,
-    labels: Sequence[str],
+    runs: Sequence[RunView],
     top: float | None = None,
     band: str | None = None,
 ) -> rrb.TimeSeriesView:
     """Plot one quantity of several runs, each in its own color, over a band of each."""
     contents, styles = list[str](), Overrides()
-    for label, color in zip(labels, RUN_COLORS, strict=False):
-        path = RunPaths(label).trace(quantity)
-        styles[path] = rr.SeriesLines.from_fields(colors=[color])
+    for run in runs:
+        path = run.paths.trace(quantity)
+        styles[path] = rr.SeriesLines.from_fields(colors=[run.color])
         contents.append(path)
         if band is not None:
-            around = RunPaths(label).trace(band)
-            styles[around] = rr.Measurements.from_fields(colors=[color])
-            contents.append(around)
+            band_path = run.paths.trace(band)
+            styles[band_path] = rr.Measurements.from_fields(colors=[run.color])
+            contents.append(band_path)
     return plot(name, contents, top, styles)
 
 

@@ -17,9 +17,10 @@ from ..drawing import keys
 from ..drawing.arrow import places_of, row_of
 from ..drawing.canvas import draw_ground, long_side, map_extent
 from ..entities import Phase
+from ..scene import RunView, Scene
 from ..style import CARRIED, NODE, WALL, Scale
 from .belief import truth_marker
-from .panel import DrawnRun, Panel, StepUpdate, place_drawing, set_phase, set_phase_only
+from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 
 FAR = 1000.0  # between the keys of two phases: times the map's long side, or the close-up's half
 CLOSEUP_LEFT, CLOSEUP_TOP, CLOSEUP_WIDTH = -0.96, -0.98, 1.92  # of the key in the close-up, from -1 to 1
@@ -39,14 +40,14 @@ class KeysPanel(Panel):
     moves those of the current phase to their maps.
     """
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._far = FAR * long_side(run.library.arena, run.scale)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._far = FAR * long_side(scene.arena, scene.scale)
         self._shown: Phase | None = None  # on the timeline `phase`
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        run, arena, scale = self._run, self._library.arena, self._scale
-        by_phase = keys.phase_keys(run.has_truth, run.color, run.is_recorded)
+        run, arena, scale, has_truth = self._run, self._library.arena, self._scale, self._scene.has_truth
+        by_phase = keys.phase_keys(has_truth, run.color, run.is_recorded)
         for name, drawn in by_phase.items():
             draw_keys(rec, self._paths.phase_key(name), drawn, arena, scale)
         for number, key in enumerate(by_phase[keys.WEIGHTS]):
@@ -54,7 +55,7 @@ class KeysPanel(Panel):
             path = f"{self._paths.closeup}/key/{number}"
             place_drawing(rec, path, key, corner, CLOSEUP_WIDTH / key.shape[1], 60.0)
         if not run.is_recorded:
-            explained = keys.explain_key(run.has_truth, run.color)
+            explained = keys.explain_key(has_truth, run.color)
             draw_key(rec, self._paths.key(keys.EXPLAINED), explained, arena, scale)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -106,9 +107,9 @@ CARRIED_SHOWN = 10  # updates for which the line of a kidnapping stays
 class TruthPanel(Panel):
     """Draws the true pose, and for some updates an arrow from where to where a robot was carried."""
 
-    def __init__(self, run: DrawnRun) -> None:
-        super().__init__(run)
-        self._marker = truth_marker(entities.TRUTH, run.library.arena, run.scale)
+    def __init__(self, run: RunView, scene: Scene) -> None:
+        super().__init__(run, scene)
+        self._marker = truth_marker(entities.TRUTH, scene.arena, scene.scale)
         self._last: F64 | None = None  # the true pose before
         self._carried_for: int | None = None  # updates since the line was drawn; None: there is none
 

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,17 +25,14 @@ from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..listener import Listener
 from ..scene import Detail, RunView, Scene
-from ..style import RUN_COLORS
 from .run_spec import check_name
 
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    from ..panels.observer import Observer
+    from ..panels.observer import SceneObserver
     from ..viewer.web import WebViewer
-
-# Runs drawn into a recording that somebody else opened: their layout, and an observer a run.
 
 
 def layout_of(
@@ -53,36 +49,6 @@ def layout_of(
     if first is not None and first not in names:
         raise OptionError(f"--layout: found {first}, expected what these runs have: {', '.join(names)}")
     return runs_blueprint(runs, scene, first, light=light)
-
-
-@contextmanager
-def observed(
-    rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene, detail: Detail = Detail.FULL
-) -> Iterator[dict[str, Observer]]:
-    """Begin one observer a run, the first of which draws what they share; end them even after a failure."""
-    from ..panels.observer import RerunObserver
-
-    observers: dict[str, Observer] = {}
-    for run, color in zip(runs, cycle(RUN_COLORS), strict=False):
-        observers[run.label] = RerunObserver(
-            rec,
-            run.label,
-            {} if run.sensor is None else run.sensor.distances,
-            scene=not observers,
-            has_truth=scene.has_truth,
-            detail=detail,
-            sensor=run.sensor,
-            updates=scene.updates,
-            radii=run.radii,
-            color=color,
-        )
-    for observer in observers.values():
-        observer.begin(scene.info, scene.library)
-    try:
-        yield observers
-    finally:
-        for observer in observers.values():
-            observer.end()
 
 
 NEXT_KEYS = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
@@ -167,20 +133,19 @@ def drawing(
     listener: Listener,
     written: list[Path] | None = None,
     decisive: Callable[[], int | None] = lambda: None,
-) -> Iterator[dict[str, Observer]]:
-    """Open what is drawn to, and one observer a run; none when no recording is wanted.
+) -> Iterator[SceneObserver | None]:
+    """Open what is drawn to, and return what draws there; None when no recording is wanted.
 
     The path of a recording that was written is appended to `written`. At the end a viewer is moved to the
     step that `decisive` returns.
     """
     if output.no_recording:
-        yield {}
+        yield None
         return
-    with (
-        _sink(runs, scene, output, listener, [] if written is None else written, decisive) as rec,
-        observed(rec, runs, scene, Detail(output.detail)) as observers,
-    ):
-        yield observers
+    from ..panels.observer import SceneObserver
+
+    with _sink(runs, scene, output, listener, [] if written is None else written, decisive) as rec:
+        yield SceneObserver(rec, runs, scene, Detail(output.detail))
 
 
 @contextmanager

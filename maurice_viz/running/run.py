@@ -15,36 +15,37 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.runs.writer import RunWriter
-from maurice_mcl.reasons.failures.verdict import RunVerdict, decisive_step
+from maurice_mcl.reasons.failures.verdict import decisive_step
 from maurice_mcl.scoring.comparison import Step
 
 from ..errors import SinkError, Terminated
 from ..listener import Listener
 from ..playback import ResultCollector, RunResult
-from ..scene import Detail, RunView, Scene
+from ..scene import RunView, Scene, numbered
 from ..style import Scale, units_named
 from ..text.sensors import say_other_shape
 from .open import AnySession, remark_skipped
 from .output import OutputOptions, drawing
 
 if TYPE_CHECKING:
-    from ..panels.comparison import ComparisonDrawing
-    from ..panels.observer import Observer
-    from ..panels.story import VerdictDrawing
+    from ..panels.observer import SceneObserver
 
 AS_FAR = "the recording and the scores are complete up to that point"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False)
 class Playback:
     """Runs that are about to go side by side, wherever their updates come from."""
 
     updates: Iterable[Mapping[str, Step]]  # by the labels of `views`
     total: int  # updates to come, for the progress bar
-    views: Sequence[RunView]
+    views: Sequence[RunView]  # numbered in this order
     scene: Scene
     remarks: Callable[[ResultCollector], None]  # reports at the end what the scores do not say
     drawn: range | None = None  # steps that are drawn; None: all of them
+
+    def __post_init__(self) -> None:
+        self.views = numbered(self.views)
 
     @property
     def labels(self) -> list[str]:
@@ -110,10 +111,10 @@ def play(
         return decisive_step(collector.verdicts()) if collector.updates else None
 
     try:
-        with drawing(playback.views, playback.scene, output, listener, written, decisive) as observers:
+        with drawing(playback.views, playback.scene, output, listener, written, decisive) as observer:
             try:
                 with savers or nullcontext({}) as writers:
-                    step_through(playback, observers, writers, collector, listener)
+                    step_through(playback, observer, writers, collector, listener)
             except KeyboardInterrupt as stop:
                 stopped = stop
     except (SinkError, KeyboardInterrupt):
@@ -149,13 +150,12 @@ def collector_of(playback: Playback) -> ResultCollector:
 
 def step_through(
     playback: Playback,
-    observers: Mapping[str, Observer],
+    observer: SceneObserver | None,
     writers: Mapping[str, RunWriter],
     collector: ResultCollector,
     listener: Listener,
 ) -> None:
-    """Go through all updates once: score, save, draw, each update whole."""
-    comparison, verdict = _comparison(playback, observers), _verdict(playback, observers)
+    """Go through all updates once: score, save, draw, each update whole; then draw what the end tells."""
     try:
         with stops_between() as stops:
             for steps in _warned(playback, listener):
@@ -163,20 +163,16 @@ def step_through(
                     pairs = collector.add_steps(steps)
                     for label, writer in writers.items():
                         writer.add(*steps[label])
-                    if playback.draws(steps):
-                        for label, observer in observers.items():
-                            observer.see(*steps[label])
-                        if comparison is not None:
-                            comparison.see(steps, pairs)
-                        if verdict is not None:
-                            moment, _ = next(iter(steps.values()))
-                            verdict.see(moment, collector.updates, collector.verdicts)
+                    if observer is not None and playback.draws(steps):
+                        observer.see(steps, pairs, collector.verdicts)
                 listener.progress(collector.updates, playback.total, "replay")
     finally:
-        if comparison is not None and collector.updates:
-            comparison.end(collector.results())
-        if collector.updates:
-            _conclude(collector.verdicts(), observers, writers, verdict)
+        results = collector.results() if collector.updates else []
+        for result in results:
+            if result.label in writers:
+                writers[result.label].failures = result.verdict.failures
+        if observer is not None:
+            observer.end(results)
 
 
 def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Step]]:
@@ -190,49 +186,6 @@ def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Ste
             for text in sorted(said):
                 listener.warning(text)
         yield steps
-
-
-def _conclude(
-    verdicts: Mapping[str, RunVerdict],
-    observers: Mapping[str, Observer],
-    writers: Mapping[str, RunWriter],
-    drawing: VerdictDrawing | None,
-) -> None:
-    """Draw and save what is known only at the end: the verdicts, and why runs failed."""
-    for label, verdict in verdicts.items():
-        for one in (observers.get(label), writers.get(label)):
-            if one is not None:
-                one.failures = verdict.failures
-    if drawing is not None:
-        drawing.end(verdicts)
-
-
-def _verdict(playback: Playback, observers: Mapping[str, Observer]) -> VerdictDrawing | None:
-    """Return what draws the verdict into the observers' recording; None without one."""
-    if not observers:
-        return None
-    from ..panels.observer import RerunObserver
-    from ..panels.story import VerdictDrawing
-
-    first, scene = next(iter(observers.values())), playback.scene
-    if not isinstance(first, RerunObserver):
-        return None
-    return VerdictDrawing(first.rec, scene.scale, playback.views, scene.live)
-
-
-def _comparison(playback: Playback, observers: Mapping[str, Observer]) -> ComparisonDrawing | None:
-    """Return what draws into the observers' recording what several runs share; None for a single run."""
-    if len(observers) < 2:
-        return None
-    from ..panels.comparison import ComparisonDrawing
-    from ..panels.observer import RerunObserver
-
-    first, scene = next(iter(observers.values())), playback.scene
-    if not isinstance(first, RerunObserver):
-        return None
-    shared = ComparisonDrawing(first.rec, playback.views, scene.scale, first.detail is not Detail.LIGHT)
-    shared.begin(scene.arena, scene.has_truth)
-    return shared
 
 
 def remark(collector: ResultCollector, session: AnySession, listener: Listener) -> None:

@@ -12,17 +12,15 @@ import pyarrow as pa
 from rerun.chunk import RrdReader
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
+from maurice_mcl.config.build import build_localizer
+from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment, SessionInfo
-from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.panels.panel import DrawnRun
-from maurice_viz.scene import RunView, Scene
-from maurice_viz.style import RUN_COLORS, scale_for
+from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.viewer import sinks
 
 Update = tuple[Moment, StepRecord]
@@ -33,31 +31,31 @@ def draw(
     path: Path, session: fakes.FakeSession, features: Sequence[str], particles: int = 60
 ) -> list[Played]:
     """Draw one run per feature into one recording; return what was drawn."""
-    library = session.library
-    runs = [RunView(feature, tuple(FEATURES[feature])) for feature in features]
-    shown = Scene(session.info, library, session.has_truth)
+    runs = numbered(run_of(session, feature) for feature in features)
+    scene = Scene(session.info, session.library, session.has_truth)
     played = [fakes.play(session, feature, particles) for feature in features]
-    with sinks.to_file(path, session.info.name, runs_blueprint(runs, shown)) as rec:
-        for number, (run, records) in enumerate(zip(runs, played, strict=True)):
-            distances, color = distances_of(run.channels), RUN_COLORS[number]
-            observer = RerunObserver(rec, run.label, distances, number == 0, session.has_truth, color=color)
-            observe(observer, session.info, library, records)
+    with sinks.to_file(path, session.info.name, runs_blueprint(runs, scene)) as rec:
+        for run, records in zip(runs, played, strict=True):
+            observe(RerunObserver(rec, run, scene), records)
     return played
+
+
+def run_of(session: fakes.FakeSession, feature: str = "color", label: str = "") -> RunView:
+    """Return the view of a run by one feature."""
+    localizer = build_localizer(session.library, session, of_feature(feature, 60))
+    return RunView.of(label or feature, localizer)
 
 
 def draw_run(path: Path, session: fakes.FakeSession, label: str, localizer: Any, played: Played) -> None:
     """Draw one run that was played already."""
-    run = RunView.live(label, localizer)
-    shown = Scene(session.info, session.library, session.has_truth)
-    with sinks.to_file(path, session.info.name, runs_blueprint([run], shown)) as rec:
-        distances = localizer.sensor.distances
-        observer = RerunObserver(rec, label, distances, True, session.has_truth, sensor=localizer.sensor)
-        observe(observer, session.info, session.library, played)
+    run = RunView.of(label, localizer)
+    scene = Scene(session.info, session.library, session.has_truth)
+    with sinks.to_file(path, session.info.name, runs_blueprint([run], scene)) as rec:
+        observe(RerunObserver(rec, run, scene), played)
 
 
-def observe(observer: RerunObserver, info: SessionInfo, library: Library, updates: Iterable[Update]) -> None:
+def observe(observer: RerunObserver, updates: Iterable[Update]) -> None:
     """Draw all updates of a run."""
-    observer.begin(info, library)
     for moment, record in updates:
         observer.see(moment, record)
     observer.end()
@@ -65,17 +63,12 @@ def observe(observer: RerunObserver, info: SessionInfo, library: Library, update
 
 def scene_of(arena: Arena, units: str = "in", has_truth: bool = True) -> Scene:
     """Return a scene on a map, of a library without pictures."""
-    library = Library("x", np.zeros((0, 3)), (), {}, arena)
-    return Scene(SessionInfo("x", units), library, has_truth)
+    return scene_with(Library("x", np.zeros((0, 3)), (), {}, arena), units, has_truth=has_truth)
 
 
-def drawn_run(paths: RunPaths, library: Library, **known: Any) -> DrawnRun:
-    """Return what panels know of a run, in inches."""
-    return DrawnRun(paths, library, scale_for("in", library.arena), {}, **known)
-
-
-def distances_of(channels: Sequence[str]) -> dict[str, str]:
-    return {channel: CHANNELS[channel].distance for channel in channels}
+def scene_with(library: Library, units: str = "in", *, has_truth: bool = True, updates: int = 0) -> Scene:
+    """Return a scene with a library."""
+    return Scene(SessionInfo("x", units), library, has_truth, updates)
 
 
 @dataclass(frozen=True, slots=True)

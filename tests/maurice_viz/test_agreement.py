@@ -16,7 +16,6 @@ from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.scoring.events import EventDetector
-from maurice_mcl.values.radii import USUAL
 from maurice_mcl.values.records import PICTURE
 from maurice_mcl.values.session import Moment
 from maurice_viz import entities
@@ -288,7 +287,8 @@ def test_band_and_lines_of_events_are_those_of_the_records(drive):
                 expected[event.kind].append(event.step)
     assert {"kidnapped", "reseeded"} <= set(expected)
     most = max(scale.length(narration.errors(record.estimate, moment.truth)[0]) for moment, record in played)
-    for name, limit_m in (("right", USUAL.right_m), ("lost", USUAL.lost_m)):
+    radii = played[0][1].estimate.radii  # by which the run is judged
+    for name, limit_m in (("right", radii.right_m), ("lost", radii.lost_m)):
         drawn = recordings.rows(path, f"{RUN.trace('position_error')}/limits/{name}")
         near = scale.length(limit_m) <= 2 * most
         assert [(row.step, row.values["Scalars:scalars"]) for row in drawn] == [
@@ -320,12 +320,16 @@ def test_lanes_are_what_the_detector_says(drive):
 
 
 def test_a_recording_decides_what_happened_only_when_the_run_is_over(small_session, monkeypatch):
-    asked, decided = [], ResultCollector.verdicts
+    asked = []
 
-    def counted(self):
-        asked.append(self.updates)
-        return decided(self)
+    def counted(decide):
+        def count(self):
+            asked.append(self.updates)
+            return decide(self)
 
-    monkeypatch.setattr(ResultCollector, "verdicts", counted)
+        return count
+
+    for name in ("results", "verdicts"):
+        monkeypatch.setattr(ResultCollector, name, counted(getattr(ResultCollector, name)))
     scores = mv.replay(small_session, particles=50, to="run.rrd")
     assert set(asked) == {scores.runs[0].score.updates}

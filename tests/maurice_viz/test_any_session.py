@@ -55,7 +55,6 @@ class Case:
     label: str = "run"
     obstacle: str = "table"
     detail: Detail = Detail.FULL
-    explained: bool = True  # whether the library is at hand to explain with
 
 
 CASES = {
@@ -86,7 +85,6 @@ CASES = {
     "signs in a label": Case(label="a b: 50 % (x)"),
     "little detail": Case(detail=Detail.LIGHT, steps=4),
     "detail at events": Case(detail=Detail.EVENTS, steps=9),
-    "no library to explain with": Case(explained=False),
 }
 ALWAYS = {entities.FLOORS, entities.WALLS, entities.NODES}
 
@@ -149,13 +147,11 @@ def draw(case: Case, folder: Path) -> Path:
         particles=case.particles,
     )
     localizer = build_localizer(library, session, parameters)
-    shown = recordings.scene_of(library.arena, case.units, case.has_truth)
-    blueprint = runs_blueprint([RunView(case.label, tuple(case.channels))], shown)
-    sensor = localizer.sensor if case.explained else None
-    with sinks.to_file(out, case.session, blueprint) as rec:
-        distances = recordings.distances_of(case.channels)
-        observer = RerunObserver(rec, case.label, distances, True, case.has_truth, case.detail, sensor)
-        recordings.observe(observer, session.info, library, run(localizer, session, case.start))
+    view = RunView.of(case.label, localizer)
+    scene = recordings.scene_with(library, case.units, has_truth=case.has_truth)
+    with sinks.to_file(out, case.session, runs_blueprint([view], scene)) as rec:
+        observer = RerunObserver(rec, view, scene, case.detail)
+        recordings.observe(observer, run(localizer, session, case.start))
     return out
 
 

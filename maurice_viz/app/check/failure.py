@@ -76,7 +76,7 @@ def failed_run(
     playback = Playback(
         shared(run_together([run], session.moments())),
         total,
-        [RunView.live(run.label, run.localizer, run.start)],
+        [RunView.of(run.label, run.localizer, run.start)],
         scene,
         lambda collector: None,
         drawn=range(around[0], around[-1] + 1),

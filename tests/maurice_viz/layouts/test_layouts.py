@@ -12,7 +12,7 @@ from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, several_runs
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.scene import RunView, Scene
+from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import scale_for
 
 ARENA = fakes.arena(5, 4)
@@ -79,7 +79,7 @@ def test_map_views_hold_the_arena_and_leave_keys_out():
 
 
 def test_recorded_localizers_are_compared_on_one_map():
-    runs = [RunView("amcl", ()), RunView("particle_cloud_of_nav2", ())]
+    runs = numbered([RunView("amcl", ()), RunView("particle_cloud_of_nav2", ())])
     compared = runs_blueprint(runs, shown()).root_container.contents[0]
     assert str(compared.name) == "compare"
     found = [str(view.name) for view in views(compared)]

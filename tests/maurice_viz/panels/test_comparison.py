@@ -23,7 +23,7 @@ from maurice_viz.drawing.keys import belief_keys, key_extent, runs_key
 from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
-from maurice_viz.scene import RunView, Scene
+from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import RUN_COLORS, scale_for
 from maurice_viz.viewer import sinks
 
@@ -44,8 +44,8 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     seen = []
     with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
         views = [RunView(label, ("color",), own_drive=label in (others or ())) for label in LABELS]
-        drawing = ComparisonDrawing(rec, views, scale)
-        drawing.begin(library.arena, has_truth)
+        scene = read.scene_with(library, has_truth=has_truth)
+        drawing = ComparisonDrawing(rec, numbered(views), scene)
         for steps_of in aligned([shared(run_together([run], session.moments())) for run in runs]):
             pairs = collector.add_steps(steps_of)
             drawing.see(steps_of, pairs)
@@ -139,7 +139,7 @@ def test_own_drives_have_their_own_truth(tmp_path):
     assert not {paths.truth_of("größe"), paths.camera_of("größe")} & there
     for row in read.rows(tmp_path / "c.rrd", paths.APART):
         assert np.isnan(values(row)[1])
-    runs = [RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)]
+    runs = numbered([RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)])
     found = list(views(several_runs.compare(runs, shown())))
     assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
     assert not any("Apart" in str(view.name) for view in found)
@@ -171,7 +171,7 @@ def shown(has_truth: bool = True) -> Scene:
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_the_layout_has_one_shared_map_a_map_a_run_and_the_events(count, has_truth):
-    runs = [RunView(f"seed {k}", ("color", "edges")) for k in range(count)]
+    runs = numbered(RunView(f"seed {k}", ("color", "edges")) for k in range(count))
     titles = [str(view.name) for view in views(several_runs.compare(runs, shown(has_truth)))]
     assert titles.count("All runs on one map (in)") == 1
     colors = ("orange", "sky blue", "violet", "green")
@@ -184,7 +184,7 @@ def test_the_layout_has_one_shared_map_a_map_a_run_and_the_events(count, has_tru
 
 def test_titles_and_labels_are_short():
     """At 1600 pixels a small map has room for 28 letters beside the view's buttons."""
-    runs = [RunView(label, ("color",)) for label in ("color", "edges", "blended", "best")]
+    runs = numbered(RunView(label, ("color",)) for label in ("color", "edges", "blended", "best"))
     narrow = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
     assert all(len(title) <= 28 for title in narrow if not title.startswith("Events"))
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]

@@ -17,6 +17,7 @@ from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels import events as draw_events
 from maurice_viz.panels.events import BRIEF, WORD
 from maurice_viz.panels.panel import StepUpdate
+from maurice_viz.scene import RunView
 from maurice_viz.viewer import sinks
 
 PATHS = RunPaths("blended")
@@ -38,7 +39,8 @@ def drawn(
     library = fakes.make_library()
     session = fakes.make_session(library, len(steps))
     updates = 0 if live else hold * draw_events.MARKS_A_RUN
-    panel = draw_events.EventsPanel(recordings.drawn_run(PATHS, library, draws_scene=scene, updates=updates))
+    view = RunView(PATHS.label, ("color",), number=0 if scene else 1)
+    panel = draw_events.EventsPanel(view, recordings.scene_with(library, updates=updates))
     with sinks.to_file(path, "x", rrb.Blueprint()) as rec:
         panel.prepare(rec)
         for (status, found), (moment, record) in zip(steps, fakes.play(session, "color", 5), strict=True):
@@ -183,6 +185,6 @@ def test_marks_have_room_and_views_tell_their_colors():
     assert draw_events.hold_for(1) == draw_events.hold_for(20) == 2
     assert draw_events.hold_for(120) == 15
     assert 12_000 / draw_events.hold_for(12_000) == 8
-    view = draw_events.events_view(["color", "best"], "Events")
+    view = draw_events.events_view([RunView("color", ()), RunView("best", ())])
     assert "red lost" in str(view.name)
     assert list(view.contents) == ["/color/events/**", "/best/events/**", draw_events.LOG_LANE]

@@ -63,11 +63,10 @@ def play(library: Library, parameters: FilterParameters | None = None, *, has_tr
 def draw(path: Path, played: Played, *, has_truth: bool = True, left_out: int | None = None) -> None:
     sensor, updates = played
     library = sensor.library
-    panel = ExplanationPanel(recordings.drawn_run(PATHS, library, sensor=sensor, has_truth=has_truth))
-    layout = one_run.explain(
-        RunView(PATHS.label, tuple(sensor.weights)), recordings.scene_of(library.arena, "in", has_truth)
-    )
-    with sinks.to_file(path, "Büro", rrb.Blueprint(layout)) as rec:
+    view = RunView(PATHS.label, tuple(sensor.weights), sensor)
+    scene = recordings.scene_with(library, has_truth=has_truth)
+    panel = ExplanationPanel(view, scene)
+    with sinks.to_file(path, "Büro", rrb.Blueprint(one_run.explain(view, scene))) as rec:
         panel.prepare(rec)
         for moment, record in updates:
             if moment.frame.step == left_out:
@@ -148,8 +147,8 @@ def test_two_dimensional_histograms_are_heat_maps():
 def test_the_histogram_panel_draws_heat_maps_in_place_of_bars(library, tmp_path):
     many, parameters = with_all_channels(library)
     sensor, updates = play(many, parameters)
-    run = recordings.drawn_run(PATHS, many, sensor=sensor)
-    panel = HistogramsPanel(replace(run, distances={"chromaticity": "hellinger", "color": "hellinger"}))
+    view = RunView(PATHS.label, tuple(sensor.distances), sensor)
+    panel = HistogramsPanel(view, recordings.scene_with(many))
     names = ("chromaticity", "color")
     with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
         panel.prepare(rec)
@@ -238,7 +237,8 @@ def test_one_entry_and_no_pictures(tmp_path):
 
 
 def test_a_saved_run_without_its_library_says_so(library, tmp_path):
-    panel = ExplanationPanel(recordings.drawn_run(PATHS, library))
+    view = RunView(PATHS.label, ("color", "edges"))
+    panel = ExplanationPanel(view, recordings.scene_with(library))
     _, updates = play(library)
     with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
         panel.prepare(rec)

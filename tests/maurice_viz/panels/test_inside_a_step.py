@@ -20,7 +20,7 @@ from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels.belief import seen_whole
 from maurice_viz.panels.observer import AROUND, DetailFilter, expected_bytes
-from maurice_viz.panels.panel import EntryFinder, StepUpdate
+from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.panels.population import ANCESTORS, BANDS, MOST_FAMILIES, ROWS, column, outline, shares
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
@@ -126,7 +126,7 @@ def test_modes_are_stacked_and_detail_needs_room():
 
 def test_the_truths_rank_and_ratio(drawn):
     path, played, library = drawn
-    places = EntryFinder.of(library)
+    places = recordings.scene_with(library)
     ranks = recordings.rows(path, RUN.trace(TRUTH_RANK))
     ratios = recordings.rows(path, RUN.trace(TRUTH_RATIO))
     assert len(ranks) == len(ratios) == STEPS

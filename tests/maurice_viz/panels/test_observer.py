@@ -21,7 +21,7 @@ from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
 from maurice_viz.panels.observer import RerunObserver
-from maurice_viz.scene import Detail, RunView
+from maurice_viz.scene import Detail
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
 from maurice_viz.text import narration as narrate_parts
@@ -259,19 +259,13 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library, tmp_path):
     kept = fakes.changed(record, parents=None, belief=record.weighted, events=())
     rec = recording("kept")
     rec.save(tmp_path / "kept.rrd")
-    observer = RerunObserver(rec, "color", {"color": "hellinger"})
-    recordings.observe(observer, session.info, library, [(moment, kept)])
+    observer = RerunObserver(rec, recordings.run_of(session), recordings.scene_with(library))
+    recordings.observe(observer, [(moment, kept)])
     rec.disconnect()
     slots = [row.phase - 6 for row in recordings.rows(tmp_path / "kept.rrd", RunPaths("color").particles)]
     assert slots == [Phase.PREDICT, Phase.WEIGHT]
     words = recordings.rows(tmp_path / "kept.rrd", RunPaths("color").text)
     assert "Not resampled" in words[Phase.RESAMPLE].values["TextDocument:text"][0]
-
-
-def test_seeing_before_beginning_is_refused(library):
-    ((moment, record),) = fakes.play(fakes.make_session(library, 1), "color", 5)
-    with pytest.raises(RuntimeError, match="begin"):
-        RerunObserver(recording("x"), "color", {"color": "hellinger"}).see(moment, record)
 
 
 SHARE = 0.25
@@ -306,11 +300,9 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
     session = fakes.make_session(fakes.make_library(), 3)
     library, played = session.library, _records(session)
     path = tmp_path / "reseeded.rrd"
-    shown = recordings.scene_of(library.arena, "in", True)
-    layout = runs_blueprint([RunView("color", ("color",))], shown)
-    with sinks.to_file(path, "x", layout) as rec:
-        observer = RerunObserver(rec, "color", {"color": "hellinger"})
-        recordings.observe(observer, session.info, library, played)
+    view, scene = recordings.run_of(session), recordings.scene_with(library)
+    with sinks.to_file(path, "x", runs_blueprint([view], scene)) as rec:
+        recordings.observe(RerunObserver(rec, view, scene), played)
     rows = recordings.rows(path, RunPaths("color").particles)
     for step, (_, record) in enumerate(played, start=1):
         at = {slot: entities.phase_number(step, slot) for slot in Phase}
@@ -345,9 +337,8 @@ def test_each_phase_shows_its_own_key(tmp_path):
 def test_with_little_detail_the_best_match_is_drawn(tmp_path, library):
     session, path, run_paths = fakes.make_session(library, 3), tmp_path / "light.rrd", RunPaths("color")
     played = _records(session)
-    layout = runs_blueprint([RunView("color", ())], recordings.scene_of(library.arena, "in", True))
-    with sinks.to_file(path, "x", layout) as rec:
-        observer = RerunObserver(rec, "color", {"color": "hellinger"}, detail=Detail.LIGHT)
-        recordings.observe(observer, session.info, library, played)
+    view, scene = recordings.run_of(session), recordings.scene_with(library)
+    with sinks.to_file(path, "x", runs_blueprint([view], scene)) as rec:
+        recordings.observe(RerunObserver(rec, view, scene, Detail.LIGHT), played)
     drawn = {rank: recordings.rows(path, f"{run_paths.match(rank)}/**") for rank in (1, 2)}
     assert len(drawn[1]) > len(drawn[2])

@@ -60,17 +60,16 @@ def drawn(tmp_path_factory):
     """A drive of six steps: the recording, and its run as it is shown."""
     library, session = mcl.tiny_library(), mcl.tiny_session()
     localizer = mcl.make_localizer(library, particles=60, sensors=[Beacon()]).of_session(session)
-    view = RunView.live("run", localizer)
-    scene = recordings.scene_of(library.arena, "m", True)
+    view = RunView.of("run", localizer)
+    scene = recordings.scene_with(library, "m")
     path = tmp_path_factory.mktemp("sensors") / "run.rrd"
     with sinks.to_file(path, "tiny", runs_blueprint([view], scene)) as rec:
-        observer = RerunObserver(rec, "run", localizer.sensor.distances, sensor=localizer.sensor)
-        recordings.observe(observer, session.info, library, mcl.run(localizer, session))
+        recordings.observe(RerunObserver(rec, view, scene), mcl.run(localizer, session))
     return path, view
 
 
 def test_it_has_a_layout_of_its_own(drawn):
-    plain = RunView.live("run", mcl.make_localizer(mcl.tiny_library(), particles=60))
+    plain = RunView.of("run", mcl.make_localizer(mcl.tiny_library(), particles=60))
     scene = recordings.scene_of(mcl.tiny_library().arena, "m", True)
     assert runs_blueprint([drawn[1]], scene, "sensors") is not None
     with pytest.raises(ValueError, match="sensors"):
