@@ -25,7 +25,7 @@ FOUND = 43  # step of the demo at which one of the two filters is localized agai
 ASTRAY, BACK = 38, 56  # steps of `demo features` that docs/tutorial.md describes
 RULED_OUT = 25  # a step at which the robot is where a table was at the survey, of docs/landmarks.md
 AGREED = 60  # a step of the demo at which some landmarks agree, of docs/landmarks.md
-PREDICT, WEIGHT, RESAMPLE = 0, 2, 3
+RESAMPLE = 3  # its slot on the timeline `phase`
 # of docs/layouts.md: which layout, where on which timeline
 LAYOUTS = (
     ("overview", "step", ASTRAY),
@@ -141,9 +141,7 @@ def main() -> None:
             keep("compare.png", viewer.picture("step", ASTRAY))
         with headless_viewer(Path(one)) as viewer:
             viewer.show_layout("overview")
-            keep("single.png", viewer.picture("step", BACK))
-            for phase, slot in (("predict", PREDICT), ("weight", WEIGHT), ("resample", RESAMPLE)):
-                keep(f"phase-{phase}.png", viewer.picture("phase", 6 * BACK + slot))
+            keep("phase-resample.png", viewer.picture("phase", 6 * BACK + RESAMPLE))
             for layout, timeline, place in LAYOUTS:
                 viewer.show_layout(layout)
                 keep(f"layout-{layout}.jpg", viewer.picture(timeline, place))
