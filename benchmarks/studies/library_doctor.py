@@ -26,6 +26,7 @@ from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, Interval, mean
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.library.advice import AMBIGUITY, LibraryAdvice, advise, headings, without_reference
+from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import DIRECTIONS, SelfSimilarity, free_space, self_similarity_of
 from maurice_mcl.scoring.demands import RunTrack
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
@@ -76,8 +77,9 @@ def with_poses(library: Library, poses: F64, arena: int) -> Library:
 
 def checked(library: Library) -> tuple[SelfSimilarity, LibraryAdvice]:
     nearest = nearest_reference(library.poses, library.arena)
-    found = self_similarity_of(library, SensorModel(library, nearest, SensorParameters(dict(NEEDED))))
-    return found, advise(library, found)
+    sensor = SensorModel(library, nearest, SensorParameters(dict(NEEDED)))
+    similarity = self_similarity_of(LeftOutTable.of(sensor))
+    return similarity, advise(library, similarity)
 
 
 def inside(points: F64, center: F64) -> Bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,21 +27,22 @@ from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.header import session_in
 from maurice_mcl.fitting.sensor import (
-    Measuring,
     Sample,
     Scores,
     Tuned,
     drive_samples,
     judge,
     library_samples,
+    most_pictures,
     pooled,
     rows_of,
     spread_out,
 )
 from maurice_mcl.fitting.sensor import tune as fit_channels
+from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import Coverage, coverage_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.sensor.model import SensorParameters
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.library import Library
 
@@ -258,7 +260,7 @@ def tune(
     return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Tuning:
     """A library with the channels to tune."""
 
@@ -279,10 +281,11 @@ class _Tuning:
         there = [name for name in BEFORE.weights if name in self.library.index]
         return {name: BEFORE.weights[name] / BEFORE.scale_of(name) for name in there}
 
-    @property
-    def measuring(self) -> Measuring:
+    @cached_property
+    def sensor(self) -> SensorModel:
         """How pictures are compared."""
-        return Measuring(self.library, {name: BEFORE.distance_of(name) for name in self.rows})
+        nearest = nearest_reference(self.library.poses, self.library.arena)
+        return SensorModel(self.library, nearest, SensorParameters(dict.fromkeys(self.rows, 1.0)))
 
 
 def _wanted(path: Path, library: Library, channels: Sequence[str] | None) -> tuple[str, ...]:
@@ -310,7 +313,7 @@ def _tuned(tuning: _Tuning, fit: Sequence[Path], test: Sequence[Path]) -> Tuning
     scored = [judge(tuned, _drive(tuning, path), before) for path in test]
     return TuningResult(
         tuned=tuned,
-        distances=tuning.measuring.distances,
+        distances=tuning.sensor.distances,
         library=tuning.library.name,
         fitted_on=tuple(path.name for path in fit),
         fitted=fitted,
@@ -323,25 +326,24 @@ def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
     if fit:
         return [sample for path in fit for sample in _drive(tuning, path, len(fit))]
     advance = progress_of(tuning.listener, "compare references")
-    found = library_samples(tuning.measuring, tuning.measuring.most_pictures(), advance)
-    if not found:
+    samples = library_samples(LeftOutTable.of(tuning.sensor), advance)
+    if not samples:
         none = "found no two references near each other that look one way; fit on a --session"
         raise InputError(tuning.path, none)
-    return found
+    return samples
 
 
 def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
     """Measure a drive; of a long one, or where it is one among many, evenly chosen pictures."""
-    listener, measuring = tuning.listener, tuning.measuring
+    listener, sensor = tuning.listener, tuning.sensor
     log = open_session(path, ReadingOptions(keep_going=tuning.keep_going), listener)
-    taken = spread_out(log.overview()[0], max(1, measuring.most_pictures() // among))
-    nearest = nearest_reference(tuning.library.poses, tuning.library.arena)
+    taken = spread_out(log.overview()[0], max(1, most_pictures(sensor) // among))
     advance, known = progress_of(listener, path.name), known_descriptors()
-    found = drive_samples(measuring, nearest, log.moments(), taken, advance, known)
+    samples = drive_samples(sensor, log.moments(), taken, advance, known)
     remark_skipped(log, listener)
-    if not found:
+    if not samples:
         raise InputError(path, "found no picture with a true pose in the library's free space to tune with")
-    return found
+    return samples
 
 
 def _rounded(value: float) -> float:

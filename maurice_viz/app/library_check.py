@@ -16,7 +16,7 @@ from maurice_mcl.config.build import adapted
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
 from maurice_mcl.library.drive_score import DriveScore
-from maurice_mcl.library.left_out import PlaceScore, score_places
+from maurice_mcl.library.left_out import LeftOutTable, PlaceScore, score_places
 from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
@@ -157,9 +157,9 @@ def check_library(
         found = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
         raise InputError(path, f"{found}, and {missing[0]} is wanted; build the library again")
     nearest = nearest_reference(opened.poses, opened.arena)
-    sensor = SensorModel(opened, nearest, SensorParameters(dict(weights)))
-    similarity = self_similarity_of(opened, sensor, progress_of(listener, "compare"))
-    covered, telling = coverage_of(opened, similarity.spacing_m), score_places(sensor)
+    table = LeftOutTable.of(SensorModel(opened, nearest, SensorParameters(dict(weights))))
+    similarity = self_similarity_of(table, progress_of(listener, "compare"))
+    covered, telling = coverage_of(opened, similarity.spacing_m), score_places(table)
     of_drive = None if recorded is None else score_feature(opened, weights, recorded)
     check = LibraryCheck(opened, similarity, covered, telling, advise(opened, similarity), of_drive)
     if to is not None:

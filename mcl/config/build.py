@@ -15,7 +15,7 @@ from ..filter.motion import motion_model
 from ..filter.proposal import regions
 from ..filter.recovery import STRATEGIES, RecoveryStep
 from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
-from ..library.left_out import PlaceScore, is_sparse, score_places
+from ..library.left_out import LeftOutTable, PlaceScore, is_sparse, score_places
 from ..sensor.descriptors.registry import CHANNELS, weights_of
 from ..sensor.model import SensorModel
 from ..sensor.outside import with_sensors
@@ -211,7 +211,8 @@ def adapted(
     model = SensorModel(library, nearest, sensor)
     if sensor.sharpness == 0 or not model.weights or any(name not in library.index for name in model.weights):
         return configuration, None
-    found = score_places(model, fit=is_sparse(nearest))
+    table = LeftOutTable.of(model)
+    found = score_places(table, fit=is_sparse(nearest))
     origins = {setting.key: setting.origin for setting in configuration.settings}
     chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
     ours = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
@@ -220,7 +221,7 @@ def adapted(
     changed: dict[str, Any] = {"sensor.widening": found.widening}
     if found.stretched:
         scales = {name: sensor.scale_of(name) * factor for name, factor in found.stretched.items()}
-        score = score_places(SensorModel(library, nearest, replace(sensor, scales=scales)))
+        score = score_places(replace(table, sensor=replace(model, parameters=replace(sensor, scales=scales))))
         found = replace(score, stretched=found.stretched)
         factors = {name: found.widening * factor for name, factor in found.stretched.items()}
         scales = {name: sensor.scale_of(name) * factor for name, factor in factors.items()}

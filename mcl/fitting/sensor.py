@@ -2,29 +2,28 @@
 
 The noise floor is that of pictures taken with the lens covered (thesis 3.3, figures 13 and 14). The log score
 of a picture is the log of the probability that it alone gives the reference nearest to the truth, under a
-uniform prior. Pictures come from drives, or from the library itself, each left out in turn.
+uniform prior. Pictures come from drives, or from the library's leave-one-out table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
-from ..library.left_out import log_scores, neighbors
+from ..library.left_out import LeftOutTable, log_scores
 from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.descriptors.channel import BINS, LOW, WIDTH, camera_histogram
-from ..sensor.distances import DISTANCES
-from ..sensor.references import NearestReference
+from ..sensor.model import SensorModel
+from ..sensor.references import ReferenceLookup
 from ..values.arrays import F32, F64, I32, U8
 from ..values.geometry import wrap
-from ..values.library import ChannelIndex, Library
+from ..values.library import Library
 from ..values.session import Moment
 
 COLORS = ("red", "green", "blue")
-LIT = 64.0  # a mean level above this is no covered lens
+LIT_LEVEL = 64.0  # a mean above this is no covered lens
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ class NoiseFloor:
     @property
     def lit(self) -> bool:
         """Return whether it is too bright for a covered lens."""
-        return bool(self.level.mean() > LIT)
+        return bool(self.level.mean() > LIT_LEVEL)
 
 
 def noise_floor(pictures: Iterable[U8]) -> NoiseFloor:
@@ -96,7 +95,7 @@ def _peak(color: str, mean: F64, sd: F64) -> Peak:
 
 LEAST_WEIGHT = 0.02  # a channel with less of the sum is dropped
 Progress = Callable[[int, int], None]  # steps done, steps in all
-REACH = 5.0  # natural log of how far scales and weights may move from where the search starts
+SEARCH_LOG = 5.0  # natural log of how far scales and weights may move from where the search starts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,8 +145,14 @@ def judge(tuned: Tuned, samples: Sequence[Sample], before: F64) -> Scores:
         alone=tuple(alone),
         together=score(samples, per_distance),
         before=score(samples, before),
-        blind=-float(np.log(samples[0].distances.shape[2])),
+        blind=blind_score(samples),
     )
+
+
+def blind_score(samples: Sequence[Sample]) -> float:
+    """Return the mean log score of knowing nothing: -log(L)."""
+    logs = [np.log(s.distances.shape[2]) for s in samples]
+    return -float(np.average(logs, weights=[len(s.truth) for s in samples]))
 
 
 def pooled(several: Sequence[Scores]) -> Scores:
@@ -164,11 +169,11 @@ def pooled(several: Sequence[Scores]) -> Scores:
     )
 
 
-def true_entry(nearest: NearestReference, library: Library, pose: F64) -> int:
+def true_entry(references: ReferenceLookup, library: Library, pose: F64) -> int:
     """Return the entry that is nearest to a true pose (3,); -1 outside free space."""
     local = (pose - np.append(library.origin, 0))[None]
     local[:, 2] = wrap(local[:, 2])
-    return int(nearest.entries(np.asarray(local, np.float32), library.origin)[0])
+    return int(references.entries(np.asarray(local, np.float32), library.origin)[0])
 
 
 def score(samples: Sequence[Sample], per_distance: F64) -> float:
@@ -187,8 +192,8 @@ def fit_scale(samples: Sequence[Sample]) -> tuple[float, float]:
         return -score(samples, np.array([1 / np.exp(log_scale)]))
 
     middle = np.log(typical / 10)
-    found = minimize_scalar(loss, bounds=(middle - REACH, middle + REACH), method="bounded")
-    return float(np.exp(found.x)), -float(found.fun)
+    best = minimize_scalar(loss, bounds=(middle - SEARCH_LOG, middle + SEARCH_LOG), method="bounded")
+    return float(np.exp(best.x)), -float(best.fun)
 
 
 def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
@@ -205,8 +210,8 @@ def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
         return -total / count, -slope * weights / count
 
     start = np.full(len(scales), -np.log(len(scales)))
-    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-REACH, 1.5)] * len(scales))
-    weights = np.exp(found.x)
+    best = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-SEARCH_LOG, 1.5)] * len(scales))
+    weights = np.exp(best.x)
     return np.asarray(np.where(weights < LEAST_WEIGHT * weights.sum(), 0.0, weights))
 
 
@@ -245,9 +250,9 @@ def tune(channels: Sequence[str], samples: Sequence[Sample], progress: Progress 
         channels=tuple(channels),
         scales=tuple(scales.tolist()),
         weights=tuple(weights.tolist()),
-        alone=tuple(found for _, found in each),
+        alone=tuple(alone for _, alone in each),
         together=score(samples, weights / scales),
-        blind=-float(np.log(samples[0].distances.shape[2])),
+        blind=blind_score(samples),
     )
 
 
@@ -257,22 +262,9 @@ MOST_DISTANCES = 2**25  # numbers in total: 128 MiB
 MOST_IN_BLOCK = 2**21  # numbers in one sample
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Measuring:
-    """A library, and the channels and distances for comparing pictures."""
-
-    library: Library
-    distances: Mapping[str, str]  # channel to DISTANCES, in the order of the samples' rows
-
-    def of(self, descriptors: Mapping[str, F32]) -> F32:
-        """Return the distances (C, L) of one picture from every reference."""
-        index = self.library.index
-        named = self.distances.items()
-        return np.asarray([DISTANCES[by](descriptors[name], index[name]) for name, by in named], np.float32)
-
-    def most_pictures(self) -> int:
-        """Return the maximum number of pictures, which bounds memory."""
-        return max(1, MOST_DISTANCES // (len(self.distances) * self.library.size))
+def most_pictures(sensor: SensorModel) -> int:
+    """Return the maximum number of pictures by a sensor's channels, which bounds memory."""
+    return max(1, MOST_DISTANCES // (len(sensor.weights) * sensor.library.size))
 
 
 def spread_out(count: int, most: int) -> frozenset[int]:
@@ -281,52 +273,42 @@ def spread_out(count: int, most: int) -> frozenset[int]:
 
 
 def drive_samples(
-    measuring: Measuring,
-    nearest: NearestReference,
+    sensor: SensorModel,
     moments: Iterable[Moment],
     taken: frozenset[int],
     progress: Progress | None = None,
     known: KnownDescriptors | None = None,
 ) -> list[Sample]:
     """Measure the pictures of a drive with a number (from 0) in `taken` and a truth in free space."""
-    pictures = _of_drive(measuring, nearest, moments, taken, known)
-    return _blocks(_counted(pictures, len(taken), progress), measuring)
+
+    def pictures() -> Iterator[tuple[F32, int]]:
+        for number, moment in enumerate(moments):
+            if number in taken:
+                truth = moment.truth
+                entry = -1 if truth is None else true_entry(sensor.references, sensor.library, truth)
+                descriptors, _ = measured(moment.frame.image, sensor.weights, known)
+                yield sensor.compare(descriptors).distances, entry
+        if known is not None:
+            known.flush()
+
+    return _blocks(_counted(pictures(), len(taken), progress), sensor)
 
 
-def library_samples(measuring: Measuring, most: int, progress: Progress | None = None) -> list[Sample]:
-    """Take at most `most` references as pictures, each compared with all others.
+def library_samples(table: LeftOutTable, progress: Progress | None = None) -> list[Sample]:
+    """Take references as pictures, each compared with the entries at all other places.
 
-    The truth is then the entry of the most similar heading, within 45 degrees, at the nearest other visible
-    place. As it is a full spacing off, and a drive's at most half a spacing, scales come out too wide.
+    The truth is then a reference's stand-in. As it is a full spacing off, and a drive's at most half a
+    spacing, scales come out too wide.
     """
-    stands_for = neighbors(measuring.library)
-    known = np.flatnonzero(stands_for >= 0)
-    chosen = [int(known[k]) for k in sorted(spread_out(len(known), most))] if len(known) else []
-    pictures = (_left_out(measuring, entry, int(stands_for[entry])) for entry in chosen)
-    return _blocks(_counted(pictures, len(chosen), progress), measuring)
+    tested = table.tested(most_pictures(table.sensor)).tolist()
 
+    def pictures() -> Iterator[tuple[F32, int]]:
+        for entry in tested:
+            others = table.others(entry)
+            truth = int(np.searchsorted(others, table.stand_ins[entry]))
+            yield table.compared(entry).distances[:, others], truth
 
-def _of_drive(
-    measuring: Measuring,
-    nearest: NearestReference,
-    moments: Iterable[Moment],
-    taken: frozenset[int],
-    known: KnownDescriptors | None,
-) -> Iterator[tuple[F32, int]]:
-    for number, moment in enumerate(moments):
-        if number in taken:
-            entry = -1 if moment.truth is None else true_entry(nearest, measuring.library, moment.truth)
-            descriptors, _ = measured(moment.frame.image, measuring.distances, known)
-            yield measuring.of(descriptors), entry
-    if known is not None:
-        known.flush()
-
-
-def _left_out(measuring: Measuring, entry: int, truth: int) -> tuple[F32, int]:
-    """Compare one reference with all others: distances (C, L - 1), and the index of the truth among them."""
-    index: Mapping[str, ChannelIndex] = measuring.library.index
-    distances = measuring.of({name: index[name].references[entry] for name in measuring.distances})
-    return np.delete(distances, entry, axis=1), truth - (truth > entry)
+    return _blocks(_counted(pictures(), len(tested), progress), table.sensor)
 
 
 def _counted(
@@ -339,10 +321,18 @@ def _counted(
             yield distances, truth
 
 
-def _blocks(pictures: Iterator[tuple[F32, int]], measuring: Measuring) -> list[Sample]:
-    most = max(1, MOST_IN_BLOCK // (len(measuring.distances) * measuring.library.size))
-    samples = []
-    while block := list(islice(pictures, most)):
-        rows, truth = zip(*block, strict=True)
-        samples.append(Sample(np.stack(rows, axis=1), np.array(truth, np.int32)))
-    return samples
+def _blocks(pictures: Iterable[tuple[F32, int]], sensor: SensorModel) -> list[Sample]:
+    """Join pictures that are compared with as many references, the same number of times in each block."""
+    most = max(1, MOST_IN_BLOCK // (len(sensor.weights) * sensor.library.size))
+    samples, begun = list[Sample](), dict[int, list[tuple[F32, int]]]()
+    for distances, truth in pictures:
+        block = begun.setdefault(distances.shape[1], [])
+        block.append((distances, truth))
+        if len(block) == most:
+            samples.append(_sample(begun.pop(distances.shape[1])))
+    return samples + [_sample(block) for block in begun.values()]
+
+
+def _sample(block: Sequence[tuple[F32, int]]) -> Sample:
+    rows, truth = zip(*block, strict=True)
+    return Sample(np.stack(rows, axis=1), np.array(truth, np.int32))

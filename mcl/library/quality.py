@@ -12,16 +12,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import label
 
-from ..sensor.model import SensorModel
 from ..sensor.references import distinct_places
 from ..values.arrays import F64, I32, Bool
 from ..values.geometry import wrap, wrap_angle
 from ..values.library import Library
 from ..values.map import Grid, make_grid, place_tree, spacing
-from .left_out import clustered
+from ..values.radii import SAME_WAY_RAD
+from .left_out import Index, LeftOutTable
 
 # Coverage: how much of the free space, in which directions, and where the gaps are.
 
@@ -92,12 +91,12 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
     """Return the mean share of directions covered, over at most a thousand points (n, 2)."""
     if not len(points):
         return 0.0
-    some = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]
+    chosen = points[np.linspace(0, len(points) - 1, min(len(points), 1000)).round().astype(int)]
     tree, wanted = place_tree(poses[:, :2]), np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
     shares = []
-    for entries in tree.query_ball_point(some, reach_m):
-        apart = np.abs(wrap_angle(poses[entries, 2] - wanted[:, None]))
-        shares.append(float((apart.min(axis=1) <= VIEW_RAD / 2 + 1e-6).mean()))
+    for entries in tree.query_ball_point(chosen, reach_m):
+        turned = np.abs(wrap_angle(poses[entries, 2] - wanted[:, None]))
+        shares.append(float((turned.min(axis=1) <= VIEW_RAD / 2 + 1e-6).mean()))
     return float(np.mean(shares))
 
 
@@ -116,11 +115,10 @@ def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float
     return tuple(sorted(worth, key=lambda gap: -gap.area_m2)[:MOST_GAPS])
 
 
-Index = NDArray[np.intp]
+# Self-similarity: how like each other a library's places look.
 
-NEAR = 1.6  # spacings: a neighbor, diagonal ones included
-SAME_WAY_RAD = float(np.radians(46))  # a neighbor's heading may be one of eight further
-FAR = 3.0  # spacings: further entries are other places
+NEIGHBOR_SPACINGS = 1.6  # diagonal ones included
+FAR_SPACINGS = 3.0  # further entries are other places
 CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
 
 Progress = Callable[[int, int], None]
@@ -146,14 +144,14 @@ class SelfSimilarity:
     @property
     def aliased(self) -> I32:
         """Entries with a far entry more similar than any neighbor, worst first."""
-        found = np.flatnonzero(self.margin < 0)
-        return np.asarray(found[np.argsort(self.margin[found], kind="stable")], np.int32)
+        entries = np.flatnonzero(self.margin < 0)
+        return np.asarray(entries[np.argsort(self.margin[entries], kind="stable")], np.int32)
 
     @property
     def retrieved_right(self) -> float:
         """The share of entries whose retrieved entry is a neighbor."""
         known = self.retrieved >= 0
-        near = (self.error_m <= NEAR * self.spacing_m) & (self.error_rad <= SAME_WAY_RAD)
+        near = (self.error_m <= NEIGHBOR_SPACINGS * self.spacing_m) & (self.error_rad <= SAME_WAY_RAD)
         return float(near[known].mean()) if known.any() else 0.0
 
     def at_places(self, values: F64) -> F64:
@@ -163,30 +161,32 @@ class SelfSimilarity:
         return np.asarray(total / np.maximum(count, 1))
 
 
-def self_similarity_of(
-    library: Library, sensor: SensorModel, progress: Progress | None = None
-) -> SelfSimilarity:
-    """Compare every entry with all entries at other places."""
-    places, place_of = clustered(library)
-    between = max(spacing(places), _spacing(library, place_of))
-    found: list[tuple[int, float, float, int, float, float, float, int]] = []
+def self_similarity_of(table: LeftOutTable, progress: Progress | None = None) -> SelfSimilarity:
+    """Read every row of a library's leave-one-out table."""
+    poses, place_of = table.sensor.library.poses, table.place_of
+    spacing_m = max(spacing(table.places), _spacing(table))
+    columns: list[list[float]] = []
     curve: list[F64] = []
-    for entry in range(library.size):
-        others = np.flatnonzero(place_of != place_of[entry])
-        cost = _costs(library, sensor, entry)
-        found.append(_one(library, place_of, between, entry, others, cost))
-        curve.append(_curve(library, between, entry, others, cost))
+    for entry in range(len(poses)):
+        others = table.others(entry)
+        cost = np.asarray(table.compared(entry).cost[others], np.float64)
+        distance_m, turned = _to_entries(poses, entry, others)
+        near = (distance_m <= NEIGHBOR_SPACINGS * spacing_m) & (turned <= SAME_WAY_RAD)
+        columns.append(_look_alikes(others, cost, near, distance_m > FAR_SPACINGS * spacing_m))
+        columns[-1].append(_ambiguity(place_of[others], cost))
+        curve.append(_curve(np.array(CURVE) * spacing_m, distance_m, cost))
         if progress:
-            progress(entry + 1, library.size)
-    columns = [np.array(column) for column in zip(*found, strict=True)]
-    retrieved, error_m, error_rad, alias, margin, ambiguity, confusion, rank = columns
+            progress(entry + 1, len(poses))
+    retrieved, alias, rank, margin, confusion, ambiguity = np.array(columns).T
+    known = retrieved >= 0
+    step = poses[retrieved.astype(int)] - poses
     return SelfSimilarity(
-        spacing_m=between,
-        places=places,
+        spacing_m=spacing_m,
+        places=table.places,
         place_of=place_of,
         retrieved=retrieved.astype(np.int32),
-        error_m=error_m,
-        error_rad=error_rad,
+        error_m=np.where(known, np.hypot(step[:, 0], step[:, 1]), np.nan),
+        error_rad=np.where(known, np.abs(wrap(step[:, 2])), np.nan),
         alias=alias.astype(np.int32),
         margin=margin,
         ambiguity=ambiguity,
@@ -196,65 +196,53 @@ def self_similarity_of(
     )
 
 
-def _spacing(library: Library, place_of: I32) -> float:
+def _spacing(table: LeftOutTable) -> float:
     """Return the median distance to the nearest entry elsewhere with a similar heading; 0 for none."""
-    nearest = []
-    for entry in range(library.size):
-        apart_m, turned = _apart(library, entry, np.flatnonzero(place_of != place_of[entry]))
+    nearest, poses = list[float](), table.sensor.library.poses
+    for entry in range(len(poses)):
+        distance_m, turned = _to_entries(poses, entry, table.others(entry))
         if (turned <= SAME_WAY_RAD).any():
-            nearest.append(apart_m[turned <= SAME_WAY_RAD].min())
+            nearest.append(float(distance_m[turned <= SAME_WAY_RAD].min()))
     return float(np.median(nearest)) if nearest else 0.0
 
 
-def _costs(library: Library, sensor: SensorModel, entry: int) -> F64:
-    measured = {name: library.index[name].references[entry] for name in sensor.weights}
-    return np.asarray(sensor.compare(measured).cost, np.float64)
-
-
-def _one(
-    library: Library, place_of: I32, between: float, entry: int, others: Index, cost: F64
-) -> tuple[int, float, float, int, float, float, float, int]:
-    """Return the values of `SelfSimilarity` for one entry."""
-    if not len(others):
-        return -1, np.nan, np.nan, -1, np.nan, 1.0, 0.0, 1
-    apart_m, turned = _apart(library, entry, others)
-    best = int(cost[others].argmin())
-    near = (apart_m <= NEAR * between) & (turned <= SAME_WAY_RAD)
-    far = apart_m > FAR * between
-    alias, margin, confusion, rank = -1, np.nan, 0.0, 1
-    if far.any():
-        share = np.exp(cost[others].min() - cost[others])
-        confusion = float(share[far].sum() / share.sum())
-        rank += int((cost[others][far] < cost[others][near].min()).sum()) if near.any() else 0
-        alias = int(others[far][cost[others][far].argmin()])
-        margin = float(cost[alias] - cost[others][near].min()) if near.any() else np.nan
-    ambiguity = _ambiguity(place_of[others], cost[others])
-    retrieved = int(others[best]), float(apart_m[best]), float(turned[best])
-    return *retrieved, alias, margin, ambiguity, confusion, rank
-
-
-def _apart(library: Library, entry: int, others: Index) -> tuple[F64, F64]:
-    """Return distances (k,) in meters and angles (k,) in radians from one entry to others."""
-    step = library.poses[others] - library.poses[entry]
+def _to_entries(poses: F64, entry: int, others: Index) -> tuple[F64, F64]:
+    """Return distances (K,) in meters and angles (K,) in radians from one entry to others."""
+    step = poses[others] - poses[entry]
     return np.hypot(step[:, 0], step[:, 1]), np.abs(wrap(step[:, 2]))
 
 
+def _look_alikes(others: Index, cost: F64, near: Bool, far: Bool) -> list[float]:
+    """Return `retrieved`, `alias`, `rank`, `margin` and `confusion` of one entry, from costs (K,)."""
+    if not len(others):
+        return [-1, -1, 1, np.nan, 0.0]
+    retrieved = int(others[cost.argmin()])
+    if not far.any():
+        return [retrieved, -1, 1, np.nan, 0.0]
+    share = np.exp(cost.min() - cost)
+    confusion = float(share[far].sum() / share.sum())
+    alias = int(others[far][cost[far].argmin()])
+    if not near.any():
+        return [retrieved, alias, 1, np.nan, confusion]
+    best = cost[near].min()
+    rank = 1 + int((cost[far] < best).sum())
+    return [retrieved, alias, rank, float(cost[far].min() - best), confusion]
+
+
 def _ambiguity(place_of: I32, cost: F64) -> float:
-    """Return how many places fit: exp of the entropy of the places' shares of the likelihood."""
+    """Return how many places fit: exp of the entropy of the places' shares of the likelihood; 1 for none."""
+    if not len(cost):
+        return 1.0
     share = np.bincount(place_of, np.exp(cost.min() - cost))
     share = share[share > 0] / share.sum()
     return float(np.exp(-(share @ np.log(share))))
 
 
-def _curve(library: Library, between: float, entry: int, others: Index, cost: F64) -> F64:
+def _curve(borders_m: F64, distance_m: F64, cost: F64) -> F64:
     """Return the lowest cost (6,) among entries in each range of distance; nan where there are none."""
-    apart_m, _ = _apart(library, entry, others)
-    ring = np.searchsorted(np.array(CURVE) * between * (1 + 1e-6), apart_m)
-    lowest = np.full(len(CURVE) + 1, np.nan)
-    for k in range(len(lowest)):
-        if (ring == k).any():
-            lowest[k] = cost[others[ring == k]].min()
-    return lowest
+    ring = np.searchsorted(borders_m * (1 + 1e-6), distance_m)
+    rings = [cost[ring == k] for k in range(len(borders_m) + 1)]
+    return np.array([costs.min() if len(costs) else np.nan for costs in rings])
 
 
 def _medians(curves: F64) -> F64:

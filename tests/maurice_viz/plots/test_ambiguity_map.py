@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from maurice_loaders.libraries.store import build_library
+from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import SelfSimilarity, self_similarity_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -18,7 +19,9 @@ from maurice_viz.style import DEAD, WALL, scale_for
 
 def checked(library: Library) -> SelfSimilarity:
     nearest = nearest_reference(library.poses, library.arena)
-    return self_similarity_of(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+    return self_similarity_of(
+        LeftOutTable.of(SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+    )
 
 
 def pixels_of(image: U8, color: tuple[int, int, int]) -> int:

@@ -9,7 +9,8 @@ import pytest
 
 from maurice_mcl.fitting import sensor as tuning
 from maurice_mcl.fitting import sensor as tuning_samples
-from maurice_mcl.library.left_out import LEAST_PROBABILITY
+from maurice_mcl.library.left_out import LEAST_PROBABILITY, LeftOutTable
+from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena
@@ -105,39 +106,53 @@ def _library(poses, walls=NO_WALLS):
     return Library("few", poses, (None,) * len(poses), index, arena)
 
 
-def test_neighbors_by_hand():
+def _sensor(library, *channels, distances=None):
+    nearest = nearest_reference(library.poses, library.arena)
+    weights = dict.fromkeys(channels or ("color",), 1.0)
+    return SensorModel(library, nearest, SensorParameters(weights, distances=distances or {"color": "l1"}))
+
+
+def _table(library):
+    return LeftOutTable.of(_sensor(library))
+
+
+def test_stand_ins_by_hand():
     library = _library([[0, 0, 0], [0, 0, 2], [1, 0, 1.9], [1, 0, 0.1], [5, 0, 0]])
-    assert tuning.neighbors(library).tolist() == [3, 2, 1, 0, 3]
+    assert _table(library).stand_ins.tolist() == [3, 2, 1, 0, 3]
     library = _library([[0, 0, 0], [1, 0, 0], [-2, 0, 0]], [[0.5, -8, 0.5, 8]])
-    assert tuning.neighbors(library).tolist() == [2, -1, 0]
+    assert _table(library).stand_ins.tolist() == [2, -1, 0]
     library = _library([[0, 0, np.pi - 0.1], [1, 0, -np.pi + 0.1], [9, 9, 0]])
-    assert tuning.neighbors(library).tolist() == [1, 0, -1]
+    assert _table(library).stand_ins.tolist() == [1, 0, -1]
 
 
 @pytest.mark.parametrize("poses", [[[0, 0, 0]], [[0, 0, 0], [0, 0, 1]]])
 def test_one_place_has_no_neighbor_and_gives_no_sample(poses):
-    library = _library(poses)
-    assert (tuning.neighbors(library) == -1).all()
-    assert tuning.library_samples(tuning.Measuring(library, {"color": "l1"}), 100) == []
+    table = _table(_library(poses))
+    assert (table.stand_ins == -1).all()
+    assert tuning.library_samples(table) == []
 
 
-def test_a_reference_left_out_is_compared_with_all_others():
-    library = _library([[0, 0, 0], [1, 0, 0], [2.5, 0, 0], [3.5, 0, 0]])
-    (sample,) = tuning.library_samples(tuning.Measuring(library, {"color": "l1"}), 100)
+def test_a_place_left_out_is_compared_with_all_others():
+    library = _library([[0, 0, 0], [1, 0, 0], [2.5, 0, 0], [3.5, 0, 0], [3.5, 0, 2]])
+    few, several = sorted(tuning.library_samples(_table(library)), key=lambda sample: len(sample.truth))
     references = library.index["color"].references
-    for entry, truth in enumerate([1, 0, 3, 2]):
-        others = np.delete(np.arange(4), entry)
-        expected = np.abs(references[others] - references[entry]).mean(axis=1)
-        assert sample.distances[0, entry] == pytest.approx(expected, rel=1e-5)
-        assert others[sample.truth[entry]] == truth
+    place_of = np.array([0, 1, 2, 3, 3])
+    assert several.distances.shape == (1, 3, 4)
+    for sample, entries, truths in ((several, [0, 1, 2], [1, 0, 3]), (few, [3], [2])):
+        for row, (entry, truth) in enumerate(zip(entries, truths, strict=True)):
+            others = np.flatnonzero(place_of != place_of[entry])
+            expected = np.abs(references[others] - references[entry]).mean(axis=1)
+            assert sample.distances[0, row] == pytest.approx(expected, rel=1e-5)
+            assert others[sample.truth[row]] == truth
+    assert tuning.blind_score([few, several]) == pytest.approx(-(3 * np.log(4) + np.log(3)) / 4)
 
 
 def test_drive_pictures_have_the_entry_nearest_to_their_truth(world):
-    nearest = nearest_reference(world.library.poses, world.library.arena)
-    measuring = tuning.Measuring(world.library, {"tiny": "l1", "color": "hellinger"})
+    sensor = _sensor(world.library, "tiny", "color", distances={"color": "hellinger"})
+    nearest = sensor.references
     moments = list(world.drive.moments())
     moments[2] = replace(moments[2], truth=None)
-    (sample,) = tuning.drive_samples(measuring, nearest, moments, frozenset(range(8)))
+    (sample,) = tuning.drive_samples(sensor, moments, frozenset(range(8)))
     kept = [moment for moment in moments if moment.truth is not None]
     entries = [tuning.true_entry(nearest, world.library, moment.truth) for moment in kept]
     assert sample.truth.tolist() == [entry for entry in entries if entry >= 0]
@@ -146,26 +161,25 @@ def test_drive_pictures_have_the_entry_nearest_to_their_truth(world):
 
 
 def test_only_the_pictures_taken_are_measured(world):
-    nearest = nearest_reference(world.library.poses, world.library.arena)
-    measuring = tuning.Measuring(world.library, {"color": "l1"})
-    told = []
-    found = tuning.drive_samples(
-        measuring, nearest, world.drive.moments(), frozenset([1, 5]), lambda d, n: told.append((d, n))
+    steps = []
+    samples = tuning.drive_samples(
+        _sensor(world.library), world.drive.moments(), frozenset([1, 5]), lambda d, n: steps.append((d, n))
     )
-    assert sum(len(s.truth) for s in found) <= 2
-    assert told == [(1, 2), (2, 2)]
+    assert sum(len(s.truth) for s in samples) <= 2
+    assert steps == [(1, 2), (2, 2)]
     assert tuning.spread_out(5, 9) == frozenset(range(5))
     assert tuning.spread_out(100, 3) == frozenset([0, 50, 99])
     assert tuning.spread_out(0, 3) == frozenset()
 
 
 def test_what_is_held_is_bounded_whatever_the_library(world, monkeypatch):
-    measuring = tuning.Measuring(world.library, {"color": "l1", "tiny": "l1"})
+    sensor = _sensor(world.library, "color", "tiny")
     size = 2 * world.library.size
     monkeypatch.setattr(tuning_samples, "MOST_DISTANCES", 10 * size)
     monkeypatch.setattr(tuning_samples, "MOST_IN_BLOCK", 4 * size)
-    assert measuring.most_pictures() == 10
-    found = tuning.library_samples(measuring, measuring.most_pictures())
-    assert [len(s.truth) for s in found] == [4, 4, 2]
+    assert tuning.most_pictures(sensor) == 10
+    samples = tuning.library_samples(LeftOutTable.of(sensor))
+    assert sum(len(s.truth) for s in samples) == 10
+    assert max(len(s.truth) for s in samples) <= 4
     monkeypatch.setattr(tuning_samples, "MOST_DISTANCES", 1)
-    assert measuring.most_pictures() == 1
+    assert tuning.most_pictures(sensor) == 1

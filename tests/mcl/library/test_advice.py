@@ -15,6 +15,7 @@ from maurice_mcl.library.advice import (
     advise,
     without_reference,
 )
+from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import coverage_of, self_similarity_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -53,7 +54,7 @@ def library_of(poses: F64, looks: F64 | None = None, *regions: Region) -> Librar
 def advised(library: Library) -> LibraryAdvice:
     nearest = nearest_reference(library.poses, library.arena)
     sensor = SensorModel(library, nearest, SensorParameters({"color": 1.0}))
-    return advise(library, self_similarity_of(library, sensor))
+    return advise(library, self_similarity_of(LeftOutTable.of(sensor)))
 
 
 def poses_of(advice: LibraryAdvice) -> F64:

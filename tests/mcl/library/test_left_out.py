@@ -10,7 +10,7 @@ import pytest
 from maurice_mcl.config.build import adapted, make_localizer
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.library.left_out import clustered, score_places
+from maurice_mcl.library.left_out import LeftOutTable, clustered, score_places
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.library import ChannelIndex, Library
@@ -57,7 +57,8 @@ def dense(across=8, spacing_m=0.4572):
 
 
 def scored(library, parameters=COLOR):
-    return score_places(SensorModel(library, nearest_reference(library.poses, library.arena), parameters))
+    nearest = nearest_reference(library.poses, library.arena)
+    return score_places(LeftOutTable.of(SensorModel(library, nearest, parameters)))
 
 
 def test_few_places_that_differ_at_random_are_worse_than_nothing():

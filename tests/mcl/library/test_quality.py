@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.library.left_out import places_of
+from maurice_mcl.library.left_out import LeftOutTable, places_of
 from maurice_mcl.library.quality import SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -33,7 +33,9 @@ def library_of(poses: F64, looks: F64, bounds: tuple[float, float] = (4.0, 1.5))
 
 def checked(library: Library) -> SelfSimilarity:
     nearest = nearest_reference(library.poses, library.arena)
-    return self_similarity_of(library, SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+    return self_similarity_of(
+        LeftOutTable.of(SensorModel(library, nearest, SensorParameters({"color": 1.0})))
+    )
 
 
 def smooth(poses: F64) -> F64:
