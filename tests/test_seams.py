@@ -79,11 +79,16 @@ FORMATS = (Format("two", "poses in a file.two", lambda path: path.suffix == ".tw
     "panel": {
         "maurice_viz/panels/clock.py": """
 import rerun as rr
+import rerun.blueprint as rrb
 
 from .panel import Panel, set_phase
 from ..entities import Phase
 
 class ClockPanel(Panel):
+    @classmethod
+    def view(cls, run, scene):
+        return rrb.TextLogView(name="Clock", origin="clock")
+
     def draw(self, rec, update):
         set_phase(rec, update.moment, Phase.MEASURE)
         rec.log("clock", rr.TextLog(f"{update.moment.frame.time_s} s"))
@@ -133,6 +138,8 @@ import maurice_loaders as ml
 import maurice_mcl as mcl
 import maurice_viz as mv
 from maurice_mcl.config.parameters import Layer, configure
+from maurice_viz.layouts.registry import tabs_of
+from maurice_viz.scene import RunView, Scene
 
 library, session = mcl.tiny_library(), mcl.tiny_session()
 settings = {"resampling.scheme": "heaviest", "recovery.strategy": "at_first"}
@@ -149,6 +156,8 @@ Path("path.two").write_text("".join(f"{t} {t / 10} 0 0 0 0 0 1\\n" for t in rang
 assert mv.inspect("path.two").format == "two"
 mv.replay(drive, feature="lightness", particles=20, to=out, save_run="run")
 assert b"clock" in out.read_bytes()
+shown = RunView.of("run", localizer), Scene(session.info, library, has_truth=True)
+assert tabs_of([shown[0]], shown[1])[1][-1] == "more"  # where views of panels' own are seen
 events = mv.events("run")
 assert any(event.kind == "new-step" for run in events.runs for event in run.events)
 

@@ -146,7 +146,8 @@ def _play(playback: Playback, recording_id: str | None) -> None:
 
 
 def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
-    from ..layouts.drive import DriveView, draw_drive, drive_blueprint, drive_paths
+    from ..layouts.drive import drive_blueprint
+    from ..panels.drive import DriveView, draw_drive, drive_paths
     from ..running.drive import glances_of, moments_of
     from ..viewer.sinks import recording
     from .shared.console import note

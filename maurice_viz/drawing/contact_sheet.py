@@ -16,12 +16,13 @@ import numpy as np
 
 from maurice_loaders.errors import PictureError
 from maurice_loaders.files.pictures import decode_picture, picture_file
+from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import Comparison
 
 from ..style import GROUND, MISSING, PALE, RANK, RGB, RUN_COLORS, TRUTH, Scale
-from .canvas import blank, jpeg, put_text, text_size
+from .canvas import blank, brightened, jpeg, put_text, shrunk, text_size
 from .indexed import IndexedColors, write
 
 BEST = 5
@@ -37,6 +38,12 @@ TRIED = 16  # pictures that are tried before a usual shape is assumed
 KEPT = 640  # references in memory as JPEGs, about 4 kB each: matches come back, and reading one costs 0.5 ms
 LATEST = 16  # pictures in memory before they are encoded: several drawings of one update show the same
 QUALITY = 70  # of their pictures
+
+# a card: a picture over its edges, to be compared with others
+CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
+CARD_GAP_PX = 4  # between picture and edges
+CARD_QUALITY = 60  # 3.8 kB a card; edges are most of it
+CARD_TEXT_PX = 9.0
 
 CAPTIONS = IndexedColors()
 INKS: dict[RGB, int] = {color: CAPTIONS.ramp(GROUND, color) for color in (PALE, RANK, TRUTH, *RUN_COLORS)}
@@ -137,3 +144,34 @@ def read_picture(path: Path) -> U8 | None:
 def _fitting(text: str) -> float:
     """Return the text height at which a caption fits into its cell, estimated: measuring takes 0.1 ms."""
     return min(TEXT_PX, (CELL_PX - 4) / (WIDTH_OF_A_LETTER * len(text)))
+
+
+@lru_cache(maxsize=KEPT)
+def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
+    """Return the card of a reference's picture; gray with a reason if the picture is not available."""
+    thumbnail = None if path is None else thumbnail_of(path, cell_height)
+    if thumbnail is None:
+        return blank_card(height, NOT_KEPT)
+    return card_with_edges(thumbnail, height)
+
+
+def card_with_edges(image: U8, height: int) -> bytes:
+    """Return the card of a picture (H, W, 3), so high, over its edges."""
+    picture = shrunk(image, CARD_PX, max(height, 1))
+    return jpeg(_stacked(picture, brightened(edge_image(picture))), CARD_QUALITY)
+
+
+@lru_cache(maxsize=8)
+def blank_card(height: int, words: str) -> bytes:
+    """Return a card with the reason why it has no picture."""
+    gray = blank(height, CARD_PX, MISSING)
+    width, _ = text_size(words, CARD_TEXT_PX)
+    small = min(CARD_TEXT_PX, CARD_TEXT_PX * (CARD_PX - 6) / max(width, 1))
+    worded = gray.copy()
+    put_text(worded, words, 3, height / 2 + small / 2, small, PALE)
+    return jpeg(_stacked(worded, gray), CARD_QUALITY)
+
+
+def _stacked(picture: U8, edges: U8) -> U8:
+    between = blank(CARD_GAP_PX, picture.shape[1], GROUND)
+    return np.concatenate([picture, between, edges])

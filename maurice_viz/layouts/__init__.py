@@ -2,11 +2,9 @@
 
 story               the first screen: what happened, where, what was seen, and when
 registry            all layouts of a recording, as tabs of one blueprint
-one_run             overview, inside-a-step and explain: one run at a glance, from the inside, and why
-sensors             what pose sensors read: the map with their marks, their pictures, their words
+one_run             overview, inside-a-step, explain, sensors: one run at a glance, from the inside, and why
 several_runs        compare and traces: runs side by side, and one number per update over the session
-trials              many runs as curves, beside one of them
-drive               a drive by itself, without a filter: its panels and its screen
+drive               a drive by itself, without a filter
 """
 
 # names on their own: the command line lists them without importing Rerun

@@ -1,4 +1,4 @@
-"""Layouts of one run: at a glance, an update from the inside, why the winner wins, and a recorded cloud."""
+"""Layouts of one run: at a glance, an update from the inside, why the winner wins, what pose sensors read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import rerun.blueprint as rrb
 
 from ..drawing.canvas import map_extent
 from ..panels.belief import belief_view, closeup_view
-from ..panels.camera import camera_view, edges_view
+from ..panels.camera import camera_view, difference_views, edges_view, histogram_views
 from ..panels.events import words_view
 from ..panels.explanation import (
     CAMERA_CARD,
@@ -17,13 +17,20 @@ from ..panels.explanation import (
     references_map_view,
     sentence_view,
 )
-from ..panels.histograms import difference_views, histogram_views
 from ..panels.population import ancestry_plot, headings_view, modes_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
+from ..panels.sensors import (
+    in_space,
+    sensor_map_view,
+    sensor_picture_views,
+    sensor_space_view,
+    sensor_words_view,
+)
 from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
 from ..scene import RunView, Scene
 from .story import over_events
 
+SENSOR_WORDS, SENSOR_PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
 LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
 
@@ -93,6 +100,26 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     columns = [column_view(paths, who) for who in (CAMERA_CARD, *columns_of(scene.has_truth))]
     right = rrb.Vertical(sentence_view(paths), rrb.Horizontal(*columns), row_shares=[1, 2.6])
     return over_events(rrb.Horizontal(left, right, column_shares=[1, 1.6]), [run])
+
+
+def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
+    """Lay out the map left; right the words and pictures of each sensor, or the distances."""
+    paths = run.paths
+    blocks = [_of_sensor(run, name) for name in run.sensors]
+    right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
+    views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
+    known = {} if run.sensor is None else run.sensor.sensors
+    views += [sensor_space_view(paths, scene, name) for name, one in known.items() if in_space(one)]
+    left = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
+    distances = single_plots(paths, scene)[0]
+    column = rrb.Vertical(left, distances, row_shares=[2.6, 1])
+    return over_events(rrb.Horizontal(column, right, column_shares=[1, 1.1]), [run])
+
+
+def _of_sensor(run: RunView, name: str) -> rrb.Container:
+    pictures = sensor_picture_views(run, name)
+    shares = [SENSOR_WORDS, *(SENSOR_PICTURES * len(pictures))[: len(pictures)]]
+    return rrb.Vertical(sensor_words_view(run.paths, name), *pictures, name=name, row_shares=shares)
 
 
 def recorded(run: RunView, scene: Scene) -> rrb.Vertical:

@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 import rerun.blueprint as rrb
 
+from ..panels.registry import views_of
 from ..panels.views import FPS, window
 from ..scene import RunView, Scene
 from ..style import font_safe_names
 from . import LIGHT_NAMES, one_run, several_runs
-from .sensors import sensors
 from .story import story
 
-SENSORS = "sensors"
+SENSORS, MORE = "sensors", "more"
 OF_CHANNELS = ("overview", "explain")  # layouts about channels and their references
 
 Layout = Callable[[Sequence[RunView], Scene], rrb.Container]
@@ -41,9 +41,10 @@ LAYOUTS: Mapping[str, Layout] = {
     "overview": _a_tab_a_run(one_run.overview),
     "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
     "explain": _a_tab_a_run(one_run.explain),
-    SENSORS: _a_tab_a_run(sensors),
+    SENSORS: _a_tab_a_run(one_run.sensors),
     "compare": several_runs.compare,
     "traces": several_runs.traces,
+    MORE: _a_tab_a_run(lambda run, scene: rrb.Grid(*views_of(run, scene))),
 }
 RECORDED: Mapping[str, Layout] = {
     "compare": several_runs.recorded_compare,
@@ -52,18 +53,20 @@ RECORDED: Mapping[str, Layout] = {
 }
 
 
-def _fits(name: str, runs: Sequence[RunView]) -> bool:
-    """Return whether a layout's panels are filled: by channels, or by pose sensors."""
+def _fits(name: str, runs: Sequence[RunView], scene: Scene) -> bool:
+    """Return whether a layout's panels are filled: by channels, by pose sensors, by views of panels' own."""
     if name == SENSORS:
         return any(run.sensors for run in runs)
+    if name == MORE:
+        return any(views_of(run, scene) for run in runs)
     return name not in OF_CHANNELS or any(run.channels for run in runs)
 
 
-def tabs_of(runs: Sequence[RunView]) -> tuple[Mapping[str, Layout], list[str]]:
+def tabs_of(runs: Sequence[RunView], scene: Scene) -> tuple[Mapping[str, Layout], list[str]]:
     """Return the layouts that runs can have, and the names of those whose panels are filled."""
     layouts = RECORDED if all(run.is_recorded for run in runs) else LAYOUTS
     names = [name for name in layouts if name != "compare" or len(runs) > 1]
-    return layouts, [name for name in names if layouts is RECORDED or _fits(name, runs)]
+    return layouts, [name for name in names if layouts is RECORDED or _fits(name, runs, scene)]
 
 
 def runs_blueprint(
@@ -75,9 +78,10 @@ def runs_blueprint(
 ) -> rrb.Blueprint:
     """Return a blueprint with one tab per layout, the tab `first` open.
 
-    `live` makes the viewer follow new updates. Raises ValueError if `first` is not one of the tabs.
+    `light` leaves out those with panels that little detail does not fill. Raises ValueError if `first` is
+    not one of the tabs.
     """
-    layouts, names = tabs_of(runs)
+    layouts, names = tabs_of(runs, scene)
     if light and layouts is LAYOUTS:
         names = [name for name in names if name in LIGHT_NAMES]
     chosen = first or names[0]

@@ -13,9 +13,8 @@ import rerun.blueprint as rrb
 from ..drawing.keys import NARROW_FROM
 from ..panels import comparison as shared
 from ..panels import traces as lines
-from ..panels.camera import camera_view
+from ..panels.camera import SHORT_LEGEND, camera_view, histogram_views
 from ..panels.events import words_view
-from ..panels.histograms import SHORT_LEGEND, histogram_views
 from ..panels.references import best_references_view, circles_view
 from ..panels.views import plot_of_runs
 from ..scene import RunView, Scene

@@ -8,9 +8,6 @@ channels lose.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
-from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import rerun as rr
@@ -21,25 +18,23 @@ from maurice_mcl.reasons.explanation import (
     TRUTH,
     WINNER,
     Explained,
-    StepExplanation,
     explain_step,
 )
-from maurice_mcl.sensor.descriptors.edges import edge_image
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.arrays import U8
 
 from .. import entities
 from .. import style as look
 from ..drawing.arrow import blob_of, points_of, row_of, text_of
-from ..drawing.canvas import blank, brightened, jpeg, png, put_text, shrunk, text_size
-from ..drawing.contact_sheet import CELL_PX, KEPT, NOT_KEPT, cell_height, thumbnail_of
+from ..drawing.canvas import png
+from ..drawing.contact_sheet import CARD_PX, CELL_PX, blank_card, card_of, card_with_edges, cell_height
 from ..drawing.heat import CHART
 from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import GROUND, MISSING, PALE, RANK, RGB
-from ..text.explanation import REFERENCES, say_step
+from ..style import RANK, RGB
+from ..text.explanation import REFERENCES, headline, say_step
 from ..text.explanation_table import brief_table, winner_first
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
@@ -61,15 +56,10 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
     return (WINNER, TRUTH, ESTIMATE) if has_truth else (WINNER, ESTIMATE)
 
 
-LETTER, LINE = 0.0125, 0.05  # width and height of a label's letter, as shares of the arena's long side
 ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
 THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
-CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
-CARD_GAP_PX = 4  # between picture and edges
-CARD_QUALITY = 60  # 3.8 kB a card; edges are most of it
-CARD_TEXT_PX = 9.0
 CAMERA_CARD = "camera"
 CAMERA_TITLE = "Camera, edges"
 
@@ -175,76 +165,7 @@ class _References:
 
     def card_of_camera(self, image: U8) -> bytes:
         """Return the card of the camera's picture (H, W, 3)."""
-        return _card(image, round(CARD_PX * image.shape[0] / image.shape[1]))
-
-
-@lru_cache(maxsize=KEPT)
-def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
-    """Return the card of a reference's picture; gray with a reason if the picture is not available."""
-    thumbnail = None if path is None else thumbnail_of(path, cell_height)
-    if thumbnail is None:
-        return blank_card(height, NOT_KEPT)
-    return _card(thumbnail, height)
-
-
-def _card(image: U8, height: int) -> bytes:
-    picture = shrunk(image, CARD_PX, max(height, 1))
-    return jpeg(_stacked(picture, brightened(edge_image(picture))), CARD_QUALITY)
-
-
-@lru_cache(maxsize=8)
-def blank_card(height: int, words: str) -> bytes:
-    """Return a card with the reason why it has no picture."""
-    gray = blank(height, CARD_PX, MISSING)
-    width, _ = text_size(words, CARD_TEXT_PX)
-    small = min(CARD_TEXT_PX, CARD_TEXT_PX * (CARD_PX - 6) / max(width, 1))
-    worded = gray.copy()
-    put_text(worded, words, 3, height / 2 + small / 2, small, PALE)
-    return jpeg(_stacked(worded, gray), CARD_QUALITY)
-
-
-def _stacked(picture: U8, edges: U8) -> U8:
-    between = blank(CARD_GAP_PX, picture.shape[1], GROUND)
-    return np.concatenate([picture, between, edges])
-
-
-def labels_on_map(shown: Sequence[Column], side_m: float = 0.0) -> list[str]:
-    """Return the arrows' labels; those that would overlap on a map of this size share one: "all" for all."""
-    poses = {k: e.entry.pose for k, (_, e) in enumerate(shown) if e is not None and e.entry is not None}
-    labels = [REFERENCES[who].label if k in poses else "" for k, (who, _) in enumerate(shown)]
-    groups = [[k] for k in poses]
-    joined = True
-    while joined:
-        joined = False
-        for one, other in combinations(groups, 2):
-            apart = np.abs(poses[one[-1]] - poses[other[-1]])[:2] / max(side_m, 1e-9)
-            letters = len(labels[one[-1]]) + len(labels[other[-1]]) + 2  # and the boxes around them
-            if apart[0] <= LETTER * letters / 2 and apart[1] <= LINE:
-                groups = [group for group in groups if group not in (one, other)] + [sorted(one + other)]
-                last = groups[-1][-1]
-                for k in groups[-1]:
-                    labels[k] = ""
-                labels[last] = ", ".join(REFERENCES[shown[k][0]].label for k in groups[-1])
-                joined = True
-                break
-    everything = len(groups) == 1 and len(groups[0]) == len(shown) > 1
-    return [*labels[:-1], "all"] if everything else labels
-
-
-def headline(step: StepExplanation) -> str:
-    """Return a sentence or two: which reference wins, and by how much over the one nearest to the truth."""
-    winner = step.winner
-    first = f"Best match: entry {winner.entry} of {winner.entries}"
-    rival = step.of(TRUTH) or step.of(ESTIMATE)
-    if rival is None or rival.entry is None:
-        return f"{first}."
-    of = rival.who
-    if rival.entry.entry == winner.entry:
-        return f"{first}, which is also the reference nearest to the {of}."
-    most, costs = rival.entry.costliest(winner), rival.entry.lost_to(winner)
-    by = f", {costs.max():.1f} by {most.channel}" if len(costs) > 1 else f" by {most.channel}"
-    behind = f"{rival.entry.behind:.1f} nats behind{by}"
-    return f"{first}. {of.capitalize()}'s reference is {behind}."
+        return card_with_edges(image, round(CARD_PX * image.shape[0] / image.shape[1]))
 
 
 def references_map_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:

@@ -1,7 +1,7 @@
 """What a panel is: it logs what does not change, then draws every update of its run.
 
 A panel owns the entities that it draws: no other panel logs them. Beside the class, its file holds the view
-(or views) in which layouts show it, with the title.
+(or views) in which layouts show it, with the title. One with a `view` of its own is seen without a layout.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.reasons.failures.kinds import Failure
@@ -51,6 +52,11 @@ class Panel:
     def __init__(self, run: RunView, scene: Scene) -> None:
         self._run, self._scene, self._paths = run, scene, run.paths
         self._library, self._scale = scene.library, scene.scale
+
+    @classmethod
+    def view(cls, run: RunView, scene: Scene) -> rrb.View | None:
+        """Return the view for the tab `more`; None: it stands in other layouts, or in none for this run."""
+        return None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log what does not change, static."""

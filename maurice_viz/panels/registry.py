@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import rerun.blueprint as rrb
 
 from ..scene import RunView, Scene
 from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel
-from .camera import CameraPanel
+from .camera import CameraPanel, HistogramsPanel
 from .events import EventsPanel, WordsPanel
 from .explanation import ExplanationPanel
-from .histograms import HistogramsPanel
 from .panel import Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
@@ -18,15 +17,13 @@ from .story import ErrorLinePanel, LimitsPanel
 from .traces import TracesPanel
 from .world import KeysPanel, TruthPanel, WorldPanel
 
-PanelMaker = Callable[[RunView, Scene], Panel]
-
-OF_THE_SCENE: tuple[PanelMaker, ...] = (
+OF_THE_SCENE: tuple[type[Panel], ...] = (
     WorldPanel,
     TruthPanel,
     CameraPanel,
     LimitsPanel,
 )  # once for all runs
-OF_A_RUN: tuple[PanelMaker, ...] = (
+OF_A_RUN: tuple[type[Panel], ...] = (
     KeysPanel,
     CloudPanel,
     FreshPanel,
@@ -46,17 +43,23 @@ OF_A_RUN: tuple[PanelMaker, ...] = (
     EventsPanel,
     WordsPanel,
 )
-OF_REFERENCES: tuple[PanelMaker, ...] = (LikelihoodPanel,)  # where the library has entries
+OF_REFERENCES: tuple[type[Panel], ...] = (LikelihoodPanel,)  # where the library has entries
 
 
-OF_CHANNELS: frozenset[PanelMaker] = frozenset(
+OF_CHANNELS: frozenset[type[Panel]] = frozenset(
     (MatchCirclesPanel, BestReferencesPanel, HistogramsPanel, ExplanationPanel)
 )  # which a robot without a camera has not
 
 
 def panels_of(run: RunView, scene: Scene) -> list[Panel]:
     """Return the panels of a run; the first run has those of the scene, too."""
-    makers = [*(OF_THE_SCENE if run.number == 0 else ()), *OF_A_RUN]
-    makers += OF_REFERENCES if scene.library.size else ()
+    kinds = [*(OF_THE_SCENE if run.number == 0 else ()), *OF_A_RUN]
+    kinds += OF_REFERENCES if scene.library.size else ()
     blind = bool(run.sensors) and not run.channels
-    return [make(run, scene) for make in makers if not (blind and make in OF_CHANNELS)]
+    return [kind(run, scene) for kind in kinds if not (blind and kind in OF_CHANNELS)]
+
+
+def views_of(run: RunView, scene: Scene) -> list[rrb.View]:
+    """Return the views that panels of a run have of their own."""
+    views = [panel.view(run, scene) for panel in OF_A_RUN]
+    return [view for view in views if view is not None]

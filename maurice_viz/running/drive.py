@@ -35,8 +35,9 @@ from maurice_mcl.values.records import (
 )
 from maurice_mcl.values.session import Frame, Moment
 
-from ..layouts.drive import DrivePaths, DriveView, draw_drive, drive_blueprint, drive_paths
+from ..layouts.drive import drive_blueprint
 from ..listener import SILENT, Listener
+from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
 from ..scene import RunView, Scene
 from .open import remark_skipped
 from .output import NEXT_KEYS, OutputOptions, opened

@@ -45,7 +45,7 @@ def layout_of(
     """Return the layout of runs; `first` names the tab that is open, `light` is for little detail."""
     from ..layouts.registry import runs_blueprint, tabs_of
 
-    names = tabs_of(runs)[1]
+    names = tabs_of(runs, scene)[1]
     if first is not None and first not in names:
         raise OptionError(f"--layout: found {first}, expected what these runs have: {', '.join(names)}")
     return runs_blueprint(runs, scene, first, light=light)

@@ -17,12 +17,6 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import FilterParameters, of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.reasons.explanation import (
-    ESTIMATE,
-    TRUTH,
-    WINNER,
-    EntryExplanation,
-    Explained,
-    PoseOffset,
     explain_step,
 )
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
@@ -31,6 +25,7 @@ from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 from maurice_viz.drawing.bars import REFERENCE, SAMPLE
+from maurice_viz.drawing.contact_sheet import CARD_PX, blank_card
 from maurice_viz.drawing.heat import CHART, HEATS, SHADES, grid_of, heat_of
 from maurice_viz.drawing.reference_chart import (
     BAR_SHARE,
@@ -43,8 +38,8 @@ from maurice_viz.drawing.reference_chart import (
 )
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts import one_run
-from maurice_viz.panels.explanation import CARD_PX, ExplanationPanel, blank_card, labels_on_map
-from maurice_viz.panels.histograms import HistogramsPanel, histogram_views
+from maurice_viz.panels.camera import HistogramsPanel, histogram_views
+from maurice_viz.panels.explanation import ExplanationPanel
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView
 from maurice_viz.style import EMPTY
@@ -286,16 +281,3 @@ def test_twelve_channels_each_have_a_chart_with_their_name(library, tmp_path):
             assert (part[: high // 2] != part[0, 0]).any()
             name = part[-12:-2]
             assert (name.max(axis=2) > 110).sum() > 20
-
-
-def test_arrows_that_lie_close_together_share_a_label() -> None:
-    def column(who: str, entry: int, x_m: float) -> tuple[str, Explained]:
-        pose = np.array([x_m, 0.0, 0.0])
-        reference = EntryExplanation(entry, pose, (), 1.0, 0.0, 1, 9, 0, 0.0)
-        return who, Explained(who, pose, reference, None, None, PoseOffset(0.0, 0.0))
-
-    apart = [column(TRUTH, 0, 0.0), column(ESTIMATE, 1, 0.3), column(WINNER, 2, 0.8)]
-    assert labels_on_map(apart) == ["truth's", "estimate's", "winner"]
-    assert labels_on_map(apart, 2.7) == ["", "truth's, estimate's", "winner"]
-    assert labels_on_map(apart, 3.5) == ["", "", "all"]  # the wide label would meet the winner's
-    assert labels_on_map([(TRUTH, None), *apart[1:]], 6.0) == ["", "", "estimate's, winner"]

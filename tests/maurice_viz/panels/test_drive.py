@@ -20,9 +20,9 @@ from maurice_loaders.reading.transforms import PLACEHOLDER, Placeholders
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import SessionInfo
-from maurice_viz.layouts import drive as drive_ways
-from maurice_viz.layouts.drive import DriveView, drive_paths, reach
 from maurice_viz.listener import SILENT
+from maurice_viz.panels import drive as drive_ways
+from maurice_viz.panels.drive import DriveView, drive_paths, reach
 from maurice_viz.running import drive as drive_alone
 
 Poses = st.tuples(*[st.floats(-5, 5)] * 2, st.floats(-3, 3)).map(np.array)
