@@ -23,8 +23,8 @@ import cv2
 import joblib
 
 from maurice_datasets.trials.statistics import rate
-from maurice_mcl.reasons.failures.diagnosis import DiagnosisBuilder
-from maurice_mcl.reasons.failures.kinds import UNKNOWN
+from maurice_mcl.reasons.causes import UNKNOWN
+from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 
 from .planted.places import SETS
 from .planted.planting import PLACES, planted

@@ -25,7 +25,7 @@ from maurice_datasets.trials.statistics import (
     share,
 )
 from maurice_datasets.trials.table import clusters_of
-from maurice_mcl.reasons.failures.kinds import MOTION, PROPOSAL, RESAMPLING
+from maurice_mcl.reasons.causes import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.scoring.metrics import GOAL_M
 from maurice_mcl.values.geometry import INCH_M
 

@@ -10,7 +10,7 @@ import polars as pl
 
 from maurice_datasets.trials.statistics import log_fit
 from maurice_datasets.trials.table import LOCALIZED, TIMES, clusters_of, curve_of, grouped
-from maurice_mcl.reasons.failures.kinds import MOTION, PROPOSAL, RESAMPLING
+from maurice_mcl.reasons.causes import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.scoring.metrics import GOAL_M
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import ACTUAL, BAND, INK, figure

@@ -19,8 +19,8 @@ from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.batch_step import can_batch
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.reasons.failures.diagnosis import DiagnosisBuilder
-from maurice_mcl.reasons.failures.kinds import UNKNOWN
+from maurice_mcl.reasons.causes import UNKNOWN
+from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.sensor.ahead import compared_ahead
 from maurice_mcl.values.session import Moment
 

@@ -1,6 +1,6 @@
 """What a diagnosis looks at, a recording as plain arrays, and what it returns: findings as codes and numbers.
 
-Nothing here reads files, and nothing is put into words: `maurice_viz.text.diagnosis` does that.
+Nothing here reads files, and nothing is put into words: `maurice_viz.text.findings` does that.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Value = float | str
 class Evidence:
     """One observation that supports a finding."""
 
-    kind: str  # a key of maurice_viz.text.diagnosis.EVIDENCE
+    kind: str  # a key of maurice_viz.text.findings.EVIDENCE
     values: Mapping[str, Value] = field(default_factory=dict)
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, fields
 from typing import Any
 
-from maurice_mcl.reasons.failures.kinds import CAUSES, Failure, Value
+from maurice_mcl.reasons.causes import CAUSES, Failure, Value
 from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, Episode
 
 from ..errors import FieldError

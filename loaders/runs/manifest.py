@@ -19,7 +19,7 @@ import polars as pl
 import scipy
 from numpy.typing import NDArray
 
-from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.radii import NAMES, USUAL, Radii

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.radii import Radii

@@ -13,7 +13,7 @@ from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
 from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.reasons.failures.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import Belief, FilterState, StepRecord

@@ -12,16 +12,16 @@ from typing import Any
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import is_saved
-from maurice_mcl.reasons.failures.kinds import Failure
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.causes import CAUSES, Failure
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..style import Scale, units_named
-from ..text.failure import say_evidence, say_failure, title
+from ..text.causes import say_evidence, say_failure
 from ..text.score_json import failure_json
-from ..text.verdict import said
+from ..text.verdict import say_verdict
 from .replay import replay
 
 NEVER_LOST = "No failure: it was never lost."
@@ -54,7 +54,7 @@ class RunDiagnosis:
     def text(self) -> str:
         """The diagnosis in lines."""
         scale = Scale(units_named(self.display_units))
-        lines = [f"{self.label}: {said(self.verdict, scale)}"]
+        lines = [f"{self.label}: {say_verdict(self.verdict, scale)}"]
         if not self.verdict.has_truth:
             lines.append(NO_TRUTH if self.failures else NONE_WITHOUT_TRUTH)
         if not self.failures and self.verdict.has_truth:
@@ -63,7 +63,7 @@ class RunDiagnosis:
             lines += ["", say_failure(failure, scale)]
             lines += [f"  {line}" for line in say_evidence(failure, scale)]
             if failure.also:
-                lines.append(f"  also true: {', '.join(map(title, failure.also))}")
+                lines.append(f"  also true: {', '.join(CAUSES[kind].title for kind in failure.also)}")
             lines += [f"  see: {command}" for command in self.commands(failure)]
         return "\n".join(lines)
 
@@ -89,7 +89,7 @@ class RunDiagnosis:
             "label": self.label,
             "truth_known": self.verdict.has_truth,
             "updates": self.verdict.updates,
-            "verdict": said(self.verdict, scale),
+            "verdict": say_verdict(self.verdict, scale),
             "failures": [failure_json(one, scale) for one in self.failures],
         }
 

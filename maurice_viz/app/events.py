@@ -10,7 +10,7 @@ from shlex import quote
 from typing import TypeAlias
 
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.comparison import RunComparison
 from maurice_mcl.scoring.events import KINDS, EventDetector, RunEvent
 from maurice_mcl.values.records import StepRecord
@@ -20,7 +20,7 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.saved_steps import Pictures, Restored, restored_together
 from ..style import Scale, units_named
-from ..text.failure import with_failures
+from ..text.causes import with_failures
 
 UNKNOWN = "was saved without its failures, by an earlier version; maurice-replay diagnose {} finds them"
 Update: TypeAlias = tuple[Moment, StepRecord]

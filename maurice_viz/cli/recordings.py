@@ -16,7 +16,7 @@ from maurice_loaders.doctor.inspection import Inspection
 from ..app.inspect import doctor as diagnose
 from ..app.inspect import inspect as inspect_recording
 from ..style import Units, units_named
-from ..text.diagnosis import describe, evidence_for, fix_for
+from ..text.findings import describe, evidence_for, fix_for
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import option, reading_of, typed

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.reasons.failures.kinds import CAUSES, Failure
+from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.scoring import events as kinds
 from maurice_mcl.scoring import events as states
 from maurice_mcl.scoring.events import KINDS, RunEvent
@@ -21,7 +21,6 @@ from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import FRESH, GROUND, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
 from ..text import narration
-from ..text.failure import title
 from ..text.what_if import BRANCH
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_phase_only, set_place
 
@@ -104,9 +103,11 @@ SHORT = {
     **{name: kind.word or name.replace("-", " ") for name, kind in KINDS.items()},
     states.WRONG: "wrong",
     states.SEARCHING: "search",
-    **{f"{CAUSE}{kind}": f"lost: {title(kind)}" for kind in CAUSES},
+    **{f"{CAUSE}{kind}": f"lost: {cause.title}" for kind, cause in CAUSES.items()},
 }  # labels of states, lines and words, if not their names
-WORDS = {f"{CAUSE}{kind}": f"cause: {title(kind)}" for kind in CAUSES}  # of marks: it need not be lost yet
+WORDS = {
+    f"{CAUSE}{kind}": f"cause: {cause.title}" for kind, cause in CAUSES.items()
+}  # of marks: it need not be lost yet
 LINE_COLORS: Mapping[str, RGB] = {
     name: FRESH if kind.tone == kinds.ACTS else TONES[kind.tone]
     for name, kind in KINDS.items()

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import rerun as rr
 
-from maurice_mcl.reasons.failures.kinds import Failure
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.causes import Failure
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.values.records import StepRecord

@@ -13,7 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.filter.localizer import EXPANDED
-from maurice_mcl.reasons.failures.kinds import Failure
+from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.events import RunEvent
 from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.arrays import U8

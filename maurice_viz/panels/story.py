@@ -9,8 +9,8 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.reasons.failures.verdict import RunVerdict, decisive_step
 from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.reasons.verdict import RunVerdict, decisive_step
 from maurice_mcl.scoring.events import KIDNAPPED
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.session import Moment

@@ -15,7 +15,7 @@ from maurice_loaders.files.text import read_toml
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
-from maurice_mcl.reasons.failures.verdict import decisive_step
+from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.events import KINDS
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.session import SessionInfo

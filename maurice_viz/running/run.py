@@ -15,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.runs.writer import RunWriter
-from maurice_mcl.reasons.failures.verdict import decisive_step
+from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.comparison import Step
 
 from ..errors import SinkError, Terminated

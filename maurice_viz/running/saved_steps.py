@@ -22,7 +22,7 @@ from maurice_mcl.values.session import Moment, Session
 from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..style import MISSING, Scale
-from ..text.failure import with_failures
+from ..text.causes import with_failures
 from ..text.narration import errors
 
 NO_PICTURE: U8 = np.full((90, 120, 3), MISSING, np.uint8)  # shown where the session's picture is not there

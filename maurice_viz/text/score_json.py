@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from maurice_mcl.reasons.failures.kinds import Failure
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.causes import Failure
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import ErrorDifference
 
 from ..playback import RunResult
 from ..style import Scale
-from .failure import say_failure
-from .verdict import said
+from .causes import say_failure
+from .verdict import say_verdict
 
 
 def to_json(results: Sequence[RunResult], scale: Scale) -> dict[str, Any]:
@@ -103,16 +103,19 @@ def _alone_json(result: RunResult) -> dict[str, Any] | None:
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
 IN_OBSTACLE = ("obstacle", "first", "last")
-CAUSE = ("kind", "step", "last", "expected", "actual", "words", "alike")
+INCIDENT = ("kind", "step", "last", "expected", "actual", "words", "alike")
 
 
 def _verdict_json(result: RunResult, scale: Scale) -> dict[str, Any]:
     verdict = result.verdict
-    facts = _values(verdict, VERDICT) | {"left_map": list(verdict.left_map), "text": said(verdict, scale)}
-    facts["in_obstacles"] = [_values(one, IN_OBSTACLE) for one in verdict.in_obstacles]
-    facts["episodes"] = [asdict(one) | {"text": one.account} for one in verdict.episodes]
-    facts["failures"] = [failure_json(one, scale) for one in verdict.failures]
-    return facts | {"causes": [_values(one, CAUSE) for one in verdict.causes]}
+    facts = _values(verdict, VERDICT) | {
+        "left_map": list(verdict.left_map),
+        "text": say_verdict(verdict, scale),
+    }
+    facts["in_obstacles"] = [_values(stay, IN_OBSTACLE) for stay in verdict.in_obstacles]
+    facts["episodes"] = [asdict(episode) | {"text": episode.account} for episode in verdict.episodes]
+    facts["failures"] = [failure_json(failure, scale) for failure in verdict.failures]
+    return facts | {"causes": [_values(incident, INCIDENT) for incident in verdict.incidents]}
 
 
 def failure_json(failure: Failure, scale: Scale) -> dict[str, Any]:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.reasons.failures.ambiguity import Ambiguity
-from maurice_mcl.reasons.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Cause
-from maurice_mcl.reasons.failures.kinds import Failure
-from maurice_mcl.reasons.failures.verdict import RunVerdict, SureAndWrong
-from maurice_mcl.reasons.tour import BACK, BEFELL, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
+from maurice_mcl.reasons.causes import CARRIED, CAUSES, DARK, JUMPED, OVERSTATED, SLIPPED, Failure
+from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.tour import BACK, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
 from maurice_mcl.scoring.episodes import Episode
 
 from ..scene import EVENLY, LIKELY, NEVER, RunView
 from ..style import Scale
-from .failure import say_cause, title
-from .verdict import befell
+from .causes import say_cause, say_incident
 
 NAMES = {
     BEGINS: "the drive begins",
@@ -24,13 +22,6 @@ NAMES = {
     SURE: "sure and wrong",
     BACK: "localized again",
     ENDS: "the end",
-}
-BEFALLS = {
-    CARRIED: "kidnapped",
-    JUMPED: "the truth jumps",
-    SLIPPED: "the wheels slip",
-    OVERSTATED: "odometry too long",
-    DARK: "lights out",
 }
 WENT_ON = "Map: the dots (particles) moved as odometry says; the white disk (the truth) hardly moved."
 LOOKS = {
@@ -88,10 +79,10 @@ def tour_pages(
 
 
 def _name(moment: TourMoment, several: bool) -> str:
-    if isinstance(moment.fact, Cause):
-        return BEFALLS.get(moment.fact.kind, "something happens")
+    if isinstance(moment.fact, Incident):
+        return moment.fact.about.title
     if isinstance(moment.fact, Failure):
-        name = f"the cause, {title(moment.fact.kind)}"
+        name = f"the cause, {CAUSES[moment.fact.kind].title}"
     else:
         name = NAMES.get(moment.kind, "farthest off")
     return f"`{moment.label}` {name}" if several and moment.label else name
@@ -100,8 +91,8 @@ def _name(moment: TourMoment, several: bool) -> str:
 def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
     """Return where to look at a moment, and what is seen there."""
     fact = moment.fact
-    if moment.kind == BEFELL and isinstance(fact, Cause):
-        return LOOKS.get(fact.kind, f"{befell(fact, scale)}.")
+    if isinstance(fact, Incident):
+        return LOOKS.get(fact.kind, f"{say_incident(fact, scale)}.")
     if isinstance(fact, Failure):
         return f"Why it failed: {say_cause(fact, scale)}."
     if isinstance(fact, Ambiguity):

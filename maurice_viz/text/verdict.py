@@ -5,40 +5,35 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.reasons.failures.ambiguity import Ambiguity
-from maurice_mcl.reasons.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, TURNED, Cause
-from maurice_mcl.reasons.failures.kinds import KIDNAPPED as WAS_KIDNAPPED
-from maurice_mcl.reasons.failures.kinds import LIGHTING, MOTION
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.causes import BEFALLING, CARRIED
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
 from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from maurice_mcl.scoring.metrics import RIGHT_RAD, StepScore
 
 from ..style import Scale
-from .failure import say_cause
+from .causes import ROBOT_KIDNAPPED, say_cause, say_incident, steps_text
 
 SURE = ", sure of a wrong place"
-KIDNAPPED_ROBOT = "The robot was kidnapped"
 NOTHING_YET = "No step yet."
-TOLD = (WAS_KIDNAPPED, MOTION, LIGHTING)  # causes that the sentence on the drive has told already
-MOST_CAUSES = 2  # that a line tells of
+MOST_INCIDENTS = 2  # that a line tells of
 ALIKE_Q = 0.1  # qualities that differ by less are about equal
 
 
 def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     """Return one line about all runs, what they share first: "The wheels slipped at step 34. `a` ..."."""
     if len(verdicts) == 1:
-        return said(next(iter(verdicts.values())), scale)
+        return say_verdict(next(iter(verdicts.values())), scale)
     runs = list(verdicts.values())
     carried = bool(_kidnappings(runs))
-    parts = [_of_several(f"`{label}`", one, scale, carried) for label, one in verdicts.items()]
+    parts = [_of_several(f"`{label}`", verdict, scale, carried) for label, verdict in verdicts.items()]
     return f"{_shared(runs, scale)}{'; '.join(parts)}."
 
 
-def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
+def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
     """Return what one of several runs did, as a clause: "`robust` was localized from step 63 on"."""
     if not verdict.has_truth:
         return f"{name}: {_without_truth(verdict, scale)}"
-    did = _predicate(verdict, scale, kidnapping_said)
+    did = _predicate(verdict, scale, kidnapping_told)
     before = "; ".join(filter(None, [_made_worse(verdict, scale), _before(verdict, scale)]))
     why = _why(verdict, scale)
     because = f" ({why})" if why else f" ({ruled_out(verdict)})" if verdict.in_obstacles else ""
@@ -46,16 +41,16 @@ def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_said: b
 
 
 def _why(verdict: RunVerdict, scale: Scale) -> str:
-    """Return why a run was not localized (again), of the first failure that nothing told explains."""
-    told = any(map(verdict.has_loud_cause, verdict.episodes))
-    quiet = [one for one in verdict.failures if not (one.kind in TOLD and told)]
-    if not quiet:
+    """Return why a run was not localized (again): its first failure that no incident told before explains."""
+    is_loud = any(map(verdict.has_loud_incident, verdict.episodes))
+    failure = next((f for f in verdict.failures if not (is_loud and f.kind in BEFALLING)), None)
+    if failure is None:
         return ""
-    since = f"from step {quiet[0].episode.onset}: " if len(verdict.episodes) > 1 else ""
-    return f"{since}{say_cause(quiet[0], scale)}"
+    since = f"from step {failure.episode.onset}: " if len(verdict.episodes) > 1 else ""
+    return f"{since}{say_cause(failure, scale)}"
 
 
-def said(verdict: RunVerdict, scale: Scale) -> str:
+def say_verdict(verdict: RunVerdict, scale: Scale) -> str:
     """Return one line about one run."""
     if not verdict.updates:
         return NOTHING_YET
@@ -94,7 +89,7 @@ def _off_map(verdict: RunVerdict) -> str:
 def ruled_out(verdict: RunVerdict) -> str:
     """Return where the map ruled the truth out, as a clause: "the map has the sofa where the robot was"."""
     first, more = verdict.in_obstacles[0], len(verdict.in_obstacles) - 1
-    at = steps_said(first.first, first.last)
+    at = steps_text(first.first, first.last)
     times = f" and {more} more time{'s' * (more > 1)}" if more else ""
     there = f"the map has the {first.obstacle} where the robot was at {at}{times}"
     return f"{there}, so no particle could be there"
@@ -106,42 +101,16 @@ def _sentence(clause: str) -> str:
 
 def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
     """Return what befell all runs of a drive, as sentences: "The wheels slipped at step 34. "."""
-    told = dict.fromkeys(
-        (one.kind, one.step) for run in runs for one in run.telling_causes if one.kind != CARRIED
-    )
-    causes = [
-        {(one.kind, one.step): one for one in run.causes if (one.kind, one.step) in told} for run in runs
-    ]
-    both = [key for key in told if all(key in one for one in causes)]
-    parts = [_kidnapped_at(runs, scale)]
-    parts += [f"{befell(causes[0][key], scale)}. " for key in both[:MOST_CAUSES]]
-    return "".join(parts)
-
-
-def befell(cause: Cause, scale: Scale) -> str:
-    """Return what befell the robot or its camera: "The wheels slipped at step 34: odometry says ..."."""
-    at = steps_said(cause.step, cause.last)
-    if cause.kind == DARK:
-        gray = f"mean gray level {cause.expected or 0:.0f} before, {cause.actual or 0:.0f} since"
-        return f"The picture went dark at step {cause.step} ({gray})"
-    expected, actual = scale.say(cause.expected or 0.0), scale.say(cause.actual or 0.0)
-    if cause.kind == SLIPPED:
-        return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
-    if cause.kind == OVERSTATED:
-        return f"Odometry from pictures was too long at {at}: it says {expected}, the robot moved {actual}"
-    if cause.kind == JUMPED:
-        return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
-    if cause.kind == CARRIED:
-        return f"{KIDNAPPED_ROBOT} at {at} (carried {actual}, unseen by its odometry)"
-    if cause.kind == TURNED:
-        turned = cause.words.removeprefix("slip ")
-        return f"The wheels slipped at {at}: a turn of {turned} that odometry did not see"
-    return f"The light changed at {at} ({cause.words})"
+    keys = dict.fromkeys((i.kind, i.step) for run in runs for i in run.telling_incidents if i.kind != CARRIED)
+    by_key = [{(i.kind, i.step): i for i in run.incidents} for run in runs]
+    shared = [by_key[0][key] for key in keys if all(key in incidents for incidents in by_key)]
+    parts = [f"{say_incident(incident, scale)}. " for incident in shared[:MOST_INCIDENTS]]
+    return "".join([_kidnapped_at(runs, scale), *parts])
 
 
 def _kidnappings(runs: Sequence[RunVerdict]) -> list[int]:
     """Return the steps of the kidnappings in the log, if all runs share them."""
-    at = [[cause.step for cause in one.causes if cause.kind == CARRIED] for one in runs]
+    at = [[incident.step for incident in run.incidents if incident.kind == CARRIED] for run in runs]
     return at[0] if all(other == at[0] for other in at) else []
 
 
@@ -149,41 +118,45 @@ def _kidnapped_at(runs: Sequence[RunVerdict], scale: Scale) -> str:
     """Return the kidnappings in the log that all runs share: "The robot was kidnapped at step 61. "."""
     at = _kidnappings(runs)
     if len(at) != 1:
-        return f"{KIDNAPPED_ROBOT} at {_listed(at)}. " if at else ""
-    known = [one for one in runs[0].causes if one.kind == CARRIED and one.actual is not None]
-    return f"{befell(known[0], scale)}. " if known else f"{KIDNAPPED_ROBOT} at step {at[0]}. "
+        return f"{ROBOT_KIDNAPPED} at {_listed(at)}. " if at else ""
+    known = [i for i in runs[0].incidents if i.kind == CARRIED and i.actual is not None]
+    return f"{say_incident(known[0], scale)}. " if known else f"{ROBOT_KIDNAPPED} at step {at[0]}. "
 
 
-def divided(one: Ambiguity, scale: Scale) -> str:
+def _divided(ambiguity: Ambiguity, scale: Scale) -> str:
     """Return how two places shared the weight: "two places looked alike at step 3: 47% of the weight ..."."""
     where = {None: "", 0: "; the truth is in neither", 1: "; the truth is in the first"}
-    truth = where.get(one.truth_in, "; the truth is in the second")
-    first, second = (f"{share:.0%}" for share in one.shares)
-    there = f"{second} at the other, {scale.say(one.apart_m)} away"
-    at = f"two places looked alike at step {one.step}"
-    return f"{at}: {first} of the weight at one, {there}{truth}{_fits(one)}"
+    truth = where.get(ambiguity.truth_in, "; the truth is in the second")
+    first, second = (f"{share:.0%}" for share in ambiguity.shares)
+    there = f"{second} at the other, {scale.say(ambiguity.apart_m)} away"
+    at = f"two places looked alike at step {ambiguity.step}"
+    return f"{at}: {first} of the weight at one, {there}{truth}{_fits(ambiguity)}"
 
 
-def _fits(one: Ambiguity) -> str:
+def _fits(ambiguity: Ambiguity) -> str:
     """Return how well the picture fitted both places: "; both fit about as well (q 0.81 and ...)"."""
-    if one.fits is None or one.usual is None or abs(one.fits[0] - one.fits[1]) > ALIKE_Q:
+    if (
+        ambiguity.fits is None
+        or ambiguity.usual is None
+        or abs(ambiguity.fits[0] - ambiguity.fits[1]) > ALIKE_Q
+    ):
         return ""
-    first, second = one.fits
-    values = f"q {first:.2f} and {second:.2f}; a typical place {one.usual:.2f}"
+    first, second = ambiguity.fits
+    values = f"q {first:.2f} and {second:.2f}; a typical place {ambiguity.usual:.2f}"
     return f"; both fit about as well ({values})"
 
 
-def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
+def _predicate(verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
     """Return what one run did: "was wrong from step 61, localized again from step 63 on"."""
-    told = [one for one in verdict.episodes if one.kind != SEARCHING or one.is_failure]
-    if not told:
+    episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
+    if not episodes:
         return _never_wrong(verdict, scale)
-    parts = [_said_of(one, verdict, scale, kidnapping_said) for one in told[:2]]
-    text, more = "; then it ".join(parts), len(told) - len(parts)
+    parts = [_say_episode(episode, verdict, scale, kidnapping_told) for episode in episodes[:2]]
+    text, more = "; then it ".join(parts), len(episodes) - len(parts)
     return f"{text}; and it was wrong {more} more time{'s' * (more > 1)}" if more else text
 
 
-def _said_of(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_said: bool) -> str:
+def _say_episode(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_told: bool) -> str:
     """Return one episode as a predicate, with how it ended."""
     sure = _how_sure(episode, verdict, scale)
     is_last = episode == verdict.episodes[-1]
@@ -192,11 +165,11 @@ def _said_of(episode: Episode, verdict: RunVerdict, scale: Scale, kidnapping_sai
     if episode.kind == SEARCHING:
         from_step = f"localized from step {episode.localized} on"
         return f"was confident of a wrong place at {episode.sure} steps before it was {from_step}"
-    carried = episode.kind == KIDNAPPED and not (kidnapping_said and episode.wrong)
-    parts = [f"kidnapped at step {episode.first}"] if carried and not kidnapping_said else []
+    carried = episode.kind == KIDNAPPED and not (kidnapping_told and episode.wrong)
+    parts = [f"kidnapped at step {episode.first}"] if carried and not kidnapping_told else []
     parts += [episode.account] if episode.wrong is not None else []
-    alike = (cause := verdict.cause_of(episode)) is not None and cause.alike
-    parts += ["while all reference pictures scored alike"] if alike else []
+    incident = verdict.incident_of(episode)
+    parts += ["while all reference pictures scored alike"] if incident and incident.alike else []
     if episode.localized is not None:
         drawn = f"{episode.fresh} fresh particles up to step {episode.last}"
         fresh = f", after {drawn}" if episode.fresh else ""
@@ -261,7 +234,7 @@ def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
         first, more = verdict.failures[0], len(verdict.failures) - 1
         times = f", and {more} more time{'s' * (more > 1)}" if more else ""
         text += f"; it was {first.episode.account}{times}: {say_cause(first, scale)}"
-    if any(one.alike for one in verdict.causes):
+    if any(incident.alike for incident in verdict.incidents):
         text = f"{text}; in the dark all reference pictures score alike"
     before = _before(verdict, scale)
     return f"{text}; {before}" if before else text
@@ -269,12 +242,7 @@ def _without_truth(verdict: RunVerdict, scale: Scale) -> str:
 
 def _before(verdict: RunVerdict, scale: Scale) -> str:
     """Return which two places shared the weight before the run was localized; empty if none."""
-    return "" if verdict.telling is None else divided(verdict.telling, scale)
-
-
-def steps_said(first: int, last: int) -> str:
-    """Return "step 34" or "steps 34 to 37"."""
-    return f"step {first}" if first == last else f"steps {first} to {last}"
+    return "" if verdict.telling is None else _divided(verdict.telling, scale)
 
 
 def _listed(steps: Sequence[int]) -> str:

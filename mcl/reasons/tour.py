@@ -6,24 +6,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ..scoring.episodes import SEARCHING, Episode
-from .failures.ambiguity import Ambiguity
-from .failures.causes import Cause
-from .failures.kinds import Failure
-from .failures.verdict import RunVerdict, SureAndWrong
+from .causes import Failure
+from .incidents import Incident
+from .verdict import Ambiguity, RunVerdict, SureAndWrong
 
-BEGINS, FOUND, DIVIDED, BEFELL, CAUSED, LOST, SURE, BACK, WORST, ENDS = (
-    "begins",
-    "found",
-    "divided",
-    "befell",
-    "caused",
-    "lost",
-    "sure",
-    "back",
-    "worst",
-    "ends",
-)
-MOST = 5
+BEGINS, FOUND, DIVIDED, BEFELL, CAUSED = "begins", "found", "divided", "befell", "caused"
+LOST, SURE, BACK, WORST, ENDS = "lost", "sure", "back", "worst", "ends"
+MOST_MOMENTS = 5
 IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, CAUSED, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
 
 
@@ -34,24 +23,24 @@ class TourMoment:
     step: int
     kind: str
     label: str = ""  # of the run; empty: of all
-    fact: Cause | Failure | Episode | Ambiguity | SureAndWrong | None = None
+    fact: Incident | Failure | Episode | Ambiguity | SureAndWrong | None = None
 
 
 def tour_of(verdicts: Mapping[str, RunVerdict]) -> tuple[TourMoment, ...]:
     """Return at most five moments, one per step, in order; none before the first update."""
     if not all(verdict.updates for verdict in verdicts.values()):
         return ()
-    found = [*_of_all(verdicts)]
+    moments = [*_of_all(verdicts)]
     for label, verdict in verdicts.items():
-        found += _of_run(label, verdict)
-    found.sort(key=lambda one: IMPORTANT.index(one.kind))
+        moments += _of_run(label, verdict)
+    moments.sort(key=lambda moment: IMPORTANT.index(moment.kind))
     kept: dict[int, TourMoment] = {}
     kinds = set[tuple[str, str]]()
-    for one in found:
-        if len(kept) < MOST and one.step not in kept and (one.kind, one.label) not in kinds:
-            kept[one.step] = one
-            if one.kind not in (BEFELL, LOST):
-                kinds.add((one.kind, one.label))
+    for moment in moments:
+        if len(kept) < MOST_MOMENTS and moment.step not in kept and (moment.kind, moment.label) not in kinds:
+            kept[moment.step] = moment
+            if moment.kind not in (BEFELL, LOST):
+                kinds.add((moment.kind, moment.label))
     return tuple(kept[step] for step in sorted(kept))
 
 
@@ -60,9 +49,9 @@ def _of_all(verdicts: Mapping[str, RunVerdict]) -> Iterator[TourMoment]:
     first = next(iter(verdicts.values()))
     yield TourMoment(first.first, BEGINS)
     yield TourMoment(first.last, ENDS)
-    causes = {(one.kind, one.step): one for verdict in verdicts.values() for one in verdict.telling_causes}
-    for cause in causes.values():
-        yield TourMoment(cause.shown_at, BEFELL, fact=cause)
+    incidents = {(i.kind, i.step): i for verdict in verdicts.values() for i in verdict.telling_incidents}
+    for incident in incidents.values():
+        yield TourMoment(incident.shown_at, BEFELL, fact=incident)
 
 
 def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
@@ -80,7 +69,7 @@ def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
         if episode.localized is not None and episode.kind != SEARCHING:
             yield TourMoment(episode.localized, BACK, label, episode)
     sure = verdict.sure_and_wrong
-    if sure is not None and any(one.is_sure and one.first <= sure.step for one in verdict.episodes):
+    if sure is not None and any(e.is_sure and e.first <= sure.step for e in verdict.episodes):
         yield TourMoment(sure.step, SURE, label, sure)
     if not verdict.episodes and verdict.has_truth:
         yield TourMoment(verdict.most_at, WORST, label)

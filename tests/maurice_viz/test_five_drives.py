@@ -42,7 +42,7 @@ def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
     assert re.match(
         r"The wheels slipped at steps 12 to 15: odometry says [\d.]+ in, the robot moved [\d.]+ in\. ", line
     )
-    (cause,) = verdict.causes
+    (cause,) = verdict.incidents
     assert cause.expected > 4 * cause.actual
     assert verdict.decisive == 15
 

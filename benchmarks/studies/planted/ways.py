@@ -13,7 +13,7 @@ from maurice_datasets.robot.motion import Chassis
 from maurice_datasets.robot.planner import free_pose, raster
 from maurice_datasets.trials.drives import Held
 from maurice_datasets.worlds.world import clearance
-from maurice_mcl.reasons.failures.kinds import (
+from maurice_mcl.reasons.causes import (
     AMBIGUITY,
     DATA,
     KIDNAPPED,

@@ -197,7 +197,7 @@ def test_a_localizer_is_not_lost_by_a_camera_that_it_does_not_use(
     [run] = replay(path, as_recorded=True).runs
     assert run.score.updates == 12
     assert run.verdict.failures == ()
-    assert not run.verdict.causes
+    assert not run.verdict.incidents
 
 
 def test_bags_without_particles_are_refused(tmp_path: Path) -> None:

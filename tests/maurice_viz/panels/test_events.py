@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.filter.localizer import RESAMPLED
-from maurice_mcl.reasons.failures.kinds import CAUSES, LIGHTING, Failure
+from maurice_mcl.reasons.causes import CAUSES, LIGHTING, Failure
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.events import FAILURE, KINDS, PARTED, STATES, RunEvent
 from maurice_viz.entities import Phase, RunPaths, phase_number

@@ -20,7 +20,7 @@ from maurice_mcl.values.records import Opinion
 from maurice_viz.app.diagnose import RunDiagnosis
 from maurice_viz.playback import ResultCollector, RunResult
 from maurice_viz.style import Scale, units_named
-from maurice_viz.text.failure import with_failures
+from maurice_viz.text.causes import with_failures
 from maurice_viz.text.score_json import to_json
 from maurice_viz.text.summary import score_rows
 from maurice_viz.text.tour import tour_pages
@@ -122,7 +122,7 @@ def test_every_text_names_the_steps_of_the_episodes(letters, known_start):
         for number in (one.first, one.last, one.wrong, one.noticed, one.lost, one.localized)
     }
     numbers |= {step for span in verdict.doubts for step in span} | {verdict.found, verdict.most_at}
-    numbers |= {one.first for one in verdict.failures} | {cause.step for cause in verdict.causes}
+    numbers |= {one.first for one in verdict.failures} | {incident.step for incident in verdict.incidents}
     numbers |= {verdict.first, verdict.last} | _evidence(verdict)
     for part in ("verdict", "diagnose", "json"):
         for text in texts[part]:

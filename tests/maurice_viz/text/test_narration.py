@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.reasons.failures.causes import Cause
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.metrics import Scorer, Success
 from maurice_mcl.values.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
 from maurice_viz.cli.replay import to_table
@@ -169,8 +169,8 @@ def test_json_has_all_of_it():
 
 
 def test_json_tells_what_befell_the_robot():
-    slip = Cause("slipped", 34, 37, 1.43, 0.27)
-    (told,) = to_json([replace(_result(), verdict=RunVerdict(causes=(slip,)))], INCHES)["runs"]
+    slip = Incident("slipped", 34, 37, 1.43, 0.27)
+    (told,) = to_json([replace(_result(), verdict=RunVerdict(incidents=(slip,)))], INCHES)["runs"]
     (cause,) = told["verdict"]["causes"]
     assert cause == {"kind": "slipped", "step": 34, "last": 37, "expected": 1.43, "actual": 0.27} | {
         "words": "", "alike": False

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 import maurice_mcl as mcl
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
 from maurice_viz.text import summary
 

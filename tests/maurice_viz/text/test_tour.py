@@ -2,22 +2,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from maurice_mcl.reasons.failures.causes import CARRIED, Cause
-from maurice_mcl.reasons.failures.verdict import RunVerdict
+from maurice_mcl.reasons.causes import CARRIED
+from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
 from maurice_viz.scene import LIKELY, NEVER, RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words
 
 INCHES = Scale(UNITS["in"])
-CARRY = Cause(CARRIED, 51, 51, None, 1.7)
+CARRY = Incident(CARRIED, 51, 51, None, 1.7)
 EPISODE = Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200)
 
 
 def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     run = RunVerdict(
-        updates=100, has_truth=True, found=1, first=1, last=100, causes=(CARRY,), episodes=(EPISODE,)
+        updates=100, has_truth=True, found=1, first=1, last=100, incidents=(CARRY,), episodes=(EPISODE,)
     )
     verdicts = {"robust": run}
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)

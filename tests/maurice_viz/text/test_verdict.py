@@ -4,17 +4,16 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.reasons.failures.ambiguity import Ambiguity
-from maurice_mcl.reasons.failures.causes import CARRIED, Cause, InObstacle
-from maurice_mcl.reasons.failures.kinds import AMBIGUITY, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
-from maurice_mcl.reasons.failures.verdict import RunVerdict, SureAndWrong
+from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
+from maurice_mcl.reasons.incidents import Incident, InObstacle
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
 from maurice_mcl.scoring.comparison import ErrorDifference
 from maurice_mcl.scoring.dead_reckoning import OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_viz.style import UNITS, Scale
-from maurice_viz.text.failure import say_cause
-from maurice_viz.text.verdict import said, verdict_line
+from maurice_viz.text.causes import say_cause
+from maurice_viz.text.verdict import say_verdict, verdict_line
 
 INCHES = Scale(UNITS["in"])
 INCH_M = 0.0254
@@ -34,8 +33,8 @@ OFF = StepScore(81 * INCH_M, 0.1, True, False, True)
 
 
 def wrong(*episodes, end=OFF, **more):
-    carried = tuple(Cause(CARRIED, one.first, one.first) for one in episodes if one.kind == "kidnapped")
-    facts = {"updates": 90, "has_truth": True, "found": 1, "first": 1, "last": 90, "causes": carried}
+    carried = tuple(Incident(CARRIED, one.first, one.first) for one in episodes if one.kind == "kidnapped")
+    facts = {"updates": 90, "has_truth": True, "found": 1, "first": 1, "last": 90, "incidents": carried}
     return RunVerdict(**facts, end=end, episodes=episodes, **more)
 
 
@@ -110,7 +109,7 @@ HOW = "wrong from step 61, noticed without truth at step 63, declared lost at st
     ],
 )
 def test_one_run_in_one_line(verdict, line):
-    assert said(verdict, INCHES) == line
+    assert say_verdict(verdict, INCHES) == line
 
 
 def test_several_runs_share_the_kidnapping():
@@ -137,7 +136,7 @@ def test_the_words_of_the_end_agree_with_the_radii():
         (between, "neither right nor lost at the end (23.6 in off)"),
         (turned, "still lost at the end (3.9 in and 92 deg off)"),
     ):
-        assert f"declared lost at step 64, {words}" in said(wrong(STAYS, end=end), INCHES)
+        assert f"declared lost at step 64, {words}" in say_verdict(wrong(STAYS, end=end), INCHES)
 
 
 def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
@@ -145,7 +144,7 @@ def test_a_sure_run_is_said_to_lack_particles_only_where_it_did_at_that_step():
         worst = SureAndWrong(70, 50 * INCH_M, 0.97, bereft)
         run = wrong(Episode("lost", 61, 90, 61, lost=64, steps=30, sure=29, bereft=20), sure_and_wrong=worst)
         line = "sure of a wrong place: at step 70, 97% of the weight lay 50.0 in from the truth"
-        assert f"{line}{end}" in said(run, INCHES)
+        assert f"{line}{end}" in say_verdict(run, INCHES)
 
 
 SEARCH = Episode("searching", 1, 90, lost=4, steps=90, sure=60, bereft=80)
@@ -157,7 +156,7 @@ DIED = Failure(
 def test_the_cause_of_a_failure_is_the_why_of_the_verdict():
     run = wrong(SEARCH, failures=(DIED,))
     says = "the last particle at the true place died at step 10, and no other came there"
-    assert f"(81.0 in off at the end). Why: {says}." in said(run, INCHES)
+    assert f"(81.0 in off at the end). Why: {says}." in say_verdict(run, INCHES)
     assert f"(81.0 in off at the end) ({says})" in verdict_line({"a": run, "b": GOOD}, INCHES)
 
 
@@ -185,7 +184,7 @@ def test_a_search_without_an_end_is_explained(kind, evidence, says):
 def test_what_befell_the_robot_is_not_told_twice():
     carried = Failure(KIDNAPPED, 61, STAYS, {"moved_m": 2.0})
     run = wrong(STAYS, failures=(carried,))
-    assert "Why" not in said(run, INCHES)
+    assert "Why" not in say_verdict(run, INCHES)
 
 
 TWINS = Ambiguity(3, 3, 5, (0.47, 0.38), 64 * INCH_M, 2)
@@ -195,12 +194,12 @@ def test_two_places_that_look_alike_have_a_sentence_of_their_own():
     run = replace(GOOD, found=9, ambiguity=TWINS)
     places = "wo places looked alike at step 3: 47% of the weight at one, 38% at the other, 64.0 in away"
     found = "was localized from step 9 on, and right at the end (2.0 in off)"
-    assert said(run, INCHES) == f"T{places}; the truth is in the second. The filter {found}."
+    assert say_verdict(run, INCHES) == f"T{places}; the truth is in the second. The filter {found}."
     alike = replace(run, ambiguity=replace(TWINS, fits=(0.81, 0.82), usual=0.48))
     fits = "; both fit about as well (q 0.81 and 0.82; a typical place 0.48)"
-    assert fits in said(alike, INCHES)
+    assert fits in say_verdict(alike, INCHES)
     parted = replace(run, ambiguity=replace(TWINS, fits=(0.81, 0.62), usual=0.48))
-    assert "about as well" not in said(parted, INCHES)
+    assert "about as well" not in say_verdict(parted, INCHES)
     line = verdict_line({"a": run, "b": GOOD}, INCHES)
     assert line.startswith(
         f"`a`: t{places}; the truth is in the second; it {found}; `b` was right at every step:"
@@ -218,10 +217,9 @@ def test_without_truth_the_verdict_says_where_it_was_probably_lost_and_shows_tha
         Failure(KIDNAPPED, k, Episode(PROBABLY_LOST, k, k + 9, noticed=k), truth_known=False) for k in (5, 20)
     )
     blind = RunVerdict(updates=40, converged_share=0.5, failures=failures, left_map=(30,))
-    assert (
-        "no truth to judge it by; it was probably lost from step 5 to 14, and 1 more time: the pictures from "
-        "step 5 on fit other places, as after a kidnapping (without ground truth)." in said(blind, INCHES)
-    )
+    text = say_verdict(blind, INCHES)
+    assert "it was probably lost from step 5 to 14, and 1 more time: the pictures from step 5 on" in text
+    assert "fit other places, as after a kidnapping (without ground truth)." in text
     assert blind.decisive == 5
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import maurice_mcl as mcl
+from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.reasons.explanation import Asked, explain_step
-from maurice_mcl.reasons.failures.around import Surroundings
-from maurice_mcl.reasons.failures.diagnosis import diagnose_run
 from maurice_mcl.reasons.second_opinion import SecondOpinion
+from maurice_mcl.reasons.surroundings import Surroundings
 from maurice_mcl.scoring.lost_signal import BeliefNumbers, LostSignal, SignalCollector
 from maurice_mcl.values.pose_sensor import EXACT, Shown
 
@@ -85,7 +85,10 @@ def test_without_a_channel_nothing_is_known_without_truth(drive, sensor):
         assert signal.add(record) is None
         collector.add(record)
     assert collector.result() is None
-    assert diagnose_run(steps, localizer) == ()
+    builder = DiagnosisBuilder(localizer)
+    for moment, record in steps:
+        builder.add(moment, record)
+    assert builder.result() == ()
 
 
 def test_references_are_judged_by_channels_and_poses_by_all(drive, sensor):

@@ -1,20 +1,19 @@
 from __future__ import annotations
 
-from maurice_mcl.reasons.failures.ambiguity import Ambiguity
-from maurice_mcl.reasons.failures.causes import CARRIED, Cause
-from maurice_mcl.reasons.failures.kinds import PROPOSAL, Failure
-from maurice_mcl.reasons.failures.verdict import RunVerdict, SureAndWrong
+from maurice_mcl.reasons.causes import CARRIED, PROPOSAL, Failure
+from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.tour import tour_of
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
 from maurice_mcl.scoring.episodes import Episode
 
-CARRY = Cause(CARRIED, 51, 51, None, 1.7)
+CARRY = Incident(CARRIED, 51, 51, None, 1.7)
 LOST = RunVerdict(
     updates=100,
     has_truth=True,
     found=1,
     first=1,
     last=100,
-    causes=(CARRY,),
+    incidents=(CARRY,),
     episodes=(Episode("kidnapped", 51, 100, 51, 53, 54, steps=50, sure=40, bereft=50),),
     sure_and_wrong=SureAndWrong(85, 3.1, 1.0),
 )
@@ -24,7 +23,7 @@ BACK = RunVerdict(
     found=1,
     first=1,
     last=100,
-    causes=(CARRY,),
+    incidents=(CARRY,),
     episodes=(Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200),),
 )
 

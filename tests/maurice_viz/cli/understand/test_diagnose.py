@@ -15,13 +15,13 @@ from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.table import load_trials
 from maurice_loaders.runs.store import open_run
-from maurice_mcl.reasons.failures import diagnosis
-from maurice_mcl.reasons.failures.diagnosis import DiagnosisBuilder
+from maurice_mcl.reasons import diagnosis
+from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.scoring.episodes import Episode
 from maurice_viz.app.diagnose import diagnose
 from maurice_viz.running.saved import open_saved
 from maurice_viz.style import Scale, units_named
-from maurice_viz.text.failure import failure_event, say_cause
+from maurice_viz.text.causes import failure_event, say_cause
 
 
 def carried(log: Path, since: int) -> Path:

@@ -1,4 +1,9 @@
-"""What a library says about one place: its references there, how well they fit, and how well others do."""
+"""What a library says of one place: how well its references there fit a picture, or others, or another light.
+
+Another light shows in how much brighter a picture is than the references at the true place, how well it would
+have fitted them with that taken out, and whether the same parts of the view are the light ones: another light
+leaves that as it is, something in view does not.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +11,28 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...sensor.descriptors.tiny import COLUMNS, ROWS, Tiny
-from ...sensor.distances import contributions
-from ...sensor.model import SensorModel
-from ...sensor.references import distinct_places
-from ...values.arrays import F32, F64, U8, Bool
-from ...values.geometry import wrap
-from ...values.map import spacing
-from ...values.records import Comparison
+from ..sensor.descriptors.chromaticity import BLACK
+from ..sensor.descriptors.tiny import COLUMNS, ROWS, Tiny
+from ..sensor.distances import contributions
+from ..sensor.model import SensorModel
+from ..sensor.references import distinct_places
+from ..values.arrays import F32, F64, U8, Bool
+from ..values.geometry import wrap
+from ..values.map import spacing
+from ..values.records import Comparison
+from ..values.session import Frame
 
 SAME_WAY_RAD = float(np.radians(46))  # a reference turned further shows another view
 HISTOGRAMS = ("color", "smoothed", "blurred")  # channels that hold the camera's histogram
-NEAR = 1.1  # spacings: references that show the same view
+SAME_VIEW_SPACINGS = 1.1  # references nearer than this show the same view
 SAMPLED = 64  # entries that the usual cost is taken from
 ALIKE_NATS = 1.0  # a place that scores less than this below the true one looks the same
+LEAST_LEVEL = 2.0  # above black; a darker picture has no usable brightness
+NOTABLE_RATIO = 0.1  # log of the brightness, from which on the picture is corrected and compared again
 
 Index = NDArray[np.intp]
 
@@ -32,7 +42,6 @@ class PlaceFit:
     """How one picture fits the true place, and the best other place."""
 
     cost: float  # nats, of the best reference at the true place: comparable between pictures
-    best_cost: float  # of the best one anywhere
     behind: float  # nats of log-likelihood by which the best other place is ahead of the true pose
     estimate_behind: float  # by which the place of the estimate is ahead; 0 where that is the true one
     rank: int  # of the true place's best reference among all, from 1
@@ -85,13 +94,18 @@ class Surroundings:
 
     def near(self, pose: F64) -> Index:
         """Return the references that show the view from a pose (3,): near it, looking the same way."""
-        return self._looking_alike(np.flatnonzero(self._apart(pose) <= (NEAR * self.spacing_m) ** 2), pose)
+        return self._near(self._squared(pose), pose)
+
+    def _near(self, squared: F64, pose: F64) -> Index:
+        close = np.flatnonzero(squared <= (SAME_VIEW_SPACINGS * self.spacing_m) ** 2)
+        entries: Index = close[np.abs(wrap(self._columns[2][close] - pose[2])) <= SAME_WAY_RAD]
+        return entries
 
     def far(self, pose: F64) -> Bool:
         """Return which references (L,) are at another place than a pose (3,)."""
-        return self._apart(pose) > self.lost_m**2
+        return self._squared(pose) > self.lost_m**2
 
-    def _apart(self, pose: F64) -> F64:
+    def _squared(self, pose: F64) -> F64:
         """Return the squared distance (L,) of every reference from a pose (3,)."""
         x, y, _ = self._columns
         dx: F64 = x - pose[0]
@@ -100,10 +114,6 @@ class Surroundings:
         dy *= dy
         dx += dy
         return dx
-
-    def _looking_alike(self, some: Index, pose: F64) -> Index:
-        found: Index = some[np.abs(wrap(self._columns[2][some] - pose[2])) <= SAME_WAY_RAD]
-        return found
 
     @cached_property
     def _columns(self) -> F64:
@@ -116,9 +126,9 @@ class Surroundings:
         References are judged by channels, truth and estimate by all sensors, which know their own poses.
         """
         whole, comparison = comparison, comparison.by_channels
-        apart, likely = self._apart(truth), comparison.log_likelihood
-        near = self._looking_alike(np.flatnonzero(apart <= (NEAR * self.spacing_m) ** 2), truth)
-        others = np.flatnonzero(apart > self.lost_m**2)
+        squared, likely = self._squared(truth), comparison.log_likelihood
+        near = self._near(squared, truth)
+        others = np.flatnonzero(squared > self.lost_m**2)
         if not comparison.channels or not len(likely) or not len(near) or not len(others):
             return None
         here, there = self._likelihoods(whole, truth, estimate)
@@ -135,7 +145,6 @@ class Surroundings:
         x, y = self.sensor.library.poses[best, :2].tolist()
         return PlaceFit(
             cost=float(comparison.cost[entry]),
-            best_cost=float(comparison.cost.min()),
             behind=float(likely[best]) - here,
             estimate_behind=0.0 if same or not np.isfinite(there) else there,
             rank=int((likely > likely[near].max()).sum()) + 1,
@@ -162,8 +171,8 @@ class Surroundings:
     def _likelihoods(self, comparison: Comparison, *poses: F64) -> list[float]:
         """Return the log-likelihood of a particle at each pose (3,); -inf outside the map."""
         sensor, relative = self.sensor, np.concatenate([self._relative(pose) for pose in poses])
-        found: list[float] = sensor.at(comparison, relative).log_likelihood.tolist()
-        return found
+        nats: list[float] = sensor.at(comparison, relative).log_likelihood.tolist()
+        return nats
 
     @cached_property
     def usual(self) -> UsualFit:
@@ -179,9 +188,9 @@ class Surroundings:
             near, far = near[near != entry], self.far(library.poses[entry])
             if not len(near) or not far.any():
                 continue
-            found = sensor.compare(measured)
-            costs.append(float(found.cost[near].min()))
-            rows = np.concatenate([found.cost[None], found.channel_cost])
+            comparison = sensor.compare(measured)
+            costs.append(float(comparison.cost[near].min()))
+            rows = np.concatenate([comparison.cost[None], comparison.channel_cost])
             confused.append((rows[:, far] < np.median(rows[:, near], axis=1)[:, None]).mean(axis=1))
         if not costs:
             return UsualFit(float("nan"), 0.0, {})
@@ -219,22 +228,71 @@ class Surroundings:
         if measured is None or not len(near):
             return None
         poses = self.sensor.library.poses[near]
-        apart = np.hypot(*(poses[:, :2] - pose[:2]).T) / (0.5 * self.spacing_m)
+        distance = np.hypot(*(poses[:, :2] - pose[:2]).T) / (0.5 * self.spacing_m)
         turned = 1.01 - np.abs(wrap(poses[:, 2] - pose[2])) / SAME_WAY_RAD
-        return np.asarray(np.average(measured[near], axis=0, weights=np.exp(-0.5 * apart**2) * turned))
+        return np.asarray(np.average(measured[near], axis=0, weights=np.exp(-0.5 * distance**2) * turned))
 
     def _costliest(self, comparison: Comparison, entry: int, other: int) -> tuple[str, float]:
         weights = np.array([self.sensor.weights[name] for name in comparison.channels])
-        apart = weights * (comparison.channel_cost[:, entry] - comparison.channel_cost[:, other])
-        most = int(apart.argmax())
-        return comparison.channels[most], float(apart[most])
+        costs = weights * (comparison.channel_cost[:, entry] - comparison.channel_cost[:, other])
+        most = int(costs.argmax())
+        return comparison.channels[most], float(costs[most])
 
     def _places(self, entries: Index) -> int:
         """Count places at least `lost_m` apart among entries."""
-        left, count = self.sensor.library.poses[entries, :2], 0
-        while len(left):
-            left, count = left[np.hypot(*(left - left[0]).T) > self.lost_m], count + 1
+        places, count = self.sensor.library.poses[entries, :2], 0
+        while len(places):
+            places, count = places[np.hypot(*(places - places[0]).T) > self.lost_m], count + 1
         return count
 
     def _relative(self, pose: F64) -> F32:
         return np.asarray(pose - np.append(self.sensor.library.origin, 0.0), np.float32)[None]
+
+
+# Another light.
+
+
+@dataclass(frozen=True, slots=True)
+class LightFit:
+    """One picture beside what the references at the true place make expect."""
+
+    ratio: float  # log of its brightness over the expected one: negative where it is darker
+    level: float  # mean gray level of the picture
+    expected: float  # and that of the references
+    cost: float  # nats of the true place, as `PlaceFit.cost`, of the corrected picture
+    behind: float  # and as `PlaceFit.behind`
+    colors: float = 1.0  # share of `ratio` by which the least changed of red, green and blue changed
+
+
+def mean_level(image: U8) -> float:
+    """Return the mean gray level of a picture, 0 to 255; NaN for one without pixels."""
+    return sum(cv2.mean(image)[:3]) / 3 if image.size else float("nan")
+
+
+def light_fit(
+    surroundings: Surroundings, image: U8, truth: F64, estimate: F64, fit: PlaceFit
+) -> LightFit | None:
+    """Compare a picture's brightness with that expected at the truth (3,); None where not known."""
+    expected = surroundings.expected_levels(truth)
+    if expected is None:
+        return None
+    levels = image.reshape(-1, 3).mean(axis=0)
+    over, wanted = (np.maximum(mean - BLACK, LEAST_LEVEL) for mean in (levels, expected))
+    ratio = float(np.log(over.sum() / wanted.sum()))
+    if abs(ratio) < NOTABLE_RATIO:
+        return LightFit(ratio, float(levels.mean()), float(expected.mean()), fit.cost, fit.behind)
+    brighter = np.clip((image - BLACK) * (wanted / over) + BLACK, 0, 255).astype(np.uint8)
+    corrected = surroundings.sensor.see(Frame(0, 0.0, np.empty((0, 3)), brighter, ""))
+    again = surroundings.fit(corrected, truth, estimate)
+    colors = float((np.log(over / wanted) / ratio).min())
+    cost, behind = (fit.cost, fit.behind) if again is None else (again.cost, again.behind)
+    return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind, colors)
+
+
+def layout_fit(surroundings: Surroundings, image: U8, truth: F64) -> float | None:
+    """Correlate a picture's layout with the expected one; 0 for an even picture, None where not known."""
+    expected = surroundings.expected_layout(truth) if image.size else None
+    if expected is None:
+        return None
+    seen = layouts_of(Tiny().describe(image)[None])[0]
+    return float(np.corrcoef(seen, expected)[0, 1]) if seen.std() > 0 < expected.std() else 0.0

@@ -1,6 +1,7 @@
 """The verdict: what happened to one run, as facts. `maurice_viz.text.verdict` turns it into a sentence.
 
-Its `episodes` are when it was wrong, its `causes` what befell the robot, its `failures` why it was lost.
+Its `episodes` are when it was wrong, its `incidents` what befell the robot, its `failures` why it was lost,
+its `ambiguity` two places that explained the pictures about as well.
 """
 
 from __future__ import annotations
@@ -8,30 +9,46 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import InitVar, dataclass, field, replace
 
-from ...filter.localizer import LEFT_MAP, Localizer
-from ...filter.motion import PictureMotion
-from ...scoring.dead_reckoning import OdometryAlone
-from ...scoring.episodes import KIDNAPPED, SEARCHING, Episode
-from ...scoring.metrics import FIRST_SCORED, StepScore
-from ...values.radii import USUAL, Radii
-from ...values.records import StepRecord
-from ...values.session import Moment
-from .ambiguity import Ambiguity, AmbiguityFinder
-from .causes import (
-    CARRIED,
-    DARK,
-    JUMPED,
-    OVERSTATED,
-    SLIPPED,
-    Cause,
-    CauseFinder,
-    InObstacle,
-    ObstacleFinder,
-)
-from .diagnosis import DiagnosisBuilder
-from .kinds import Failure
+import numpy as np
 
-EXPLAINS_FOR = 10  # steps after a cause in which a loss is due to it
+from ..filter.estimate import modes
+from ..filter.localizer import LEFT_MAP, Localizer
+from ..filter.motion import PictureMotion
+from ..scoring.dead_reckoning import OdometryAlone
+from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
+from ..scoring.metrics import FIRST_SCORED, StepScore
+from ..values.arrays import F64
+from ..values.radii import USUAL, Radii
+from ..values.records import StepRecord
+from ..values.session import Moment
+from .causes import OVERSTATED, Failure
+from .diagnosis import DiagnosisBuilder
+from .incidents import Incident, IncidentFinder, InObstacle, ObstacleFinder
+
+DUE_STEPS = 10  # after an incident, in which a loss is due to it
+SECOND_SHARE = 0.25  # of the weight, that the second of two places needs
+BOTH_SHARE = 0.7  # of the weight, that both need
+APART_RADII = 2.0  # times the radius *converged* that they are apart at least
+LASTING_UPDATES = 2  # in a row
+
+
+@dataclass(frozen=True, slots=True)
+class Ambiguity:
+    """The updates in which two places shared the weight; the numbers are those of the most even update."""
+
+    step: int  # the most even update
+    first: int  # update of these
+    last: int
+    shares: tuple[float, float]
+    apart_m: float
+    truth_in: int | None  # 1 or 2: the place that holds the truth; 0: neither; None: not known
+    fits: tuple[float, float] | None = None  # mean quality of their particles; None: not compared
+    usual: float | None = None  # median quality of all references
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether it lasted for more than one update."""
+        return self.last - self.first + 1 >= LASTING_UPDATES
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +79,10 @@ class RunVerdict:
     beyond: int = 0  # of these, those that were too far off: beyond the radius *lost*, or 45 degrees
     end: StepScore | None = None  # of the last update with truth
     radii: Radii = USUAL  # by which it was judged
-    sure_share: float = 0.0  # of the updates: wrong and confident
     converged_share: float = 0.0  # of the updates
     left_map: tuple[int, ...] = ()  # steps at which the whole cloud would have left the map
     in_obstacles: tuple[InObstacle, ...] = ()  # when the truth was where the map has something solid
-    causes: tuple[Cause, ...] = ()  # what befell the robot and its camera
+    incidents: tuple[Incident, ...] = ()  # what befell the robot and its camera
     failures: tuple[Failure, ...] = ()  # each time it was lost or never localized, with its one cause
     ambiguity: Ambiguity | None = None  # two places that shared the weight
     sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
@@ -77,45 +93,44 @@ class RunVerdict:
         """The error of the last estimate with truth."""
         return None if self.end is None else self.end.position_error_m
 
-    def cause_of(self, episode: Episode) -> Cause | None:
-        """Return the latest cause that an episode can be due to: at first the loud ones."""
+    def incident_of(self, episode: Episode) -> Incident | None:
+        """Return the latest incident that an episode can be due to: at first the loud ones."""
         if episode.kind == KIDNAPPED:
-            near = [one for one in self.causes if one.step == episode.first]
+            recent = [incident for incident in self.incidents if incident.step == episode.first]
         else:
-            since = episode.onset - EXPLAINS_FOR
-            near = [one for one in self.causes if one.step <= episode.onset and one.last >= since]
-        loud = [one for one in near if one.kind in LOUD]
-        chosen = loud or near
+            onset = episode.onset
+            recent = [i for i in self.incidents if i.step <= onset <= i.last + DUE_STEPS]
+        chosen = [incident for incident in recent if incident.about.is_loud] or recent
         return chosen[-1] if chosen else None
 
-    def has_loud_cause(self, episode: Episode) -> bool:
+    def has_loud_incident(self, episode: Episode) -> bool:
         """Return whether something befell the robot right before an episode, which is told by itself."""
-        cause = self.cause_of(episode)
-        return episode.kind == KIDNAPPED or (cause is not None and cause.kind in LOUD)
+        incident = self.incident_of(episode)
+        return episode.kind == KIDNAPPED or (incident is not None and incident.about.is_loud)
 
     @property
     def telling(self) -> Ambiguity | None:
         """The two places that shared the weight, where this tells something: before it was localized."""
-        found, one = self.found, self.ambiguity
-        is_early = one is not None and (found is None or one.step < found)
-        told = any(episode.kind == KIDNAPPED or episode.is_sure for episode in self.episodes)
-        return None if told or not is_early else one
+        ambiguity = self.ambiguity
+        if ambiguity is None or any(e.kind == KIDNAPPED or e.is_sure for e in self.episodes):
+            return None
+        return ambiguity if self.found is None or ambiguity.step < self.found else None
 
     @property
-    def telling_causes(self) -> tuple[Cause, ...]:
+    def telling_incidents(self) -> tuple[Incident, ...]:
         """What befell the robot, without what is small and explains no episode."""
-        explaining = [self.cause_of(one) for one in self.episodes if one.kind != SEARCHING or one.is_failure]
-        return tuple(one for one in self.causes if one.kind in LOUD or one in explaining)
+        explaining = [self.incident_of(e) for e in self.episodes if e.kind != SEARCHING or e.is_failure]
+        return tuple(i for i in self.incidents if i.about.is_loud or i in explaining)
 
     @property
     def decisive(self) -> int:
-        """The step to look at first: that of a loss, else of a cause, else of the worst error."""
-        losses = [one for one in self.episodes if one.kind != SEARCHING or one.is_sure]
+        """The step to look at first: that of a loss, else of an incident, else of the worst error."""
+        losses = [episode for episode in self.episodes if episode.kind != SEARCHING or episode.is_sure]
         if losses:
             return self._shown(losses[0])
         if self.telling is not None:
             return self.telling.step
-        if loud := [cause for cause in self.causes if cause.kind in LOUD]:
+        if loud := [incident for incident in self.incidents if incident.about.is_loud]:
             return loud[0].shown_at
         if self.found is not None and self.found > self.first + 1:
             return self.found
@@ -129,18 +144,82 @@ class RunVerdict:
 
     def _shown(self, episode: Episode) -> int:
         """Return the step at which an episode is seen best."""
-        sure, told = self.sure_and_wrong, self.has_loud_cause(episode)
-        if not told and episode.is_sure and sure is not None and sure.step >= episode.first:
-            return sure.step
-        return episode.first
-
-
-LOUD = (CARRIED, JUMPED, SLIPPED, DARK)  # causes that are told even where they did no harm
+        sure = self.sure_and_wrong
+        if self.has_loud_incident(episode) or not episode.is_sure or sure is None:
+            return episode.first
+        return max(sure.step, episode.first)
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
     """Return the step to look at first: the earliest decisive step of several runs."""
     return min(verdict.decisive for verdict in verdicts.values())
+
+
+@dataclass(slots=True)
+class AmbiguityFinder:
+    """Follows one run; keeps the most even of its divided updates."""
+
+    ambiguity: Ambiguity | None = None
+    _now: Ambiguity | None = None  # that is going on
+
+    def see(self, step: int, record: StepRecord, truth: F64 | None) -> None:
+        """Process the next update."""
+        divided = _divided(step, record, truth)
+        if divided is None:
+            self._now = None
+            return
+        now = self._now
+        if now is not None:
+            divided = replace(divided, first=now.first)
+            divided = divided if divided.shares[1] > now.shares[1] else replace(now, last=step)
+        self._now = divided
+        best = self.ambiguity
+        same = best is not None and best.first == divided.first
+        if divided.is_lasting and (best is None or same or divided.shares[1] > best.shares[1]):
+            self.ambiguity = divided
+
+
+def _divided(step: int, record: StepRecord, truth: F64 | None) -> Ambiguity | None:
+    """Return how the weight of one update is divided between two places; None where it is not."""
+    estimate = record.estimate
+    if not BOTH_SHARE / 2 <= estimate.mass <= 1 - SECOND_SHARE:
+        return None
+    first, second = (*modes(record.weighted, estimate.radii), None, None)[:2]
+    if first is None or second is None or second.mass < SECOND_SHARE or first.mass + second.mass < BOTH_SHARE:
+        return None
+    apart_m = float(np.hypot(*(first.pose - second.pose)[:2]))
+    reach_m = estimate.radii.cluster_m
+    if apart_m < APART_RADII * reach_m:
+        return None
+    truth_in = None
+    if truth is not None:
+        off_m = [float(np.hypot(*(mode.pose - truth)[:2])) for mode in (first, second)]
+        truth_in = int(np.argmin(off_m)) + 1 if min(off_m) <= reach_m else 0
+    fits = [_fit(record, mode.pose, reach_m) for mode in (first, second)]
+    quality = record.sighting.comparison.quality
+    known = len(quality) > 0 and None not in fits
+    return Ambiguity(
+        step,
+        step,
+        step,
+        (first.mass, second.mass),
+        apart_m,
+        truth_in,
+        (fits[0] or 0.0, fits[1] or 0.0) if known else None,
+        float(np.median(quality)) if known else None,
+    )
+
+
+def _fit(record: StepRecord, pose: F64, reach_m: float) -> float | None:
+    """Return how well the picture fits a place: the mean quality of the particles there, by weight."""
+    weighted, entries = record.weighted, record.sighting.entries
+    x, y = pose[:2] - weighted.origin
+    near = np.square(weighted.poses[:, 0] - x) + np.square(weighted.poses[:, 1] - y) <= reach_m**2
+    near &= entries >= 0
+    quality, weights = record.sighting.comparison.quality, weighted.weights[near]
+    if not len(quality) or not weights.sum() > 0:
+        return None
+    return float(np.average(quality[entries[near]], weights=weights))
 
 
 @dataclass(slots=True)
@@ -152,31 +231,29 @@ class VerdictBuilder:
 
     localizer: InitVar[Localizer | None] = None
     _verdict: RunVerdict = field(default_factory=RunVerdict)
-    _causes: CauseFinder = field(default_factory=CauseFinder)
+    _incidents: IncidentFinder = field(default_factory=IncidentFinder)
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
     _obstacles: ObstacleFinder = field(default_factory=ObstacleFinder)
     _diagnosis: DiagnosisBuilder = field(default_factory=DiagnosisBuilder)
     _sum_m: float = 0.0
     _scored: int = 0  # updates
-    _sure: int = 0
     _converged: int = 0
 
     def __post_init__(self, localizer: Localizer | None) -> None:
         self._diagnosis = DiagnosisBuilder(localizer)
         self._obstacles = ObstacleFinder(localizer)
         if localizer is not None and isinstance(localizer.motion, PictureMotion):
-            self._causes = CauseFinder(too_long=OVERSTATED)
+            self._incidents = IncidentFinder(too_long=OVERSTATED)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""
         step, verdict = moment.frame.step, self._verdict
-        self._causes.see(moment, record)
+        self._incidents.see(moment, record)
         self._ambiguity.see(step, record, moment.truth)
         self._obstacles.see(step, moment.truth)
         self._diagnosis.add(moment, record)
         episodes = self._diagnosis.episodes
         score, left = episodes.score, LEFT_MAP in record.events
-        self._sure += score.wrong_and_confident is True
         self._converged += int(score.converged)
         self._verdict = replace(
             self._with_error(verdict, step, score),
@@ -198,12 +275,11 @@ class VerdictBuilder:
             self._verdict,
             has_truth=self._verdict.end is not None,
             error_mean_m=self._sum_m / self._scored if self._scored else None,
-            sure_share=self._sure / count,
             converged_share=self._converged / count,
-            in_obstacles=self._obstacles.found,
-            causes=self._causes.found,
+            in_obstacles=self._obstacles.stays,
+            incidents=self._incidents.incidents,
             failures=self._diagnosis.result(),
-            ambiguity=self._ambiguity.found,
+            ambiguity=self._ambiguity.ambiguity,
         )
 
     def _with_error(self, verdict: RunVerdict, step: int, score: StepScore) -> RunVerdict:

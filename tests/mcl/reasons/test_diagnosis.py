@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from maurice_mcl.reasons.failures.around import PlaceFit, UsualFit
-from maurice_mcl.reasons.failures.deciding import decide
-from maurice_mcl.reasons.failures.diagnosis import stories_of
-from maurice_mcl.reasons.failures.evidence import UpdateEvidence
-from maurice_mcl.reasons.failures.light import LightFit
-from maurice_mcl.reasons.failures.surprise import Surprise
-from maurice_mcl.reasons.failures.suspicion import suspected
+from maurice_mcl.reasons.diagnosis import decide, stories_of
+from maurice_mcl.reasons.evidence import Surprise, UpdateEvidence
+from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
+from maurice_mcl.reasons.suspicion import suspected
 from maurice_mcl.scoring.episodes import EpisodeFinder
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.near_truth import NearTruth
@@ -21,7 +18,7 @@ from maurice_mcl.scoring.near_truth import NearTruth
 RIGHT = StepScore(0.1, 0.0, True, True, False)
 UNSURE = StepScore(0.1, 0.0, False, True, False)
 OFF = StepScore(2.0, 0.0, True, False, True)
-FITS = PlaceFit(0.8, 0.7, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
+FITS = PlaceFit(0.8, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
 POOR = replace(FITS, cost=4.0, behind=5.0, estimate_behind=4.0, rank=200, costliest="tiny", costs=3.0)
 LIT = LightFit(0.02, 100.0, 98.0, 0.8, -1.0)
 HELD = NearTruth(900, (0.9, 0.95, 0.95), 0.02)
@@ -33,9 +30,7 @@ LOST_AT, UPDATES = 11, 24
 def healthy(step):
     return UpdateEvidence(
         step=step,
-        time_s=8.0 * step,
         after_s=8.0,
-        skipped=0,
         repeated=False,
         events=(),
         tilt_deg=None,

@@ -1,13 +1,16 @@
-"""A failure in words: its cause as a clause, and the numbers that decided it."""
+"""Causes in words: a failure as a clause, with the numbers that decided it; an incident as a sentence."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from maurice_mcl.reasons.failures.kinds import (
+from maurice_mcl.reasons.causes import (
     AMBIGUITY,
+    CARRIED,
+    DARK,
     DATA,
+    JUMPED,
     KIDNAPPED,
     LEFT_MAP,
     LIBRARY_GAP,
@@ -15,32 +18,22 @@ from maurice_mcl.reasons.failures.kinds import (
     MOTION,
     NUMERIC,
     OUT_OF_PLANE,
+    OVERSTATED,
     PROPOSAL,
     RESAMPLING,
     SENSOR,
+    SLIPPED,
+    TURNED,
     VIEW,
     Failure,
 )
+from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.suspicion import LOG_SAYS
 from maurice_mcl.scoring.events import FAILURE, KINDS, RunEvent, joined
 
 from ..style import Scale
 from .explanation import planes_of
 
-TITLES: Mapping[str, str] = {
-    DATA: "the recording",
-    KIDNAPPED: "kidnapped",
-    LEFT_MAP: "off the map",
-    OUT_OF_PLANE: "out of the plane",
-    MOTION: "motion beyond the model",
-    NUMERIC: "numbers",
-    LIBRARY_GAP: "gap in the library",
-    LIGHTING: "lighting",
-    VIEW: "another view",
-    AMBIGUITY: "places that look alike",
-    SENSOR: "sensor model",
-    RESAMPLING: "chance in resampling",
-    PROPOSAL: "no particle there",
-}
 NAMES: Mapping[str, str] = {  # of evidence; others are their own names without a unit
     "told": "known from",
     "moved_m": "the truth moved",
@@ -96,11 +89,6 @@ WITHOUT_TRUTH = " (without ground truth)"
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
 
 
-def title(kind: str) -> str:
-    """Return a kind of cause in a word or two."""
-    return TITLES.get(kind, "not known")
-
-
 def failure_event(failure: Failure, time_s: float, scale: Scale) -> RunEvent:
     """Return a failure as an event of the step at which its cause shows first."""
     text = f"{failure.kind}: {say_cause(failure, scale)}; {failure.episode.account}"
@@ -111,9 +99,9 @@ def with_failures(
     events: Iterable[RunEvent], failures: Iterable[Failure], times_s: Mapping[int, float], scale: Scale
 ) -> list[RunEvent]:
     """Return the events of a run in order, those of several steps in a row as one, with its failures."""
-    found = [failure_event(one, times_s[one.first], scale) for one in failures if one.first in times_s]
+    causes = [failure_event(f, times_s[f.first], scale) for f in failures if f.first in times_s]
     order = list(KINDS)
-    return sorted([*joined(list(events)), *found], key=lambda one: (one.step, order.index(one.kind)))
+    return sorted([*joined(list(events)), *causes], key=lambda event: (event.step, order.index(event.kind)))
 
 
 def say_cause(failure: Failure, scale: Scale) -> str:
@@ -163,7 +151,7 @@ def _data(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    if not failure.truth_known and e.get("told") == "the log says so":
+    if not failure.truth_known and e.get("told") == LOG_SAYS:
         return f"the robot was carried away at step {failure.first}, as the log says"
     if not failure.truth_known:
         return f"the pictures from step {failure.first} on fit other places, as after a kidnapping"
@@ -188,8 +176,8 @@ def _motion(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     how = " ".join(part for part in (f"{e['sd']:.1f} sigma of its {e['axis']}", several) if part)
     moved = f"; odometry says {scale.say(e['driven_m'])}, the robot moved {scale.say(e['moved_m'])}"
     when = f"at step {failure.first}" if e["movements"] == 1 else f"from step {failure.first} on"
-    told = "" if e["axis"] == "turn" else moved
-    return f"the robot moved beyond the motion model {when}{floor} ({how}{told})"
+    moved = "" if e["axis"] == "turn" else moved
+    return f"the robot moved beyond the motion model {when}{floor} ({how}{moved})"
 
 
 def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -197,8 +185,8 @@ def _numeric(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
         return f"the likelihood is not a number from step {failure.first} on"
     if "spread_nats" not in e:
         return f"all weights were zero at step {failure.first}"
-    apart = f"{e['spread_nats']:.0f} nats from a middling place to the best one"
-    return f"the likelihood is so sharp that all weights but one vanish ({apart})"
+    spread = f"{e['spread_nats']:.0f} nats from a middling place to the best one"
+    return f"the likelihood is so sharp that all weights but one vanish ({spread})"
 
 
 def _library_gap(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -206,8 +194,8 @@ def _library_gap(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     if 2 * unseen > e["updates"]:
         turned = f"at {unseen} of {e['updates']} steps; references are {usual}"
         return f"no reference looks the way that the robot did from step {failure.first} on ({turned})"
-    apart = f"{scale.say(e['to_reference_m'])} to the nearest, {usual}"
-    return f"the library has no reference near the true place from step {failure.first} on ({apart})"
+    nearest = f"{scale.say(e['to_reference_m'])} to the nearest, {usual}"
+    return f"the library has no reference near the true place from step {failure.first} on ({nearest})"
 
 
 def _lighting(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -243,7 +231,7 @@ def _bins(e: Mapping[str, Any]) -> str:
     """Return the elements of the channel that cost most: ": 41% of it red 96 to 111 and blue 16 to 23"."""
     if "elements" not in e:
         return ""
-    size, numbers = int(e["of_elements"]), [int(one) for one in e["elements"].split(", ")]
+    size, numbers = int(e["of_elements"]), [int(number) for number in e["elements"].split(", ")]
     planes = planes_of(e["channel"], size)
     long = max(size // planes.count, 1)
     names = list[str]()
@@ -292,3 +280,34 @@ CLAUSES: Mapping[str, Clause] = {
     RESAMPLING: _resampling,
     PROPOSAL: _impoverished,
 }
+
+
+# Incidents: what befell the robot or its camera.
+
+ROBOT_KIDNAPPED = "The robot was kidnapped"
+
+
+def say_incident(incident: Incident, scale: Scale) -> str:
+    """Return what befell the robot or its camera: "The wheels slipped at step 34: odometry says ..."."""
+    at = steps_text(incident.step, incident.last)
+    if incident.kind == DARK:
+        gray = f"mean gray level {incident.expected or 0:.0f} before, {incident.actual or 0:.0f} since"
+        return f"The picture went dark at step {incident.step} ({gray})"
+    expected, actual = scale.say(incident.expected or 0.0), scale.say(incident.actual or 0.0)
+    if incident.kind == SLIPPED:
+        return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
+    if incident.kind == OVERSTATED:
+        return f"Odometry from pictures was too long at {at}: it says {expected}, the robot moved {actual}"
+    if incident.kind == JUMPED:
+        return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
+    if incident.kind == CARRIED:
+        return f"{ROBOT_KIDNAPPED} at {at} (carried {actual}, unseen by its odometry)"
+    if incident.kind == TURNED:
+        turned = incident.words.removeprefix("slip ")
+        return f"The wheels slipped at {at}: a turn of {turned} that odometry did not see"
+    return f"The light changed at {at} ({incident.words})"
+
+
+def steps_text(first: int, last: int) -> str:
+    """Return "step 34" or "steps 34 to 37"."""
+    return f"step {first}" if first == last else f"steps {first} to {last}"

@@ -8,9 +8,8 @@ import pytest
 import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
 from maurice_mcl.filter.localizer import LEFT_MAP
-from maurice_mcl.reasons.failures.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED
-from maurice_mcl.reasons.failures.kinds import PROPOSAL
-from maurice_mcl.reasons.failures.verdict import RunVerdict, VerdictBuilder
+from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, PROPOSAL, SLIPPED
+from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.values.map import Region
 
 HERE = at(1, 1, 1.0)
@@ -89,7 +88,7 @@ def drive(steps, gray=None, cloud=HERE, localizer=None):
 
 
 def test_wheels_that_slip_are_one_cause_over_several_steps():
-    (cause,) = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)]).causes
+    (cause,) = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)]).incidents
     assert (cause.kind, cause.step, cause.last) == (SLIPPED, 4, 5)
     assert (cause.expected, cause.actual) == (pytest.approx(0.6), pytest.approx(0.1))
 
@@ -97,34 +96,34 @@ def test_wheels_that_slip_are_one_cause_over_several_steps():
 def test_no_wheel_slips_where_odometry_is_made_from_pictures():
     pictures = mcl.make_localizer(mcl.tiny_library(), motion={"model": "pictures"})
     found = drive([(0.3, 0.3)] * 3 + [(0.3, 0.05)] * 2 + [(0.3, 0.3)], localizer=pictures)
-    (cause,) = found.causes
+    (cause,) = found.incidents
     assert (cause.kind, cause.step, cause.last) == (OVERSTATED, 4, 5)
-    assert found.telling_causes == ()
+    assert found.telling_incidents == ()
 
 
 def test_a_small_slip_counts_only_where_the_log_tells_of_it():
-    assert drive([(0.2, 0.2)] * 3 + [(0.1, 0.02)]).causes == ()
-    (cause,) = drive([(0.2, 0.2)] * 3 + [(0.1, 0.02, "slip 3 in ahead: the wheels spin")]).causes
+    assert drive([(0.2, 0.2)] * 3 + [(0.1, 0.02)]).incidents == ()
+    (cause,) = drive([(0.2, 0.2)] * 3 + [(0.1, 0.02, "slip 3 in ahead: the wheels spin")]).incidents
     assert cause.kind == SLIPPED
 
 
 def test_a_truth_that_jumps_is_a_kidnapping_only_where_the_log_says_so():
-    (jumped,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0)]).causes
-    (carried,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0, "kidnapped")]).causes
+    (jumped,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0)]).incidents
+    (carried,) = drive([(0.1, 0.1)] * 2 + [(0.1, 2.0, "kidnapped")]).incidents
     assert (jumped.kind, jumped.actual, carried.kind, carried.actual) == (JUMPED, 2.0, CARRIED, 2.0)
 
 
 def test_it_is_dark_after_three_pictures_that_are_darker_than_all_before():
     calm = [(0.1, 0.1)] * 10
-    assert drive(calm, [100] * 6 + [20, 20, 100, 100]).causes == ()
-    (cause,) = drive(calm, [100] * 6 + [20] * 4).causes
+    assert drive(calm, [100] * 6 + [20, 20, 100, 100]).incidents == ()
+    (cause,) = drive(calm, [100] * 6 + [20] * 4).incidents
     assert (cause.kind, cause.step, cause.last, cause.expected, cause.actual) == (DARK, 7, 10, 100, 20)
 
 
 def test_a_loss_is_due_to_what_befell_the_robot_shortly_before():
     found = drive([(0.0, 0.0)] * 5 + [(0.3, 0.05)] * 2 + [(1.0, 1.0)] * 6)
     (episode,) = found.episodes
-    assert (episode.kind, found.cause_of(episode).kind) == ("lost", SLIPPED)
+    assert (episode.kind, found.incident_of(episode).kind) == ("lost", SLIPPED)
     assert episode.is_bereft
 
 

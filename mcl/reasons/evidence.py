@@ -3,24 +3,72 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import lru_cache
 
 import numpy as np
 
-from ...filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
-from ...scoring.episodes import EpisodeFinder
-from ...scoring.lost_signal import evidence_by_channels
-from ...scoring.metrics import StepScore
-from ...scoring.near_truth import NearTruth, near_truth
-from ...values.arrays import F32, F64
-from ...values.geometry import compose_motions
-from ...values.records import StepRecord
-from ...values.session import Frame, Moment, first_word, is_kidnapping
-from .around import PlaceFit, Surroundings
-from .light import LightFit, layout_fit, mean_level
-from .surprise import Surprise
+from ..filter.localizer import ALL_ZERO, LEFT_MAP, Localizer
+from ..filter.motion import MotionModel
+from ..scoring.episodes import EpisodeFinder
+from ..scoring.lost_signal import evidence_by_channels
+from ..scoring.metrics import StepScore
+from ..scoring.near_truth import NearTruth, near_truth
+from ..values.arrays import F32, F64
+from ..values.geometry import INCH_M, wrap
+from ..values.records import StepRecord
+from ..values.session import Frame, Moment, first_word, is_kidnapping
+from .incidents import driven
+from .surroundings import LightFit, PlaceFit, Surroundings, layout_fit, mean_level
 
-MOVED = 0.01  # m or rad, from which on the next picture must differ
+MOVED_LEAST = 0.01  # m or rad, from which on the next picture must differ
+DRAWS, KEPT = 200, 32  # particles that stand for the model; movements with noise of their own
+TRUTH_M, TRUTH_RAD = INCH_M, float(np.radians(2))  # accuracy of a true pose
+
+
+@dataclass(frozen=True, slots=True)
+class Surprise:
+    """A true movement beside the model's, in the frame of the movement's end, in standard deviations."""
+
+    forward: float
+    left: float
+    turn: float
+
+    @property
+    def largest(self) -> float:
+        """The largest of the three, without its sign."""
+        return max(abs(self.forward), abs(self.left), abs(self.turn))
+
+    @property
+    def axis(self) -> str:
+        """Which of the three that is."""
+        sizes = {"forward": abs(self.forward), "left": abs(self.left), "turn": abs(self.turn)}
+        return max(sizes, key=lambda name: sizes[name])
+
+
+@lru_cache(1)
+def _noise() -> F32:
+    """Standard normals (KEPT, DRAWS, 3): the same for every movement, so that nothing depends on chance."""
+    return np.random.default_rng(1).standard_normal((KEPT, DRAWS, 3)).astype(np.float32)
+
+
+def surprise(model: MotionModel, origin: F64, before: F64, after: F64, motions: F64) -> Surprise:
+    """Compare the true movement between two poses (3,) with what a model makes of motions (M, 3)."""
+    start = before - np.append(origin, 0.0)
+    poses: F32 = np.tile(start.astype(np.float32), (DRAWS, 1))
+    for number, motion in enumerate(motions):
+        poses = model.move(poses, origin, motion, _noise()[number % KEPT])
+    ends = poses.astype(np.float64)
+    mean = ends.mean(axis=0)
+    heading = float(np.arctan2(np.sin(ends[:, 2]).mean(), np.cos(ends[:, 2]).mean()))
+    spread = ends - mean
+    spread[:, 2] = wrap(ends[:, 2] - heading)
+    off = after - np.append(origin, 0.0) - mean
+    off[2:] = wrap(after[2:] - heading)
+    c, s = np.cos(heading), np.sin(heading)
+    turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    sd = np.sqrt((spread @ turned.T).var(axis=0) + np.square([TRUTH_M, TRUTH_M, TRUTH_RAD]))
+    forward, left, turn = (turned @ off / sd).tolist()
+    return Surprise(forward, left, turn)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +79,7 @@ class UpdateEvidence:
     """
 
     step: int
-    time_s: float
     after_s: float | None  # since the picture before
-    skipped: int  # numbers of pictures missing before it
     repeated: bool  # whether the robot moved and the picture compared is the one before, to the last pixel
     events: tuple[str, ...]  # of the log
     tilt_deg: float | None  # out of the plane, as the log told last; None: level, or not told
@@ -68,7 +114,7 @@ class UpdateEvidence:
         return any(map(is_kidnapping, self.events))
 
     @property
-    def held(self) -> float:
+    def share_near(self) -> float:
         """The share of the weight near the truth, after the picture."""
         return 0.0 if self.near is None else self.near.shares[1]
 
@@ -78,7 +124,7 @@ class EvidenceFinder:
     """Follows one run; keeps the update before."""
 
     localizer: Localizer | None = None
-    around: Surroundings | None = None
+    surroundings: Surroundings | None = None
     _before: Moment | None = None
     _floor: str = ""  # that the log told last
     _tilt_deg: float | None = None
@@ -86,20 +132,18 @@ class EvidenceFinder:
     def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
         """Return the evidence of the next update, which `episodes` have seen."""
         before, self._before = self._before, moment
-        if self.localizer is not None and self.around is None:
-            self.around = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
+        if self.localizer is not None and self.surroundings is None:
+            self.surroundings = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
         frame, truth = moment.frame, moment.truth
-        floor, self._floor = self._floor, _floor_told(moment.events, self._floor)
-        self._tilt_deg = _tilt_told(moment.events, self._tilt_deg)
+        floor, self._floor = self._floor, _floor_after(moment.events, self._floor)
+        self._tilt_deg = _tilt_after(moment.events, self._tilt_deg)
         comparison = record.sighting.comparison
         cost, likely = comparison.by_channels.cost, comparison.log_likelihood
         compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
         motions = frame.motions
-        found = UpdateEvidence(
+        evidence = UpdateEvidence(
             step=frame.step,
-            time_s=frame.time_s,
             after_s=None if before is None else frame.time_s - before.frame.time_s,
-            skipped=0 if before is None else max(frame.step - before.frame.step - 1, 0),
             repeated=before is not None and compared and _moved(motions) and _same(frame, before.frame),
             events=moment.events,
             tilt_deg=self._tilt_deg,
@@ -117,26 +161,26 @@ class EvidenceFinder:
             cloud=evidence_by_channels(record),
             gray=mean_level(frame.image),
             knows=episodes.signal.knows,
-            driven_m=float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0,
+            driven_m=driven(motions),
         )
-        return found if truth is None else self._with_truth(found, before, truth, moment, record)
+        return evidence if truth is None else self._with_truth(evidence, before, truth, moment, record)
 
     def _with_truth(
-        self, found: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
+        self, evidence: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
     ) -> UpdateEvidence:
         """Add what only the truth (3,) tells."""
         last = None if before is None else before.truth
         moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
-        found = replace(found, near=near_truth(record, truth), moved_m=moved_m)
-        around = self.around
-        if around is None or found.broken:
-            return found
-        fit = around.fit(record.sighting.comparison, truth, record.estimate.pose)
-        return replace(found, fit=fit, alike=layout_fit(around, moment.frame.image, truth))
+        evidence = replace(evidence, near=near_truth(record, truth), moved_m=moved_m)
+        surroundings = self.surroundings
+        if surroundings is None or evidence.broken:
+            return evidence
+        fit = surroundings.fit(record.sighting.comparison, truth, record.estimate.pose)
+        return replace(evidence, fit=fit, alike=layout_fit(surroundings, moment.frame.image, truth))
 
 
 def _moved(motions: F64) -> bool:
-    return len(motions) > 0 and float(np.abs(motions).max()) > MOVED
+    return len(motions) > 0 and float(np.abs(motions).max()) > MOVED_LEAST
 
 
 def _same(frame: Frame, before: Frame) -> bool:
@@ -147,7 +191,7 @@ def _same(frame: Frame, before: Frame) -> bool:
     return bool(np.array_equal(image, before.image))
 
 
-def _tilt_told(events: tuple[str, ...], last: float | None) -> float | None:
+def _tilt_after(events: tuple[str, ...], last: float | None) -> float | None:
     """Return the tilt in degrees after events: "tilted 22 deg out of the plane", "level again"."""
     for text in events:
         word, _, rest = text.partition(" ")
@@ -159,6 +203,6 @@ def _tilt_told(events: tuple[str, ...], last: float | None) -> float | None:
     return last
 
 
-def _floor_told(events: tuple[str, ...], last: str) -> str:
-    told = [text.split(" ", 1)[1] for text in events if first_word(text) == "floor" and " " in text]
-    return told[-1] if told else last
+def _floor_after(events: tuple[str, ...], last: str) -> str:
+    floors = [text.split(" ", 1)[1] for text in events if first_word(text) == "floor" and " " in text]
+    return floors[-1] if floors else last

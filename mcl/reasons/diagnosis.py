@@ -1,0 +1,227 @@
+"""The diagnosis of one run: one cause, with its evidence, for each time that it was lost.
+
+The rules are asked in an order (docs/diagnose.md). What befell the recording and the robot comes first, as
+everything after it follows from it. Then what is known of the place, the light and the view, as no filter can
+do without them. What is left is due to the filter: its sensor model, its particles, and chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+from ..filter.localizer import Localizer
+from ..scoring.episodes import Episode, EpisodeFinder
+from ..scoring.metrics import LOST_FOR
+from ..values.arrays import F64, U8
+from ..values.records import StepRecord
+from ..values.session import Moment
+from .causes import LIBRARY_GAP, LIGHTING, MOTION, UNKNOWN, VIEW, Failure
+from .drive_rules import (
+    beyond_motion,
+    carried,
+    gap_in_log,
+    off_map,
+    out_of_plane,
+    slipped_as_told,
+    stuck_pictures,
+)
+from .evidence import EvidenceFinder, UpdateEvidence, surprise
+from .particle_rules import no_particle, unlucky, weights_vanish
+from .picture_rules import ambiguity, library_gap, lighting, unlike_references
+from .story import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, Story
+from .surroundings import Surroundings, light_fit
+from .suspicion import suspected
+
+RULES: tuple[Callable[[Story], Failure | None], ...] = (
+    gap_in_log,
+    stuck_pictures,
+    carried,
+    off_map,
+    out_of_plane,
+    beyond_motion,
+    weights_vanish,
+    library_gap,
+    lighting,
+    unlike_references,
+    slipped_as_told,
+    unlucky,
+    ambiguity,
+    no_particle,
+)
+AGAINST_TRUTH = (LIBRARY_GAP, LIGHTING, VIEW)  # causes by which pictures speak against the true place
+MOST_PICTURES = 64  # that are kept; of older ones the light is measured at once
+
+
+def decide(story: Story) -> Failure:
+    """Return the cause of one episode, with the others that hold.
+
+    That is the first rule's that holds. A movement and a picture that coincide are weighed: the cause is the
+    one by which more of the weight near the truth was lost.
+    """
+    failures = [failure for rule in RULES if (failure := rule(story)) is not None]
+    if not failures:
+        return story.failure(UNKNOWN, story.updates[story.lost].step)
+    first, by_pictures = failures[0], [failure for failure in failures if failure.kind in AGAINST_TRUTH]
+    if first.kind == MOTION and by_pictures:
+        motion_nats, picture_nats = story.nats_lost
+        first = by_pictures[0] if picture_nats > motion_nats else first
+    others = dict.fromkeys(failure.kind for failure in failures if failure.kind != first.kind)
+    return replace(first, also=tuple(others))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Movement:
+    before: F64 | None  # (3,) the truth at the update before
+    truth: F64  # (3,)
+    motions: F64  # (M, 3) of odometry since then
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Picture:
+    image: U8
+    truth: F64  # (3,)
+    estimate: F64  # (3,)
+
+
+@dataclass(slots=True)
+class LaterEvidence:
+    """Finds what costs much only around a loss: the light, the movements, the edge of the map.
+
+    Follows one run; `updates` is the list of its evidence, to which it adds what is asked for.
+    What that takes is kept until then: a few numbers an update, and pictures that a loss can still be due to.
+    """
+
+    updates: list[UpdateEvidence]
+    _movements: dict[int, _Movement] = field(default_factory=dict)  # by index, until they are compared
+    _pictures: dict[int, _Picture] = field(default_factory=dict)  # by index, until compared or out of reach
+    _truth: F64 | None = None  # of the update before
+    _off: int = 0  # updates in a row that were off
+    _was_right: bool = False  # whether an update was correct so far: before that, no loss begins
+    _loss: range = range(0)  # the updates whose pictures the last loss can be due to, until they are compared
+    _near: list[int] = field(default_factory=lambda: [-1])  # the last updates that held the truth
+
+    def add(self, moment: Moment, record: StepRecord, surroundings: Surroundings | None) -> None:
+        """Keep what the last of `updates` may be asked for; `surroundings` say how its light is measured."""
+        last, index = self.updates[-1], len(self.updates) - 1
+        before, self._truth = self._truth, moment.truth
+        self._off = self._off + 1 if last.score.lost else 0
+        self._was_right |= last.score.correct is True
+        if moment.truth is None or surroundings is None or last.broken:
+            return
+        self._movements[index] = _Movement(before, moment.truth, moment.frame.motions)
+        if last.fit is not None and moment.frame.image.size:
+            self._pictures[index] = _Picture(moment.frame.image, moment.truth, record.estimate.pose)
+        if last.share_near >= NEAR_SHARE:
+            self._near.append(index)
+        self._let_go(index, surroundings)
+
+    def complete(self, story: Story, localizer: Localizer, surroundings: Surroundings) -> None:
+        """Add to `updates` what the rules ask for in one episode."""
+        for index in sorted({*story.window, *story.moves} & self._movements.keys()):
+            movement, now = self._movements.pop(index), self.updates[index]
+            if localizer.motion is not None and movement.before is not None:
+                origin, motions = localizer.library.origin, movement.motions
+                now = replace(
+                    now, surprise=surprise(localizer.motion, origin, movement.before, movement.truth, motions)
+                )
+            outside = surroundings.is_outside(movement.truth)
+            reference_m = surroundings.to_reference_m(movement.truth)
+            self.updates[index] = replace(now, outside=outside, reference_m=reference_m)
+        self._light(story.pictures, surroundings)
+
+    def _light(self, indexes: Iterable[int], surroundings: Surroundings) -> None:
+        for index in sorted(set(indexes) & self._pictures.keys()):
+            picture, now = self._pictures.pop(index), self.updates[index]
+            assert now.fit is not None
+            light = light_fit(surroundings, picture.image, picture.truth, picture.estimate, now.fit)
+            elements = surroundings.elements(picture.image, now.fit)
+            self.updates[index] = replace(now, light=light, elements=elements)
+
+    def _let_go(self, index: int, surroundings: Surroundings) -> None:
+        """Let go of the pictures that no loss can be due to any more.
+
+        A loss is due to pictures since the truth was held last, and is known some updates later. The first
+        pictures are kept: those of a run that is never localized.
+        """
+        if self._off == LOST_FOR and self._was_right:
+            lost = index - LOST_FOR + 1
+            self._light(self._loss, surroundings)
+            self._loss = range(max(self._near_before(lost), 0), lost + FIRST_UPDATES + 1)
+        if self._loss:
+            if index >= self._loss[-1]:
+                self._light(self._loss, surroundings)
+                self._loss = range(0)
+            return
+        known = index - LOST_FOR  # a loss that begins later is not known yet
+        near = known if self._off > LOST_FOR else self._near_before(known + 1)
+        first = near if near >= 0 else known - LOOKBACK_UPDATES
+        for old in [k for k in self._pictures if FIRST_UPDATES < k < first]:
+            del self._pictures[old]
+        if len(self._pictures) > MOST_PICTURES + FIRST_UPDATES:
+            self._light([min(k for k in self._pictures if k > FIRST_UPDATES)], surroundings)
+
+    def _near_before(self, index: int) -> int:
+        """Return the last update before one that held the truth; -1: none. Forgets those before it."""
+        while len(self._near) > 1 and self._near[1] < index:
+            self._near.pop(0)
+        return self._near[0] if self._near[0] < index else -1
+
+
+@dataclass(slots=True)
+class DiagnosisBuilder:
+    """Follows one run update by update; keeps a few numbers an update, and no cloud.
+
+    With the run's `localizer` it also looks at references, motion and map.
+    """
+
+    localizer: Localizer | None = None
+    episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
+    _finder: EvidenceFinder = field(init=False)
+    _later: LaterEvidence = field(default_factory=lambda: LaterEvidence([]))
+    _known: tuple[int, tuple[Failure, ...]] = (0, ())  # result for so many updates
+
+    def __post_init__(self) -> None:
+        self._finder = EvidenceFinder(self.localizer)
+
+    def add(self, moment: Moment, record: StepRecord) -> None:
+        """Process the next update."""
+        self.episodes.add(moment, record)
+        self._updates.append(self._finder.see(moment, record, self.episodes))
+        self._later.add(moment, record, self._finder.surroundings)
+
+    def result(self) -> tuple[Failure, ...]:
+        """Return the failures up to now, in the order of steps; none for a healthy run."""
+        count, failures = self._known
+        if count != len(self._updates):
+            judged = any(update.score.correct is not None for update in self._updates)
+            doubts = self.episodes.doubts
+            failures = tuple(map(decide, self.stories())) if judged else suspected(self._updates, doubts)
+            self._known = len(self._updates), failures
+        return failures
+
+    @property
+    def _updates(self) -> list[UpdateEvidence]:
+        return self._later.updates
+
+    def stories(self) -> list[Story]:
+        """Return each episode in which the filter failed, with its evidence."""
+        surroundings = self._finder.surroundings
+        stories = stories_of(self._updates, self.episodes.episodes)
+        if not stories or surroundings is None or self.localizer is None:
+            return stories
+        spacing_m, usual = surroundings.spacing_m, surroundings.usual
+        stories = [replace(story, spacing_m=spacing_m, usual=usual) for story in stories]
+        for story in stories:
+            self._later.complete(story, self.localizer, surroundings)
+        return stories
+
+
+def stories_of(updates: Sequence[UpdateEvidence], episodes: Sequence[Episode]) -> list[Story]:
+    """Return the failures among some episodes, each with where the one before it ended."""
+    stories, since = list[Story](), 0
+    for episode in episodes:
+        if episode.is_failure:
+            stories.append(Story(updates, episode, since))
+            since = stories[-1].end + 1
+    return stories

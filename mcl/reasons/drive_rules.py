@@ -1,0 +1,142 @@
+"""Rules about the drive: what befell the recording and the robot. Each from the evidence alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..values.session import first_word
+from .causes import DATA, KIDNAPPED, LEFT_MAP, MOTION, OUT_OF_PLANE, Failure
+from .evidence import UpdateEvidence
+from .story import Story
+
+LONG_GAP, VERY_LONG_GAP = 3.0, 5.5  # times the usual time between pictures; a robot is carried in less
+SPEEDING, VERY_SPEEDING = 1.0, 4.0  # times the usual speed: the robot did not drive that far by itself
+STUCK_PICTURES = 3  # equal ones in a row
+BEYOND_SD = 4.5  # standard deviations of the motion model, of one movement
+LOGGED_SD = 2.5  # where the log tells that the wheels slipped
+BEYOND_SUM_SD = 5.0  # and of the sum of several
+SUMMED_MOVEMENTS = 3  # at least
+OUT_UPDATES = 2  # off the map
+TILTED_SHARE = 1 / 3  # of the updates about a loss
+LEAP_TIMES = 2.0  # times as far as in any other update: no drive, but a robot that was carried
+
+# What befell the recording.
+
+
+def gap_in_log(story: Story) -> Failure | None:
+    """Pictures and odometry of some time are missing, and the robot drove on meanwhile."""
+    for update in story.some(story.window, lambda u: u.after_s is not None and not u.kidnapped):
+        times = (update.after_s or 0.0) / story.usual_s if story.usual_s > 0 else 0.0
+        if not (times >= LONG_GAP and _is_surprising(update)):
+            continue
+        speed = (update.moved_m or 0.0) / max(update.after_s or 0.0, 1e-9) / max(story.usual_speed, 1e-9)
+        if speed <= (VERY_SPEEDING if times >= VERY_LONG_GAP else SPEEDING):
+            moved = {"moved_m": update.moved_m or 0.0, "driven_m": update.driven_m}
+            return story.failure(
+                DATA, update.step, gap_s=update.after_s or 0.0, usual_s=story.usual_s, **moved
+            )
+    return None
+
+
+def stuck_pictures(story: Story) -> Failure | None:
+    """The camera gave the same picture again and again."""
+    stuck = story.some(story.nearby, lambda u: u.repeated)
+    before = [update for update in stuck if update.step <= story.updates[story.lost].step + 1]
+    if len(stuck) < STUCK_PICTURES or not before:
+        return None
+    return story.failure(DATA, before[0].step, equal_pictures=len(stuck), last=stuck[-1].step)
+
+
+# What befell the robot.
+
+
+def carried(story: Story) -> Failure | None:
+    """The truth moved much farther than odometry says, or the log tells of it."""
+    for update in story.some(story.window, lambda u: u.moved_m is not None or u.kidnapped):
+        if update.kidnapped or _jumped(update, story):
+            source = "the log says so" if update.kidnapped else "the truth jumped"
+            away = {} if update.moved_m is None else {"moved_m": update.moved_m, "driven_m": update.driven_m}
+            return story.failure(KIDNAPPED, update.step, told=source, **away)
+    return None
+
+
+def _jumped(update: UpdateEvidence, story: Story) -> bool:
+    """Return whether the truth moved much farther than odometry says, and than the robot ever drives."""
+    if update.moved_m is None:
+        return False
+    unseen_m = update.moved_m - update.driven_m
+    others = [u.moved_m for u in story.updates if u is not update and u.moved_m is not None]
+    leap = update.moved_m > LEAP_TIMES * max(others, default=float("inf"))
+    return unseen_m > update.lost_m or (leap and unseen_m > update.lost_m / 2)
+
+
+def off_map(story: Story) -> Failure | None:
+    """The truth lies off the map, or the whole cloud left it."""
+    outside = story.some(story.window, lambda u: not u.broken and (u.left or (u.zero and u.inside == 0)))
+    surprising = story.some(story.window, _is_surprising)
+    if outside and not any(u.step < outside[0].step for u in surprising):  # else motion had led it astray
+        return cloud_left(story, outside)
+    off = story.some(story.window, lambda u: u.outside is True)
+    if len(off) >= OUT_UPDATES:
+        return story.failure(LEFT_MAP, off[0].step, truth="off the map", updates=len(off))
+    return None
+
+
+def cloud_left(story: Story, outside: Sequence[UpdateEvidence]) -> Failure:
+    """Return the failure of a cloud that left the map at some updates."""
+    first = outside[0]
+    return story.failure(
+        LEFT_MAP, first.step, cloud="left the map", driven_m=first.driven_m, updates=len(outside)
+    )
+
+
+def out_of_plane(story: Story) -> Failure | None:
+    """The robot was tilted out of the plane in a third of the updates about the loss, as the log tells."""
+    tilted = story.some(story.nearby, lambda u: u.tilt_deg is not None)
+    if not tilted or len(tilted) < TILTED_SHARE * len(story.nearby):
+        return None
+    most = max(update.tilt_deg or 0.0 for update in tilted)
+    return story.failure(OUT_OF_PLANE, tilted[0].step, tilt_deg=most, updates=len(tilted))
+
+
+def beyond_motion(story: Story) -> Failure | None:
+    """The robot moved as the motion model never would, at once or little by little."""
+    surprises = [(u, u.surprise) for k in story.moves if (u := story.updates[k]).surprise is not None]
+    alone = [pair for pair in surprises if pair[1].largest > BEYOND_SD]
+    if alone:
+        worst, surprise = max(alone, key=lambda pair: pair[1].largest)
+        return _motion(story, alone[0][0], worst, surprise.largest, 1)
+    z = np.array([[s.forward, s.left, s.turn] for _, s in surprises]).reshape(-1, 3)
+    most_sd, span = 0.0, (0, 0)
+    for first in range(len(z) - SUMMED_MOVEMENTS + 1):
+        for last in range(first + SUMMED_MOVEMENTS, len(z) + 1):
+            sd = float(np.abs(z[first:last].sum(axis=0)).max()) / np.sqrt(last - first)
+            if sd > most_sd:
+                most_sd, span = sd, (first, last)
+    if most_sd < BEYOND_SUM_SD:
+        return None
+    first, last = span
+    return _motion(story, surprises[first][0], surprises[last - 1][0], most_sd, last - first)
+
+
+def slipped_as_told(story: Story) -> Failure | None:
+    """The log tells that the wheels slipped, and the motion model hardly allows it."""
+    for update in story.some(story.moves, lambda u: "slip" in map(first_word, u.events)):
+        if update.surprise is not None and update.surprise.largest > LOGGED_SD:
+            return _motion(story, update, update, update.surprise.largest, 1)
+    return None
+
+
+def _motion(story: Story, first: UpdateEvidence, worst: UpdateEvidence, sd: float, movements: int) -> Failure:
+    floor = {"floor": first.floor} if first.floor else {}
+    axis = worst.surprise.axis if worst.surprise else ""
+    moved = {"moved_m": worst.moved_m or 0.0, "driven_m": worst.driven_m}
+    return story.failure(
+        MOTION, first.step, sd=sd, axis=axis, movements=movements, worst_step=worst.step, **moved, **floor
+    )
+
+
+def _is_surprising(update: UpdateEvidence) -> bool:
+    return update.surprise is not None and update.surprise.largest > BEYOND_SD
