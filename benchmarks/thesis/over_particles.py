@@ -14,7 +14,7 @@ from maurice_mcl.reasons.causes import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.scoring.metrics import GOAL_M
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import ACTUAL, BAND, INK, figure
-from maurice_viz.text.trials import metric_title
+from maurice_viz.text.summary import metric_title
 
 from .material import Material, MissingRuns
 

@@ -56,7 +56,7 @@ from ..running.open import (
     remark_open,
     remark_skipped,
 )
-from ..text.places import drive_said
+from ..text.places import say_drive
 from .library_check import default_said, scales_said
 
 
@@ -127,7 +127,7 @@ def build_library(
         if chosen is not None and not yaw_rad:
             drive = as_recorded_session(open_session(survey, options, SILENT), options)
             weights = FEATURES["blended"]
-            for text in drive_said(built.name, weights, score_feature(built, weights, drive)):
+            for text in say_drive(built.name, weights, score_feature(built, weights, drive)):
                 listener.warning(text)
         if landmarks:
             from maurice_loaders.libraries.landmarks import with_landmarks

@@ -29,7 +29,7 @@ from ..listener import SILENT, Listener, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import as_recorded_session, library_at, open_session
 from ..style import scale_for
-from ..text.places import places_said
+from ..text.places import say_places
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 
@@ -188,7 +188,7 @@ def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
         _, found = adapted(configure([]), library, reference)
         if found is not None and not fitted:
             found = replace(found, stretched={})
-        yield from places_said(library.name, FEATURES["blended"], found)
+        yield from say_places(library.name, FEATURES["blended"], found)
 
 
 def scales_said(library: Library) -> Iterator[str]:
@@ -197,4 +197,4 @@ def scales_said(library: Library) -> Iterator[str]:
     for feature in ("blended", "best"):
         weights = FEATURES[feature]
         _, found = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
-        yield from places_said(library.name, weights, found)
+        yield from say_places(library.name, weights, found)

@@ -28,7 +28,7 @@ from maurice_mcl.values.session import Moment
 
 from ..listener import SILENT, Listener
 from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
-from ..text.what_if import USUALLY, remedies_line
+from ..text.what_if import USUAL_SHARE, remedies_line
 from .branch import BranchChange, BranchPoint, open_branch
 
 SEEDS = 20
@@ -87,7 +87,7 @@ class Remedies:
     @property
     def proposed(self) -> RemedyResult | None:
         """The best of those that are better and usually localized; None: none is."""
-        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUALLY]
+        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUAL_SHARE]
         return good[0] if good else None
 
     def to_json(self) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from ..app.library import tune as tune_channels
 from ..app.library_check import check_library
 from ..running.open import library_at
 from ..style import Scale, scale_for, units_named
-from ..text.places import drive_said, drive_score_of, places_said, scores_of
+from ..text.places import drive_score_of, say_drive, say_places, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, option, reading_of
@@ -217,9 +217,9 @@ def check(
     gaps, pairs = _gap_lines(found.coverage, scale), _pair_lines(found.library, found.similarity, scale)
     more = (*_missing_lines(found.advice, scale), *_add_lines(found.advice, scale))
     weights = weights_of(feature or "blended")
-    places = [*places_said(found.library.name, weights, found.telling)]
+    places = [*say_places(found.library.name, weights, found.telling)]
     if found.drive is not None:
-        places += drive_said(found.library.name, weights, found.drive)
+        places += say_drive(found.library.name, weights, found.drive)
     for line in (*places, *gaps, *pairs, *more):
         results.print(line, soft_wrap=True)
 

@@ -218,7 +218,7 @@ def budget(
     the part costs.
     """
     from ..app.budget import error_budget
-    from ..text.budget import budget_rows, say_budget
+    from ..text.what_if import budget_rows, say_budget
 
     with listening() as listener:
         found = error_budget(

@@ -34,7 +34,7 @@ from maurice_datasets.trials.table import (
 from maurice_loaders.files.writing import expect_absent, write_whole
 
 from ..listener import progress_of
-from ..text.trials import metric_title, name_of
+from ..text.summary import metric_title, name_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, completed, option

@@ -20,7 +20,7 @@ from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import Arena
 
 from ..drawing.canvas import ticks as round_ticks
-from ..text.trials import name_of
+from ..text.summary import name_of
 from .charts import Axes
 from .map import drawn_walls, floor_axes
 

@@ -22,7 +22,7 @@ from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 
-from ..text.places import drive_said
+from ..text.places import say_drive
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
 SAME = 2e-3  # meters and radians between a picture and the reference that it became
@@ -81,7 +81,7 @@ def suited(
     chosen = any(one.key in SCALES and one.origin not in ours for one in configuration.settings)
     has_scales = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
     changes = has_scales and not chosen and start is not None
-    text = tuple(drive_said(localizer.library.name, localizer.sensor.weights, found, changed=changes))
+    text = tuple(say_drive(localizer.library.name, localizer.sensor.weights, found, changed=changes))
     if not changes:
         return configuration, localizer, text
     scales = {name: scale * found.widening for name, scale in sensor.scales.items()}

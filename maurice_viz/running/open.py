@@ -31,7 +31,7 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
-from ..text.places import places_said
+from ..text.places import say_places
 from .drive_check import drive_pictures, suited
 from .run_spec import RunSpec
 
@@ -242,7 +242,7 @@ def _adapted(
     for one in configurations:
         fitted, found = adapted(one, library, reference)
         result.append(fitted)
-        said |= dict.fromkeys(places_said(library.name, one.parameters.sensor.weights, found))
+        said |= dict.fromkeys(say_places(library.name, one.parameters.sensor.weights, found))
     for text in said:
         listener.warning(text)
     return result

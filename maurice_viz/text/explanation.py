@@ -46,8 +46,8 @@ class Planes:
 
 def planes_of(channel: str, size: int) -> Planes:
     """Return the planes of a channel whose descriptor has `size` elements."""
-    found = KNOWN.get(channel)
-    return found[1] if found and found[0] == size else Planes(1, lambda _, a, b: f"elements {_span(a, b)}")
+    known = KNOWN.get(channel)
+    return known[1] if known and known[0] == size else Planes(1, lambda _, a, b: f"elements {_span(a, b)}")
 
 
 def _levels(what: str = "") -> Name:
@@ -128,8 +128,8 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
 }
 
 
-LITTLE = 0.05  # nats: less is no reason
-MOST_LISTED = 3  # channels that a sentence lists
+LEAST_NATS = 0.05  # less is no reason
+MOST_CHANNELS = 3  # that a sentence lists
 LARGE_FACTOR = 1e6  # a larger factor is no more informative
 
 
@@ -171,19 +171,19 @@ def say_step(step: StepExplanation, scale: Scale) -> list[str]:
     others = [e for e in step.shown if e.who != WINNER]
     alike = [REFERENCES[e.who].words for e in others if e.entry is not None and e.entry.entry == winner.entry]
     also = f" It is also {' and '.join(alike)}." if alike else ""
-    found = [_winner(step, scale) + also]
+    paragraphs = [_winner(step, scale) + also]
     named: dict[int, str] = {}
     for explained in others:
         entry, called = explained.entry, REFERENCES[explained.who]
         if entry is None:
-            found.append(f"{_capital(called.place)} lies outside free space, where no particle can be.")
+            paragraphs.append(f"{_capital(called.place)} lies outside free space, where no particle can be.")
         elif entry.entry in named:
-            found.append(f"{_capital(called.words)} is the same as {named[entry.entry]}.")
+            paragraphs.append(f"{_capital(called.words)} is the same as {named[entry.entry]}.")
         elif entry.entry != winner.entry:
-            found.append(_other(entry, called.words, winner))
+            paragraphs.append(_other(entry, called.words, winner))
             named[entry.entry] = called.words
     weighed = _weighed(step)
-    return [*found, weighed] if weighed else found
+    return [*paragraphs, weighed] if weighed else paragraphs
 
 
 def headline(step: StepExplanation) -> str:
@@ -210,16 +210,16 @@ def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | No
     """
     more = np.asarray(mine.nats - best.nats, np.float64)
     planes = planes_of(mine.channel, len(more))
-    found = [
+    runs = [
         (plane, *_largest_run(row - more.mean()))
         for side in (mine.sample > mine.reference, mine.sample < mine.reference)
         for plane, row in enumerate(np.where(side, more, 0.0).reshape(planes.count, -1))
     ]
-    plane, first, last, _ = max(found, key=lambda run: run[3])
+    plane, first, last, _ = max(runs, key=lambda run: run[3])
     begin = plane * (len(more) // planes.count)
     at = slice(begin + first, begin + last + 1)
     lost = float(more[at].sum())
-    if lost < LITTLE:
+    if lost < LEAST_NATS:
         return None
     name = planes.name(plane, first, last)
     return Where(name, lost, float(mine.sample[at].mean()), float(mine.reference[at].mean()))
@@ -227,20 +227,20 @@ def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | No
 
 def _largest_run(values: F64) -> tuple[int, int, float]:
     """Return the first and last element of the run with the largest sum, and that sum (Kadane)."""
-    best, found, total, first = -math.inf, (0, 0), 0.0, 0
+    most, ends, total, first = -math.inf, (0, 0), 0.0, 0
     for k, value in enumerate(values.tolist()):
         if total <= 0:
             total, first = 0.0, k
         total += value
-        if total > best:
-            best, found = total, (first, k)
-    return *found, best
+        if total > most:
+            most, ends = total, (first, k)
+    return *ends, most
 
 
 def _winner(step: StepExplanation, scale: Scale) -> str:
     winner, explained = step.winner, step.of(WINNER)
     by = sorted(winner.channels, key=lambda c: -c.loses)
-    parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_LISTED] if c.loses >= LITTLE)
+    parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_CHANNELS] if c.loses >= LEAST_NATS)
     among = f"Of {winner.entries} references entry {winner.entry}"
     among = among if winner.entries > 1 else "The only reference"
     cost = f": it loses {-winner.log_likelihood:.1f} nats{f' ({parts})' if parts and len(by) > 1 else ''}"
@@ -251,7 +251,7 @@ def _winner(step: StepExplanation, scale: Scale) -> str:
 
 def _other(entry: EntryExplanation, what: str, winner: EntryExplanation) -> str:
     start = f"{_capital(what)}, entry {entry.entry}, is {ordinal(entry.rank)} of {entry.entries}"
-    if entry.behind < LITTLE:
+    if entry.behind < LEAST_NATS:
         return f"{start}: practically as likely as the winner."
     return f"{start}, {say_behind(entry.behind)}. {_reasons(entry, winner)}"
 
@@ -279,8 +279,8 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
         text += f", where the picture has {'less' if less else 'more'}"
         values = " against ".join(f"{v:.1f}" if v >= 10 else f"{v:.2g}" for v in (picture, reference))
         text += f" ({values}, {unit})"
-    more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LITTLE]
-    return f"{text}; {', '.join(more[:MOST_LISTED])}." if more else f"{text}."
+    more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LEAST_NATS]
+    return f"{text}; {', '.join(more[:MOST_CHANNELS])}." if more else f"{text}."
 
 
 def _and(channel: str, cost: float) -> str:

@@ -75,8 +75,8 @@ def _row(step: StepExplanation, title: str, cell: Callable[[Explained], str]) ->
 def _pose(explained: Explained, scale: Scale) -> str:
     if explained.entry is None:
         return ""
-    said = scale.say_pose(explained.entry.pose).replace(f" {scale.units.name}", "")
-    return said.replace("(", "").replace(")", "")
+    text = scale.say_pose(explained.entry.pose).replace(f" {scale.units.name}", "")
+    return text.replace("(", "").replace(")", "")
 
 
 def _from_truth(explained: Explained, step: StepExplanation, scale: Scale) -> str:
@@ -88,19 +88,19 @@ def _from_truth(explained: Explained, step: StepExplanation, scale: Scale) -> st
 
 def to_json(label: str, step: StepExplanation) -> dict[str, Any]:
     """Return `{"runs": [{"label": ..., "step": ..., "explained": [...]}]}`."""
-    explained = [_explained(one, step.winner) for one in step.shown]
+    explained = [_explained(shown, step.winner) for shown in step.shown]
     return {"runs": [{"label": label, "step": step.step, "explained": explained}]}
 
 
-def _explained(one: Explained, winner: EntryExplanation) -> dict[str, Any]:
-    weighed = one.weighed if one.weighed is not None and math.isfinite(one.weighed) else None
+def _explained(shown: Explained, winner: EntryExplanation) -> dict[str, Any]:
+    weighed = shown.weighed if shown.weighed is not None and math.isfinite(shown.weighed) else None
     return {
-        "who": one.who,
-        "pose": one.pose.tolist(),
+        "who": shown.who,
+        "pose": shown.pose.tolist(),
         "particle_log_likelihood": weighed,  # null outside free space
-        "from_truth": None if one.from_truth is None else _offset(one.from_truth),
-        "from_estimate": _offset(one.from_estimate),
-        "reference": None if one.entry is None else _entry(one.entry, winner),
+        "from_truth": None if shown.from_truth is None else _offset(shown.from_truth),
+        "from_estimate": _offset(shown.from_estimate),
+        "reference": None if shown.entry is None else _entry(shown.entry, winner),
     }
 
 

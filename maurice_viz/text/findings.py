@@ -1,4 +1,4 @@
-"""A diagnosis in words: what is wrong, the evidence for it, and how to fix it in the log itself."""
+"""Findings of the doctor in words: what is wrong, the evidence, and how to fix it in the log itself."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from ..style import Units, units_named
 
 IN_LOG = "in what wrote the log: "
 Values = Mapping[str, Any]
-Said = str | Callable[[Values], str]  # a template of a sentence, or what fills it
+Text = str | Callable[[Values], str]  # a template of a sentence, or what fills it
 
 
 def describe(finding: Finding) -> str:
     """Return one sentence: what is wrong."""
     values: Values = {**finding.numbers, **finding.details}
-    return TURNS[finding.code][0] if finding.code in TURNS else _said(WHAT[finding.code], values)
+    return TURNS[finding.code][0] if finding.code in TURNS else _filled(WHAT[finding.code], values)
 
 
 def evidence_for(finding: Finding, display_units: str = "m") -> str:
     """Return the numbers that support a finding, as text, with lengths in the units of a session."""
     units = units_named(display_units)
-    return "; ".join(_said(EVIDENCE[one.kind], {**one.values, "units": units}) for one in finding.evidence)
+    parts = [_filled(EVIDENCE[part.kind], {**part.values, "units": units}) for part in finding.evidence]
+    return "; ".join(parts)
 
 
 def fix_for(finding: Finding) -> str:
@@ -32,10 +33,10 @@ def fix_for(finding: Finding) -> str:
     if finding.code in TURNS:
         return f"{IN_LOG}multiply the turn (heading) by {TURNS[finding.code][1]}"
     values: Values = {**finding.numbers, **finding.details}
-    return _said(FIX[finding.code], values)
+    return _filled(FIX[finding.code], values)
 
 
-def _said(text: Said, values: Values) -> str:
+def _filled(text: Text, values: Values) -> str:
     return text.format_map(values) if isinstance(text, str) else text(values)
 
 
@@ -90,7 +91,7 @@ def _place(values: Values) -> str:
     return " and ".join(parts)
 
 
-WHAT: Mapping[str, Said] = {
+WHAT: Mapping[str, Text] = {
     "out-of-plane": "the motion leaves the plane: pitch, roll or height, which no pose in the plane has",
     "times-fall": "times fall {falls} times",
     "times-coarse": "many records have one time: {records} of the {name} at {times} different times",
@@ -125,7 +126,7 @@ _BY = {
     "beginnings": "the offset aligns their beginnings; whether they began together is for you to know",
 }
 
-FIX: Mapping[str, Said] = {
+FIX: Mapping[str, Text] = {
     "out-of-plane": (
         "use a part of the drive that is level; --reading plane=... if the motion is in another plane"
     ),
@@ -197,7 +198,7 @@ def _speed(v: Values, speed_m_s: float) -> str:
     return f"{speed:,.0f} {units.name}/s" if speed >= 1000 else f"{speed:.3g} {units.name}/s"
 
 
-EVIDENCE: Mapping[str, Said] = {
+EVIDENCE: Mapping[str, Text] = {
     "off-plane": lambda v: (
         f"{v['name']}: one pose in twenty is tilted by more than {v['tilt_deg']:.0f} deg from the mean; "
         f"nine in ten are within {_length(v, v['height_m'])} of height"

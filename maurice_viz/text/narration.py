@@ -44,8 +44,8 @@ def spread_m(belief: Belief) -> float:
 
 def errors(estimate: Estimate, truth: F64) -> tuple[float, float]:
     """Return the distance in meters and the unsigned angle in radians between estimate and truth."""
-    apart = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
-    return apart, angle_between(float(estimate.pose[2]), float(truth[2]))
+    off_m = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
+    return off_m, angle_between(float(estimate.pose[2]), float(truth[2]))
 
 
 def effective(record: StepRecord) -> str:
@@ -61,8 +61,8 @@ def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
     text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
     if truth is None:
         return f"{text} (truth not known)."
-    apart, angle = errors(estimate, truth)
-    return f"{text}; **error {scale.say(apart)}, {np.degrees(angle):.0f} deg**."
+    off_m, off_rad = errors(estimate, truth)
+    return f"{text}; **error {scale.say(off_m)}, {np.degrees(off_rad):.0f} deg**."
 
 
 NOT_THERE = {
@@ -119,7 +119,7 @@ def measured(record: StepRecord) -> str:
     if not len(sighting.quality):
         return NOT_COMPARED
     first, *others = sighting.best(2).tolist()
-    by = [*sighting.channels, *(one.name for one in sighting.sensed)]
+    by = [*sighting.channels, *(sensed.name for sensed in sighting.sensed)]
     if not by:
         return NOT_COMPARED
     against = f"{len(sighting.quality)} references by {' and '.join(by)}"

@@ -25,7 +25,7 @@ def to_json(results: Sequence[RunResult], scale: Scale) -> dict[str, Any]:
     """
     if len(results) == 1:
         return {"runs": [_run_json(results[0], scale)]}
-    return {"runs": [_run_json(one, scale) | {"against_first": _paired_json(one)} for one in results]}
+    return {"runs": [_run_json(run, scale) | {"against_first": _paired_json(run)} for run in results]}
 
 
 def _paired_json(result: RunResult) -> dict[str, Any] | None:
@@ -72,7 +72,7 @@ SUCCESS = ("at_step", "at_m", "at_s", "failed", "failed_at_step")
 
 
 def _run_json(result: RunResult, scale: Scale) -> dict[str, Any]:
-    success = {one.preset: _values(one, SUCCESS) for one in result.score.success}
+    success = {success.preset: _values(success, SUCCESS) for success in result.score.success}
     scores = _values(result.score, SCORES)
     head = {"label": result.label, "verdict": _verdict_json(result, scale)}
     relative = None if result.score.relative is None else asdict(result.score.relative)
@@ -129,4 +129,4 @@ def _values(of: object, names: Sequence[str]) -> dict[str, Any]:
 
 def _lost_at(verdict: RunVerdict) -> int | None:
     """Return the first step at which a run was declared lost, also while it had not been localized yet."""
-    return next((one.lost for one in verdict.episodes if one.lost is not None), None)
+    return next((episode.lost for episode in verdict.episodes if episode.lost is not None), None)

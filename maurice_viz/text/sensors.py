@@ -15,13 +15,13 @@ from maurice_mcl.values.session import Frame
 
 from ..style import Scale
 
-ON_M = 0.15  # as far from an obstacle a point is still on it
-SHARE = 0.5  # of the points of a thing that have to be on an obstacle, so that it has its name
+OUTLINE_M = 0.15  # as far from an obstacle a point is still on it
+LEAST_SHARE = 0.5  # of the points of a thing, that have to be on an obstacle, so that it has its name
 
 
 def say_shown(shown: Shown, arena: Arena, scale: Scale) -> str:
     """Return what a sensor says, and a sentence for each thing that moved."""
-    return " ".join([shown.said(scale.say), *(say_moved(one, arena, scale) for one in shown.moved)])
+    return " ".join([shown.said(scale.say), *(say_moved(thing, arena, scale) for thing in shown.moved)])
 
 
 def say_moved(moved: MovedThing, arena: Arena, scale: Scale) -> str:
@@ -34,23 +34,20 @@ def say_moved(moved: MovedThing, arena: Arena, scale: Scale) -> str:
 
 def thing_at(places: F64, arena: Arena) -> str | None:
     """Return the name of the obstacle that at least half of some places (K, 2) are on."""
-    best, named = SHARE, None
-    for one in arena.obstacles:
-        share = float(np.mean(one.depth_m(places) > -ON_M))
-        if share >= best:
-            best, named = share, one.name
-    return named
+    most, name = LEAST_SHARE, None
+    for obstacle in arena.obstacles:
+        share = float(np.mean(obstacle.depth_m(places) > -OUTLINE_M))
+        if share >= most:
+            most, name = share, obstacle.name
+    return name
 
 
 def say_sensors(record: StepRecord, truth: F64 | None, arena: Arena, scale: Scale) -> list[str]:
     """Return what the pose sensors of an update say, a paragraph each: "Landmarks: 14 of 60 ..."."""
     poses: Mapping[str, F64] = {"estimate": record.estimate.pose}
     poses = poses if truth is None else {**poses, "truth": truth}
-    found = []
-    for one in record.sighting.comparison.sensed:
-        words = say_shown(one.shown(poses), arena, scale)
-        found.append(f"{one.name.capitalize()}: {words}")
-    return found
+    sensed = record.sighting.comparison.sensed
+    return [f"{read.name.capitalize()}: {say_shown(read.shown(poses), arena, scale)}" for read in sensed]
 
 
 def say_other_shape(frame: Frame, sensors: Iterable[PoseSensor]) -> str | None:
@@ -59,9 +56,9 @@ def say_other_shape(frame: Frame, sensors: Iterable[PoseSensor]) -> str | None:
     for sensor in sensors:
         if isinstance(sensor, Landmarks):
             camera = sensor.map.fit.camera
-            apart = abs(width * camera.height_px - height * camera.width_px)
-            if apart > OTHER_SHAPE * camera.width_px * height:
-                theirs = f"found pictures of {width} x {height}, and the landmarks are of pictures of "
-                theirs += f"{camera.width_px} x {camera.height_px}: another shape, so landmarks say nothing"
-                return f"{theirs}; build the library with this camera, or leave landmarks out"
+            difference = abs(width * camera.height_px - height * camera.width_px)
+            if difference > OTHER_SHAPE * camera.width_px * height:
+                text = f"found pictures of {width} x {height}, and the landmarks are of pictures of "
+                text += f"{camera.width_px} x {camera.height_px}: another shape, so landmarks say nothing"
+                return f"{text}; build the library with this camera, or leave landmarks out"
     return None

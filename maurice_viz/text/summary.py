@@ -1,11 +1,14 @@
-"""The scores of runs as rows of a table, and how several runs differ, in words."""
+"""The scores of runs as rows of a table, how several runs differ, and the names of trials, in words."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from maurice_datasets.trials.rows import SCHEMA
 from maurice_mcl.scoring.comparison import (
     APART_FOR,
     ComparisonResult,
@@ -16,10 +19,12 @@ from maurice_mcl.scoring.comparison import (
 from maurice_mcl.scoring.dead_reckoning import CAMERA, SENSORS
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.scoring.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
+from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.radii import Radii
 
 from ..playback import RunResult
 from ..style import COLOR_WORDS, Scale, Units
+from .causes import steps_text
 from .narration import errors
 
 Cell = Callable[[RunResult], str]
@@ -44,7 +49,7 @@ def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, l
         (f"parts from {first}", _parts),
     ]
     return [
-        (name, ["" if one.paired is None else cell(one.paired) for one in results]) for name, cell in rows
+        (name, ["" if run.paired is None else cell(run.paired) for run in results]) for name, cell in rows
     ]
 
 
@@ -99,8 +104,8 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
 
 def _sensors(results: Sequence[RunResult]) -> str:
     """Return what the runs had besides odometry."""
-    known = [one.verdict.odometry_alone for one in results]
-    return SENSORS if any(one is not None and one.sensors == SENSORS for one in known) else CAMERA
+    known = [run.verdict.odometry_alone for run in results]
+    return SENSORS if any(alone is not None and alone.sensors == SENSORS for alone in known) else CAMERA
 
 
 def _alone_m(result: RunResult) -> float | None:
@@ -115,8 +120,7 @@ def _known(result: RunResult) -> str:
 def _probably_lost(result: RunResult) -> str:
     if result.signal is None:
         return "-"
-    lost = result.verdict.doubts
-    steps = [f"steps {first} to {last}" if last > first else f"step {first}" for first, last in lost]
+    steps = [steps_text(first, last) for first, last in result.verdict.doubts]
     more = f", {len(steps) - 1} more" if len(steps) > 1 else ""
     return f"{steps[0]}{more}" if steps else "no"
 
@@ -135,7 +139,7 @@ def _length(value_m: float | None, units: Units) -> str:
 
 def _segment(results: Sequence[RunResult], units: Units) -> str:
     """Return the length of a segment of the relative pose error, which follows from a run's radii."""
-    lengths = {f"{_length(SEGMENT_OF_RIGHT * one.radii.right_m, units)} {units.name}" for one in results}
+    lengths = {f"{_length(SEGMENT_OF_RIGHT * run.radii.right_m, units)} {units.name}" for run in results}
     return lengths.pop() if len(lengths) == 1 else f"{SEGMENT_OF_RIGHT:g} x right"
 
 
@@ -148,7 +152,7 @@ def _relative(error: RelativeError | None, units: Units) -> str:
 
 def _radii(radii: Radii, units: Units) -> str:
     """Return the radii that a run was judged by."""
-    return ", ".join(_length(one, units) for one in (radii.right_m, radii.cluster_m, radii.lost_m))
+    return ", ".join(_length(radius_m, units) for radius_m in (radii.right_m, radii.cluster_m, radii.lost_m))
 
 
 def _localized(result: RunResult) -> str:
@@ -159,7 +163,7 @@ def _localized(result: RunResult) -> str:
 
 def _wrong(result: RunResult) -> str:
     """Return from which step on a run that had been right was wrong."""
-    wrong = [one.wrong for one in result.verdict.episodes if one.wrong is not None]
+    wrong = [episode.wrong for episode in result.verdict.episodes if episode.wrong is not None]
     more = f", {len(wrong) - 1} more" if len(wrong) > 1 else ""
     if wrong:
         return f"step {wrong[0]}{more}"
@@ -169,7 +173,7 @@ def _wrong(result: RunResult) -> str:
 def _lost(result: RunResult) -> str:
     if result.score.lost is None:
         return "-"
-    lost = [one for one in result.verdict.episodes if one.lost is not None]
+    lost = [episode for episode in result.verdict.episodes if episode.lost is not None]
     if not lost:
         return "no, goal reached" if result.score.reached else "no"
     more = f", {len(lost) - 1} more" if len(lost) > 1 else ""
@@ -178,14 +182,15 @@ def _lost(result: RunResult) -> str:
 
 def _success(result: RunResult, preset: str, units: Units) -> str:
     """Return when the run succeeded, after what distance and time; or how it failed."""
-    for one in result.score.success:
-        if one.preset == preset:
-            if one.failed == LEFT:
-                return f"left the truth at step {one.failed_at_step}"
-            if one.at_step is not None and one.at_m is not None and one.at_s is not None:
-                return f"step {one.at_step}, {_length(one.at_m, units)} {units.name}, {one.at_s:.0f} s"
-            return "no, 5 min over" if one.failed else "no"
-    return "-"
+    success = next((success for success in result.score.success if success.preset == preset), None)
+    if success is None:
+        return "-"
+    if success.failed == LEFT:
+        return f"left the truth at step {success.failed_at_step}"
+    if success.at_step is not None and success.at_m is not None and success.at_s is not None:
+        length = f"{_length(success.at_m, units)} {units.name}"
+        return f"step {success.at_step}, {length}, {success.at_s:.0f} s"
+    return "no, 5 min over" if success.failed else "no"
 
 
 NOT_YET = "How the runs compare over the drive is shown here when the replay has ended."
@@ -247,7 +252,7 @@ class StepWords:
 def result(results: Sequence[RunResult], units: Units) -> str:
     """Return how every run compares with the first over the drive."""
     first = plain(results[0].label)
-    parts = [_paragraph(one, first, units) for one in results[1:]]
+    parts = [_paragraph(run, first, units) for run in results[1:]]
     drive = (
         "Intervals hold 95 %, for the mean over this one drive: another drive can differ. "
         "Below zero is closer to the truth."
@@ -286,3 +291,22 @@ def _table_row(cells: Sequence[str]) -> str:
 def plain(text: str) -> str:
     """Return a label with Markdown's signs escaped."""
     return "".join(f"\\{sign}" if sign in "\\`*_|[]<>#~" else sign for sign in text)
+
+
+# Trials.
+
+METRIC_UNITS = {"_m": ("in", 1 / INCH_M), "_rad": ("deg", 180 / math.pi), "_s": ("s", 1.0)}
+
+
+def metric_title(metric: str) -> tuple[str, float]:
+    """Return the title of a metric with its unit, and the factor that brings it there."""
+    for ending, (unit, factor) in METRIC_UNITS.items():
+        if metric.endswith(ending):
+            return f"{metric.removesuffix(ending).replace('_', ' ')} ({unit})", factor
+    flag = str(SCHEMA[metric][0]) == "Boolean"
+    return f"{metric.replace('_', ' ')}{' (%)' if flag else ''}", 100.0 if flag else 1.0
+
+
+def name_of(row: Mapping[str, Any]) -> str:
+    """Return what names a run within its folder: PART/SESSION/VARIANT/SEED."""
+    return f"{row['part']}/{row['session']}/{row['variant']}/{row['seed']}"

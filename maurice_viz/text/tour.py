@@ -48,10 +48,10 @@ MATCH = "**q**: likeness to a reference, 0 to 1. **Fresh**: dots drawn anew (res
 
 def words(runs: Sequence[RunView]) -> str:
     """Explain the words of the first screen, and what tells its runs apart."""
-    is_one = len(runs) == 1  # whose rings and whose every event are shown
-    parts = [DOT, RING if is_one else "", f"{SIGMA}{BEYOND if is_one else ''}."]
+    single = len(runs) == 1  # whose rings and whose every event are shown
+    parts = [DOT, RING if single else "", f"{SIGMA}{BEYOND if single else ''}."]
     if not runs[0].is_recorded:
-        parts += [DIP if is_one else "", MATCH]
+        parts += [DIP if single else "", MATCH]
     draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
     if all(draws) and len(set(draws)) > 1:
         does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
@@ -117,8 +117,8 @@ def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
 def _two_places(fact: Ambiguity, scale: Scale) -> str:
     truth = {0: " at neither", 1: " there", 2: " at the other one"}.get(fact.truth_in or 0, "")
     white = "" if fact.truth_in is None else f"; the white disk (the truth) is{truth}"
-    apart = scale.say(fact.apart_m)
-    return f"Map: most dots are in two places, {apart} apart. The estimate is at the heavier one{white}."
+    distance = scale.say(fact.apart_m)
+    return f"Map: most dots are in two places, {distance} apart. The estimate is at the heavier one{white}."
 
 
 def _episode(moment: TourMoment, episode: Episode) -> str:

@@ -34,7 +34,7 @@ SENSOR = "perfect sensor, same references"
 LIBRARY = "perfect sensor, dense references"
 SAMPLING = "100,000 particles"
 PARTS = (AS_IS, MOTION, SENSOR, LIBRARY, SAMPLING)
-MANY = 100_000
+MANY_PARTICLES = 100_000
 
 DENSER = 4  # times as many references along each direction
 MOST_PLACES = 2_500  # of the dense references
@@ -93,15 +93,15 @@ def error_budget_line(
         localizer = with_dense_references(localizer)
         comparisons = perfect_comparisons(localizer, moments, comparisons)
     elif part == SAMPLING:
-        localizer = replace(localizer, particles=max(MANY, localizer.particles))
+        localizer = replace(localizer, particles=max(MANY_PARTICLES, localizer.particles))
     traces = run_batch(localizer, moments, seeds, start, comparisons)
     return _scored(part, traces, moments)
 
 
 def _scored(part: str, traces: Sequence[RunTrace], moments: Sequence[Moment]) -> BudgetLine:
     scores = [score_trace(trace, moments) for trace in traces]
-    errors = [np.nan if one.position_error_mean_m is None else one.position_error_mean_m for one in scores]
-    return BudgetLine(part, np.array(errors), np.array([one.lost is True for one in scores]))
+    errors = [np.nan if s.position_error_mean_m is None else s.position_error_mean_m for s in scores]
+    return BudgetLine(part, np.array(errors), np.array([score.lost is True for score in scores]))
 
 
 def with_true_motions(moments: Sequence[Moment], start: F64 | None) -> list[Moment]:
@@ -130,21 +130,21 @@ def perfect_comparisons(
     Its standard deviation is half the references' spacing, and half the angle between their headings. A
     picture without truth, or that was not compared, says nothing.
     """
-    library, virtual = localizer.library, max((len(one.virtual) for one in comparisons), default=0)
+    library, virtual = localizer.library, any(len(comparison.virtual) for comparison in comparisons)
     poses = library.poses
     if virtual and localizer.sensor.references is not localizer.reference:
         poses = np.concatenate([poses, virtual_references(poses, library.arena).poses])
     sd_m, sd_rad = _spread(library)
     return [
-        _perfect(poses, library.size, moment.truth if len(one.quality) else None, sd_m, sd_rad)
-        for moment, one in zip(moments, comparisons, strict=True)
+        _perfect(poses, library.size, moment.truth if len(comparison.quality) else None, sd_m, sd_rad)
+        for moment, comparison in zip(moments, comparisons, strict=True)
     ]
 
 
 def _spread(library: Library) -> tuple[float, float]:
     places, _ = distinct_places(library.poses[:, :2])
-    apart_rad = 2 * np.pi * len(places) / library.size
-    return spacing(places) / 2, float(min(apart_rad, WIDEST_RAD)) / 2
+    between_rad = 2 * np.pi * len(places) / library.size
+    return spacing(places) / 2, float(min(between_rad, WIDEST_RAD)) / 2
 
 
 def _perfect(poses: F64, entries: int, truth: F64 | None, sd_m: float, sd_rad: float) -> Comparison:

@@ -57,7 +57,7 @@ class EntryExplanation:
     behind: float  # nats by which the winner is likelier; 0 for the winner itself
 
     def lost_to(self, winner: EntryExplanation) -> F64:
-        """Return what each channel (C,) costs this entry against another one; the sum is the total gap."""
+        """Return what each channel (C,) costs this entry against another; the sum is the total gap."""
         pairs = zip(self.channels, winner.channels, strict=True)
         return np.array([mine.loses - best.loses for mine, best in pairs])
 
@@ -101,7 +101,7 @@ class StepExplanation:
         return next(e.entry for e in self.shown if e.who == WINNER and e.entry is not None)
 
     def of(self, who: str) -> Explained | None:
-        """Return the one for `who`, or None."""
+        """Return what is explained of `who`, or None."""
         return next((explained for explained in self.shown if explained.who == who), None)
 
 
@@ -124,8 +124,7 @@ def explain_all(
     comparison: Comparison, sensor: SensorModel, entries: Sequence[int]
 ) -> tuple[EntryExplanation, ...]:
     """Explain several library entries at once, at little more cost than one."""
-    some = list(entries)
-    by_channel = list(zip(*_channels(comparison, sensor, some), strict=True))
+    by_channel = list(zip(*_channels(comparison, sensor, list(entries)), strict=True))
     likely, winner = comparison.log_likelihood, int(comparison.quality.argmax())
     return tuple(
         EntryExplanation(
@@ -139,7 +138,7 @@ def explain_all(
             winner=winner,
             behind=float(likely[winner] - likely[entry]),
         )
-        for k, entry in enumerate(some)
+        for k, entry in enumerate(entries)
     )
 
 
@@ -169,12 +168,12 @@ def explain_step(
         weighed = list(sensor.at(comparison, at).log_likelihood.astype(float).tolist())
         sensed = [_sensed(comparison, sensor, pose[None]) for pose in at]
     different = sorted({entry for entry in nearest.values() if entry >= 0})
-    found = dict(zip(different, explain_all(comparison, sensor, different), strict=True))
+    explanations = dict(zip(different, explain_all(comparison, sensor, different), strict=True))
     shown = tuple(
         Explained(
             who=who,
             pose=pose,
-            entry=found.get(nearest[who]),
+            entry=explanations.get(nearest[who]),
             weighed=weight,
             from_truth=None if truth is None else offset(pose, truth),
             from_estimate=offset(pose, record.estimate.pose),
@@ -189,8 +188,8 @@ def _sensed(comparison: Comparison, sensor: SensorModel, pose: F32) -> dict[str,
     """Return the nats that each pose sensor gives a pose (1, 3) relative to the origin, as it is weighed."""
     origin, sharpness = sensor.library.origin, sensor.parameters.sharpness
     return {
-        one.name: sharpness * one.weight * float(one.sensor.log_likelihood(one.reading, pose, origin)[0])
-        for one in comparison.sensed
+        read.name: sharpness * read.weight * float(read.sensor.log_likelihood(read.reading, pose, origin)[0])
+        for read in comparison.sensed
     }
 
 
@@ -201,8 +200,8 @@ def nearest_entries(sensor: SensorModel, poses: F64) -> I32:
 
 def offset(pose: F64, other: F64) -> PoseOffset:
     """Return how far a pose (3,) is from another."""
-    apart = float(np.hypot(*(pose[:2] - other[:2])))
-    return PoseOffset(apart, angle_between(float(pose[2]), float(other[2])))
+    apart_m = float(np.hypot(*(pose[:2] - other[:2])))
+    return PoseOffset(apart_m, angle_between(float(pose[2]), float(other[2])))
 
 
 def _poses(record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: Asked | None) -> dict[str, F64]:
@@ -227,12 +226,12 @@ def _channels(
     comparison: Comparison, sensor: SensorModel, entries: list[int]
 ) -> list[list[ChannelExplanation]]:
     loses = _losses(comparison, sensor)[:, entries]
-    found = []
+    explanations = []
     for k, name in enumerate(comparison.channels):
         index, distance = sensor.library.index[name], sensor.parameters.distance_of(name)
         sample, references = comparison.descriptors[name], index.references[entries]
         adds = contributions(distance, sample, references, index)
-        found.append(
+        explanations.append(
             [
                 ChannelExplanation(
                     channel=name,
@@ -249,7 +248,7 @@ def _channels(
                 for j, entry in enumerate(entries)
             ]
         )
-    return found
+    return explanations
 
 
 def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
@@ -261,10 +260,11 @@ def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
     p, names = sensor.parameters, comparison.channels
     weights = np.array([p.weights[name] for name in names])
     scales = np.array([p.scale_of(name) for name in names])
-    alone = np.eye(len(names)) * weights
-    parts = np.stack(
-        [BLENDS[p.blend](comparison.distances, one, scales, QUALITIES[p.quality]).distance for one in alone]
-    ).astype(np.float64)
+    blend, quality = BLENDS[p.blend], QUALITIES[p.quality]
+    alone = [
+        blend(comparison.distances, row, scales, quality).distance for row in np.eye(len(names)) * weights
+    ]
+    parts = np.stack(alone).astype(np.float64)
     total = parts.sum(axis=0)
     share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
     return np.asarray(share * np.maximum(-comparison.log_likelihood.astype(np.float64), 0.0))

@@ -24,8 +24,11 @@ from ..values.randomness import Domain, stream
 from ..values.records import Opinion, StepRecord
 
 LEAST_PARTICLES, MOST_PARTICLES = 200, 2000
-FRESH = 0.05  # share of the particles, and of the weight, that every picture draws anew
-NEAR, FAR = 4 / 3, 2.0  # radii *right* from the estimate: what agrees with it, what contradicts it
+FRESH_SHARE = 0.05  # of the particles, and of the weight, that every picture draws anew
+NEAR_RADII, FAR_RADII = (
+    4 / 3,
+    2.0,
+)  # radii *right* from the estimate: what agrees, what contradicts
 NEAR_RAD, FAR_RAD = math.radians(45), math.radians(60)
 LEAST_SHARE = 0.01  # of the weight, whose log would fall beyond all bounds
 
@@ -91,42 +94,41 @@ class SecondFilter:
 
     def see(self, motions: F64, likelihood: F64) -> None:
         """Process an update: its movements (M, 3), and the likelihood (L,) of every entry, up to a factor."""
-        one, count, origin = self.localizer, len(self.poses), self.localizer.library.origin
-        assert one.motion is not None, "see `of`"
+        localizer, count, origin = self.localizer, len(self.poses), self.localizer.library.origin
+        assert localizer.motion is not None, "see `of`"
         self.step += 1
         rng, self.poses = stream(Domain.COMPARE, 0, self.step, count), self.begin
-        for motion, noise in zip(
-            motions, rng.standard_normal((len(motions), count, 3), np.float32), strict=True
-        ):
-            self.poses = one.motion.move(self.poses, origin, motion, noise)
-        self.entries = one.reference.entries(self.poses, origin)
-        found = np.append(likelihood, 0.0).take(self.entries)  # entry -1, outside, is the last
-        total = float(found.sum())
-        self.weights = found / total if total > 0 else np.full(count, 1 / count)
+        noises = rng.standard_normal((len(motions), count, 3), np.float32)
+        for motion, noise in zip(motions, noises, strict=True):
+            self.poses = localizer.motion.move(self.poses, origin, motion, noise)
+        self.entries = localizer.reference.entries(self.poses, origin)
+        weights = np.append(likelihood, 0.0).take(self.entries)  # entry -1, outside, is the last
+        total = float(weights.sum())
+        self.weights = weights / total if total > 0 else np.full(count, 1 / count)
         self._renew(likelihood, rng)
 
     def _renew(self, likelihood: F64, rng: np.random.Generator) -> None:
         """Resample, and draw a few anew where this picture is likely."""
-        one, count = self.localizer, len(self.poses)
-        fresh = round(FRESH * count)
-        kept = systematic(self.weights, count - fresh, rng)
+        localizer, count = self.localizer, len(self.poses)
+        fresh = round(FRESH_SHARE * count)
+        parents = systematic(self.weights, count - fresh, rng)
         cumulative = np.cumsum(likelihood * self.sizes)
         begin = np.empty((3, count), np.float32)  # column by column
-        self.poses.T.take(kept, axis=1, out=begin[:, : len(kept)], mode="clip")
-        where, origin = one.regions, one.library.origin
-        begin[:, len(kept) :] = poses_of_entries(cumulative, one.reference.grid, where, fresh, origin, rng).T
+        self.poses.T.take(parents, axis=1, out=begin[:, : len(parents)], mode="clip")
+        drawn = poses_of_entries(
+            cumulative, localizer.reference.grid, localizer.regions, fresh, localizer.library.origin, rng
+        )
+        begin[:, len(parents) :] = drawn.T
         self.begin = begin.T
 
     def shares(self, pose: F64) -> Shares:
         """Return where it is, beside an estimated pose (3,) in the map's frame."""
         right_m = self.localizer.radii.right_m
-        apart = (
-            self.poses.T
-            - np.append(pose[:2] - self.localizer.library.origin, pose[2]).astype(np.float32)[:, None]
-        )
-        away, ahead = apart[0] ** 2 + apart[1] ** 2, np.cos(apart[2])
-        near = (away < (NEAR * right_m) ** 2) & (ahead > math.cos(NEAR_RAD))
-        far = (away > (FAR * right_m) ** 2) | (ahead < math.cos(FAR_RAD))
+        relative = np.append(pose[:2] - self.localizer.library.origin, pose[2]).astype(np.float32)
+        dx, dy, turned = self.poses.T - relative[:, None]
+        squared, ahead = dx**2 + dy**2, np.cos(turned)
+        near = (squared < (NEAR_RADII * right_m) ** 2) & (ahead > math.cos(NEAR_RAD))
+        far = (squared > (FAR_RADII * right_m) ** 2) | (ahead < math.cos(FAR_RAD))
         by_entry = np.bincount(self.entries + 1, self.weights * far)
         return Shares(float(self.weights @ near), float(by_entry[1:].max(initial=0.0)))
 
@@ -136,14 +138,14 @@ class OpinionReader:
     """Turns numbers of updates into features; keeps running means."""
 
     _signal: LostSignal = field(default_factory=LostSignal)
-    _apart: float | None = None
+    _ahead: float | None = None  # running mean of the nats by which it is near rather than elsewhere
 
     def features(self, now: BeliefNumbers, shares: Shares) -> dict[str, float]:
         """Return what the probability of the next update is made of, by the names of OPINION."""
         near, elsewhere = (math.log(max(v, LEAST_SHARE)) for v in (shares.near, shares.elsewhere))
-        apart = near - elsewhere
-        self._apart = apart if self._apart is None else self._apart + RATE * (apart - self._apart)
-        own = {"near": near, "apart": apart, "apart lately": self._apart}
+        ahead = near - elsewhere
+        self._ahead = ahead if self._ahead is None else self._ahead + RATE * (ahead - self._ahead)
+        own = {"near": near, "apart": ahead, "apart lately": self._ahead}
         return self._signal.features(now) | own
 
 
@@ -199,8 +201,8 @@ class SecondOpinion:
         if numbers is None or not math.isfinite(numbers.library_mean):
             return None  # nothing to compare with, or a channel that gives no numbers
         self.second.see(record.frame.motions, record.sighting.comparison.explained_by_channels.relative[0])
-        found = self._reader.features(numbers, self.second.shares(record.estimate.pose))
-        odds = sum(weight * found[name] for name, weight in OPINION.items())
+        features = self._reader.features(numbers, self.second.shares(record.estimate.pose))
+        odds = sum(weight * features[name] for name, weight in OPINION.items())
         self._sensed += RATE * (sensed_ahead(record, self.second.localizer) - self._sensed)
         odds += SENSED_SHARE * self._sensed
         self.not_lost = 1 / (1 + math.exp(-odds))
@@ -217,9 +219,8 @@ def sensed_ahead(record: StepRecord, localizer: Localizer) -> float:
     if not sensed:
         return 0.0
     pose, origin = record.estimate.pose, library.origin
-    apart = library.poses - pose
-    away, ahead = np.hypot(apart[:, 0], apart[:, 1]), np.cos(apart[:, 2])
-    far = (away > FAR * localizer.radii.right_m) | (ahead < math.cos(FAR_RAD))
+    dx, dy, turned = (library.poses - pose).T
+    far = (np.hypot(dx, dy) > FAR_RADII * localizer.radii.right_m) | (np.cos(turned) < math.cos(FAR_RAD))
     poses = np.concatenate([pose[None], library.poses[far]]) - np.append(origin, 0.0)
     nats = localizer.sensor.sense_at(record.sighting.comparison, poses.astype(np.float32))
     if nats is None or not far.any():
