@@ -17,13 +17,13 @@ from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import spacing
 from maurice_mcl.values.records import Belief, FilterState, StepRecord
 from maurice_mcl.values.session import Moment
-from maurice_viz.plots.calibration import ACTUAL, figure, panels
+from maurice_viz.plots.calibration import ACTUAL, figure
 
 from . import maps
 from .drives import PRESET
 from .material import EXAMPLE, Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES
-from .traces import AIDED, BANDS, DEVIATION, LABELS, OFF, STRATEGY
+from .traces import AIDED, BANDS, DEVIATION, LABELS, OFF, STRATEGY, panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,11 +12,11 @@ from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
-from maurice_viz.plots.calibration import INK, figure, panels
+from maurice_viz.plots.calibration import INK, figure
 
 from . import maps
 from .material import Material, MissingRuns, ThesisFigure, steps_of
-from .traces import LABELS, OFF, UPDATE, curve
+from .traces import LABELS, OFF, UPDATE, curve, panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ from maurice_datasets.trials.statistics import Interval, mean
 from maurice_datasets.trials.table import clusters_of
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
-from maurice_viz.plots.calibration import INK, panels
+from maurice_viz.plots.calibration import INK, dress
 
 from .material import Material, MissingRuns, ThesisFigure
 from .over_particles import STYLES
@@ -33,6 +33,17 @@ UPDATE = "update"
 STRATEGY, NONE, AIDED = "recovery.strategy", "none", "threshold"
 MARKS = 10  # markers on a curve
 BANDS = "bands: means, 95 % intervals"
+
+
+def panels(rows: int, columns: int, x: str, y: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with several pairs of axes, row by row, that share their labels and scales."""
+    from matplotlib.figure import Figure as New
+
+    drawing = New(figsize=(8.0 if columns < 3 else 10.0, 4.6), layout="constrained")
+    places = [drawing.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
+    for number, axes in enumerate(places):
+        dress(axes, "", x, y if number % columns == 0 else "")
+    return drawing, places
 
 
 def curve(rows: pl.DataFrame, column: str) -> list[Interval]:

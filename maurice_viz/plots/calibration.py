@@ -49,21 +49,10 @@ def figure(title: str, x: str, y: str) -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes, a title and labels with their units."""
     from matplotlib.figure import Figure as New
 
-    made = New(figsize=(8.0, 4.6), layout="constrained")
-    axes = made.subplots()
+    drawing = New(figsize=(8.0, 4.6), layout="constrained")
+    axes = drawing.subplots()
     dress(axes, title, x, y)
-    return made, axes
-
-
-def panels(rows: int, columns: int, x: str, y: str) -> tuple[Figure, list[Axes]]:
-    """Return a figure with several pairs of axes, row by row, that share their labels and scales."""
-    from matplotlib.figure import Figure as New
-
-    made = New(figsize=(8.0 if columns < 3 else 10.0, 4.6), layout="constrained")
-    places = [made.add_subplot(rows, columns, number + 1) for number in range(rows * columns)]
-    for number, axes in enumerate(places):
-        dress(axes, "", x, y if number % columns == 0 else "")
-    return made, places
+    return drawing, axes
 
 
 def dress(axes: Axes, title: str, x: str, y: str) -> None:
@@ -76,28 +65,24 @@ def dress(axes: Axes, title: str, x: str, y: str) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-KINDS = {
-    ".png": {"Software": None},
-    ".svg": {"Date": None},
-    ".pdf": {"CreationDate": None},
-}  # left out: dates
+LEFT_OUT = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}  # dates
 
 
-def save(made: Figure, file: Path, *, force: bool) -> None:
+def save(drawing: Figure, file: Path, *, force: bool) -> None:
     """Write a figure as its suffix says. InputError for another one; where it exists, unless `force`."""
-    if file.suffix not in KINDS:
-        raise InputError(file, f"found the ending {file.suffix!r}, expected {', '.join(KINDS)}")
+    if file.suffix not in LEFT_OUT:
+        raise InputError(file, f"found the ending {file.suffix!r}, expected {', '.join(LEFT_OUT)}")
     expect_absent(file, force=force)
-    write_whole(file, figure_bytes(made, file.suffix[1:]), force=force)
+    write_whole(file, figure_bytes(drawing, file.suffix[1:]), force=force)
 
 
-def figure_bytes(made: Figure, kind: str, dpi: int | None = None) -> bytes:
+def figure_bytes(drawing: Figure, kind: str, dpi: int | None = None) -> bytes:
     """Return a figure as a PNG, SVG or PDF, the same on every day."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     data = io.BytesIO()
-    FigureCanvasAgg(made)
-    made.savefig(data, format=kind, dpi=dpi or DPI, metadata=KINDS[f".{kind}"], bbox_inches="tight")
+    FigureCanvasAgg(drawing)
+    drawing.savefig(data, format=kind, dpi=dpi or DPI, metadata=LEFT_OUT[f".{kind}"], bbox_inches="tight")
     return data.getvalue()
 
 
@@ -157,22 +142,24 @@ def draw_motion(shown: ShownFit, folder: Path, *, force: bool) -> list[Path]:
 
 def motion_figure(name: str, shown: ShownFit) -> Figure:
     """Draw one of FIGURES, with its legend below it, where it covers nothing."""
-    made = FIGURES[name](shown)
+    drawing = FIGURES[name](shown)
     columns = 1 if FIGURES[name] is _turn_scatter else 4
-    made.legend(loc="outside lower center", ncols=columns, frameon=False)
-    return made
+    drawing.legend(loc="outside lower center", ncols=columns, frameon=False)
+    return drawing
 
 
 def _turn_trials(shown: ShownFit) -> Figure:
-    made, axes = figure("Measured and actual turns", "trial", "turn (degrees, counter-clockwise)")
+    drawing, axes = figure("Measured and actual turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
     _side_by_side(axes, {"measured by the encoders": (measured, MEASURED), "actual": (actual, ACTUAL)})
-    return made
+    return drawing
 
 
 def _turn_scatter(shown: ShownFit) -> Figure:
-    made, axes = figure("Measured against actual turns", "actual turn (degrees)", "measured turn (degrees)")
-    made.set_size_inches(6.4, 6.0)
+    drawing, axes = figure(
+        "Measured against actual turns", "actual turn (degrees)", "measured turn (degrees)"
+    )
+    drawing.set_size_inches(6.4, 6.0)
     measured, actual = shown.turns_deg
     ends = np.array([actual.min(), actual.max()])
     slope = shown.fit.turns.figure_5_slope
@@ -180,35 +167,35 @@ def _turn_scatter(shown: ShownFit) -> Figure:
     label = f"least squares through the origin: {slope.value:.4f}"
     axes.plot(ends, slope.value * ends, color=INK, linewidth=1.6, label=label)
     axes.scatter(actual, measured, s=28, color=ACTUAL, alpha=0.8, edgecolor="white", label="trials", zorder=3)
-    return made
+    return drawing
 
 
 def _turns_corrected(shown: ShownFit) -> Figure:
     gain = shown.fit.turns.gain.value
-    made, axes = figure("Actual and corrected turns", "trial", "turn (degrees, counter-clockwise)")
+    drawing, axes = figure("Actual and corrected turns", "trial", "turn (degrees, counter-clockwise)")
     measured, actual = shown.turns_deg
     corrected = (gain * measured, CORRECTED)
     _side_by_side(axes, {"actual": (actual, ACTUAL), f"corrected, {gain:.4f} x measured": corrected})
-    return made
+    return drawing
 
 
 def _turn_residuals(shown: ShownFit) -> Figure:
-    made, axes = figure("Residual of every turn", "trial", "actual - corrected turn (degrees)")
+    drawing, axes = figure("Residual of every turn", "trial", "actual - corrected turn (degrees)")
     _band(axes, _scaled(shown.fit.turns.residual, float(np.degrees(1))), "degrees")
     _stems(axes, np.arange(1, shown.fit.turns.count + 1), shown.residual_deg, ACTUAL, "residual")
-    return made
+    return drawing
 
 
 def _turn_histogram(shown: ShownFit) -> Figure:
     spread = _scaled(shown.fit.turns.residual, float(np.degrees(1)))
-    made, axes = figure("Residuals of turns", "actual - corrected turn (degrees)", "trials")
+    drawing, axes = figure("Residuals of turns", "actual - corrected turn (degrees)", "trials")
     against_normal(axes, shown.residual_deg, spread, "degrees")
-    return made
+    return drawing
 
 
 def _straight_trials(shown: ShownFit) -> Figure:
     unit, s = shown.units, shown.trials.straights
-    made, axes = figure("Measured and actual straights", "trial", f"distance ({unit.name})")
+    drawing, axes = figure("Measured and actual straights", "trial", f"distance ({unit.name})")
     trial = np.arange(1, len(s.measured_m) + 1)
     _rings(axes, trial, s.measured_m * unit.per_m, "measured")
     for floor, color in _floors(shown):
@@ -216,11 +203,11 @@ def _straight_trials(shown: ShownFit) -> Figure:
         label = "actual" if floor == "" else f"actual, {floor or 'several floors'}"
         axes.scatter(trial[on], s.actual_m[on] * unit.per_m, s=26, color=color, label=label, zorder=3)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
-    return made
+    return drawing
 
 
 def _heading_errors(shown: ShownFit) -> Figure:
-    made, axes = figure(
+    drawing, axes = figure(
         "Heading error of every straight", "trial", "heading change (degrees, counter-clockwise)"
     )
     s = shown.trials.straights
@@ -230,16 +217,16 @@ def _heading_errors(shown: ShownFit) -> Figure:
         if on.any():
             label = "all straights" if floor == "" else floor or "several floors"
             _stems(axes, np.flatnonzero(on) + 1, np.degrees(s.drift_rad[on]), color, label)
-    return made
+    return drawing
 
 
 def _straight_histogram(shown: ShownFit) -> Figure:
     unit, s = shown.units, shown.trials.straights
     spread = _scaled(shown.fit.straights.error, unit.per_m)
-    made, axes = figure("Errors of straights", f"actual - measured distance ({unit.name})", "trials")
+    drawing, axes = figure("Errors of straights", f"actual - measured distance ({unit.name})", "trials")
     errors = (s.actual_m - s.measured_m) * np.sign(s.measured_m) * unit.per_m
     against_normal(axes, np.asarray(errors), spread, unit.name)
-    return made
+    return drawing
 
 
 FIGURES: dict[str, Callable[[ShownFit], Figure]] = {
@@ -312,8 +299,8 @@ def noise_figure(floor: NoiseFloor) -> Figure:
     """Draw a covered picture, and beside it the histogram of all of them."""
     from matplotlib.figure import Figure
 
-    made = Figure(figsize=(11.0, 4.6), layout="constrained")
-    left, right = made.subplots(1, 2, width_ratios=(1, 1.35))
+    drawing = Figure(figsize=(11.0, 4.6), layout="constrained")
+    left, right = drawing.subplots(1, 2, width_ratios=(1, 1.35))
     left.imshow(stretched(floor.example), interpolation="nearest")
     low, high = int(floor.example.min()), int(floor.example.max())
     frames = "1 frame" if floor.frames == 1 else f"{floor.frames} frames; lines: sd between frames"
@@ -329,5 +316,5 @@ def noise_figure(floor: NoiseFloor) -> Figure:
         right.bar(at, means[k], 0.3 * WIDTH, color=color, label=name, yerr=bars, ecolor=INK, **shape)
     right.set_xticks(np.arange(LOW, LOW + WIDTH * BINS + 1, 4 * WIDTH))
     right.set_ylim(bottom=0)
-    made.legend(loc="outside lower right", ncols=3, frameon=False)
-    return made
+    drawing.legend(loc="outside lower right", ncols=3, frameon=False)
+    return drawing

@@ -33,7 +33,7 @@ DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays read
 
 
 def draw_ambiguity(
-    library: Library, found: SelfSimilarity, scale: Scale, advice: LibraryAdvice | None = None
+    library: Library, similarity: SelfSimilarity, scale: Scale, advice: LibraryAdvice | None = None
 ) -> U8:
     """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between aliases.
 
@@ -44,21 +44,20 @@ def draw_ambiguity(
     for wall in clipped(library.arena.walls, library.arena.bounds):
         start, end = _pixels(canvas, wall.reshape(2, 2), scale)
         cv2.line(image, start, end, WALL, 3, cv2.LINE_AA)
-    for entry in found.aliased[:MOST_PAIRS].tolist():
-        pair = found.places[found.place_of[[entry, found.alias[entry]]]]
+    for entry in similarity.aliased[:MOST_PAIRS].tolist():
+        pair = similarity.places[similarity.place_of[[entry, similarity.alias[entry]]]]
         start, end = _pixels(canvas, pair, scale)
         cv2.line(image, start, end, DEAD, 2, cv2.LINE_AA)
-    radius = max(round(DOT * scale.length(spacing(found.places)) / canvas.unit_per_px), 3)
+    radius = max(round(DOT * scale.length(spacing(similarity.places)) / canvas.unit_per_px), 3)
     added = () if advice is None else advice.added
-    for one in added:
-        tip = one.pose[:2] + RAY * spacing(found.places) * np.array(
-            [np.cos(one.pose[2]), np.sin(one.pose[2])]
-        )
-        start, end = _pixels(canvas, np.array([one.pose[:2], tip]), scale)
+    for reference in added:
+        place, heading = reference.pose[:2], reference.pose[2]
+        tip = place + RAY * spacing(similarity.places) * np.array([np.cos(heading), np.sin(heading)])
+        start, end = _pixels(canvas, np.array([place, tip]), scale)
         cv2.line(image, start, end, FRESH, 2, cv2.LINE_AA)
         cv2.circle(image, start, max(radius // 4, 2), FRESH, -1, cv2.LINE_AA)
-    values = found.at_places(found.ambiguity)
-    dots = list(zip(_pixels(canvas, found.places, scale), values.tolist(), _colors(values), strict=True))
+    values = similarity.at_places(similarity.ambiguity)
+    dots = list(zip(_pixels(canvas, similarity.places, scale), values.tolist(), _colors(values), strict=True))
     for (x, y), value, color in sorted(dots, key=lambda dot: dot[1]):  # the most ambiguous on top
         cv2.circle(image, (x, y), radius, color, -1, cv2.LINE_AA)
         label = f"{value:.0f}"
@@ -81,7 +80,7 @@ def _colors(values: F64) -> list[RGB]:
     """Return the color of each dot by its value, on a logarithmic scale from the least to the largest."""
     share = np.log(values / values.min()) / max(float(np.log(values.max() / values.min())), 1e-9)
     packed = shade(DARKEST + (1 - DARKEST) * share).tolist()
-    return [(one >> 24 & 255, one >> 16 & 255, one >> 8 & 255) for one in packed]
+    return [(rgba >> 24 & 255, rgba >> 16 & 255, rgba >> 8 & 255) for rgba in packed]
 
 
 COLUMNS = 4

@@ -12,7 +12,7 @@ from maurice_mcl.scoring.events import KINDS, RunEvent
 from ..running.saved_steps import Collected
 
 MAX_PICTURES = 12
-MANY = 20  # a kind with more events in a run is counted, not listed
+MOST_LISTED = 20  # a kind with more events in a run is counted, not listed
 RULE = (
     f"At most {MAX_PICTURES} steps have a picture: the step with the largest position error (without truth: "
     "with the widest cloud), the last step, and then in rounds the next event of each of these kinds: "
@@ -44,44 +44,44 @@ class PicturedStep:
 
 def events_of(collected: Collected) -> list[ReportedEvent]:
     """Return the events of all runs in order of steps; the same event of several runs is one."""
-    found: dict[tuple[int, str, str], list[tuple[RunEvent, str]]] = {}
+    same: dict[tuple[int, str, str], list[tuple[RunEvent, str]]] = {}
     for track in collected.tracks:
         for event in track.events:
-            found.setdefault((event.step, event.kind, event.text), []).append((event, track.label))
+            same.setdefault((event.step, event.kind, event.text), []).append((event, track.label))
     order = list(KINDS)
-    keys = sorted(found, key=lambda key: (key[0], order.index(key[1]) if key[1] in order else len(order)))
-    return [ReportedEvent(found[key][-1][0], tuple(label for _, label in found[key])) for key in keys]
+    keys = sorted(same, key=lambda key: (key[0], order.index(key[1])))
+    return [ReportedEvent(same[key][-1][0], tuple(label for _, label in same[key])) for key in keys]
 
 
 def listed(events: Sequence[ReportedEvent]) -> list[ReportedEvent]:
-    """Leave out what is routine, and the kinds with more than `MANY` events."""
-    notable = [one for one in events if not one.event.is_routine]
+    """Leave out what is routine, and the kinds with more than `MOST_LISTED` events."""
+    notable = [item for item in events if not item.event.is_routine]
     counts = steps_by_kind(notable)
-    return [one for one in notable if len(counts[one.event.kind]) <= MANY]
+    return [item for item in notable if len(counts[item.event.kind]) <= MOST_LISTED]
 
 
 def steps_by_kind(events: Sequence[ReportedEvent]) -> dict[str, list[int]]:
     """Return the steps at which each kind happened, in the order of KINDS."""
     steps: dict[str, list[int]] = {kind: [] for kind in KINDS}
-    for one in events:
-        steps.setdefault(one.event.kind, []).append(one.event.step)
-    return {kind: found for kind, found in steps.items() if found}
+    for item in events:
+        steps[item.event.kind].append(item.event.step)
+    return {kind: of_kind for kind, of_kind in steps.items() if of_kind}
 
 
 def choose(
     collected: Collected, events: Sequence[ReportedEvent], most: int = MAX_PICTURES
 ) -> list[PicturedStep]:
     """Choose the steps that get a picture, by `RULE`, in order of steps."""
-    notable = [one for one in events if not one.event.is_routine]
+    notable = [item for item in events if not item.event.is_routine]
     worst, last = worst_step(collected), int(collected.tracks[0].rows[-1][0])
     picked: dict[int, list[str]] = {worst: [], last: []}
     for step in _in_rounds(notable):
         if len(picked) >= most:
             break
         picked.setdefault(step, [])
-    for one in notable:
-        if one.event.step in picked:
-            picked[one.event.step].append(one.reason(len(collected.tracks)))
+    for item in notable:
+        if item.event.step in picked:
+            picked[item.event.step].append(item.reason(len(collected.tracks)))
     has_truth = np.isfinite(np.concatenate([t.column("position_error_m") for t in collected.tracks])).any()
     picked[worst].append("largest position error" if has_truth else "widest cloud")
     picked[last].append("last step")
@@ -91,8 +91,8 @@ def choose(
 def _in_rounds(notable: Sequence[ReportedEvent]) -> list[int]:
     """Return steps: the first event of every kind, then the second of every kind, and so on."""
     by_kind = list(steps_by_kind(notable).values())
-    longest = max((len(found) for found in by_kind), default=0)
-    return [found[k] for k in range(longest) for found in by_kind if k < len(found)]
+    longest = max(map(len, by_kind), default=0)
+    return [steps[k] for k in range(longest) for steps in by_kind if k < len(steps)]
 
 
 def worst_step(collected: Collected) -> int:

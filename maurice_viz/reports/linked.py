@@ -37,12 +37,12 @@ def linked(
         "poses": [_poses(path.poses, scale) for path in paths],
         "charts": [
             {
-                "name": one.chart.title.lower(),
-                "unit": one.chart.unit,
-                "axes": _axes(one.axes),
-                "values": [_values(line.y) for line in one.lines],
+                "name": drawn.chart.title.lower(),
+                "unit": drawn.chart.unit,
+                "axes": _axes(drawn.axes),
+                "values": [_values(line.y) for line in drawn.lines],
             }
-            for one in charts
+            for drawn in charts
         ],
     }
 
@@ -56,9 +56,9 @@ def _axes(axes: Axes, factor: float = 1.0) -> list[float]:
 def _poses(poses: F64, scale: Scale) -> list[list[float] | None]:
     places = np.round(scale.units.per_m * poses[:, :2], scale.units.digits + 1)
     headings = np.round(np.degrees(poses[:, 2]))
-    found = np.column_stack([places, headings])
-    return [one if np.isfinite(one).all() else None for one in found.tolist()]
+    rows = np.column_stack([places, headings]).tolist()
+    return [row if np.isfinite(row).all() else None for row in rows]
 
 
 def _values(values: F64) -> list[float | None]:
-    return [float(f"{one:.{DIGITS}g}") if np.isfinite(one) else None for one in values.tolist()]
+    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]

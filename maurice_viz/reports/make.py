@@ -30,7 +30,7 @@ from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line
 from .charts import Chart, ChartLine, DrawnChart, Mark
 from .choosing import (
-    MANY,
+    MOST_LISTED,
     RULE,
     PicturedStep,
     ReportedEvent,
@@ -87,11 +87,11 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     estimates = dict(zip([track.label for track in collected.tracks], RUN_COLORS, strict=False))
     photographer = Photographer(library.arena, scale, opened.session is not None, estimates)
     again = restored_together(opened.restored, Pictures(opened.session))  # warned before
-    shot = shots(photographer, again, [one.step for one in pictured])
+    shot = shots(photographer, again, [picture.step for picture in pictured])
     charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
     results, units = collected.results, scale.units
-    verdicts = {one.label: one.verdict for one in results}
-    numbered = [(one.step, one.number) for one in pictured]
+    verdicts = {result.label: result.verdict for result in results}
+    numbered = [(picture.step, picture.number) for picture in pictured]
     drawn_map = DrawnMap(library.arena, scale, collected.tracks, numbered, results[0].radii.lost_m)
     return page_of_template(
         "page.html",
@@ -105,12 +105,12 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         linked=linked(drawn_map, charts, collected, scale, decisive_step(verdicts)),
         charts=charts,
         unknown=unknown,
-        many=MANY,
+        many=MOST_LISTED,
         counts=list(_counts(events)),
         events=list(_event_rows(listed(events), pictured, len(runs))),
         rule=RULE,
         disks=_disks(runs[0].manifest.has_truth, estimates),
-        pictures=[_picture(one, shot[one.step], collected, scale) for one in pictured],
+        pictures=[_picture(picture, shot[picture.step], collected, scale) for picture in pictured],
         differing=_differing(runs),
         configurations=[_configuration_text(run) for run in runs],
         session_facts=list(_session_facts(info, runs[0], collected, scale)),
@@ -166,34 +166,34 @@ def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[
 
 
 def _marks(pictured: Sequence[PicturedStep], events: Sequence[ReportedEvent], runs: int) -> list[Mark]:
-    numbered = {one.step for one in pictured}
-    marks = [Mark(one.step, "; ".join(one.reasons), one.number) for one in pictured]
-    others = [one for one in listed(events) if one.event.step not in numbered]
-    return marks + [Mark(one.event.step, one.reason(runs)) for one in others]
+    numbered = {picture.step for picture in pictured}
+    marks = [Mark(picture.step, "; ".join(picture.reasons), picture.number) for picture in pictured]
+    others = [item for item in listed(events) if item.event.step not in numbered]
+    return marks + [Mark(item.event.step, item.reason(runs)) for item in others]
 
 
 def _counts(events: Sequence[ReportedEvent]) -> Iterator[tuple[str, str, str, str]]:
     for kind, steps in steps_by_kind(events).items():
         word = "step" if len(set(steps)) == 1 else "steps"
         count = "once" if len(steps) == 1 else f"{len(steps)} times"
-        yield kind, count, KINDS[kind].meaning if kind in KINDS else "", f"{word} {step_ranges(steps)}"
+        yield kind, count, KINDS[kind].meaning, f"{word} {step_ranges(steps)}"
 
 
 def _event_rows(
     shown: Sequence[ReportedEvent], pictured: Sequence[PicturedStep], runs: int
 ) -> Iterator[list[str]]:
-    numbers = {one.step: one.number for one in pictured}
-    for one in shown:
-        event = one.event
-        labels = "all runs" if len(one.labels) == runs else ", ".join(one.labels)
+    numbers = {picture.step: picture.number for picture in pictured}
+    for item in shown:
+        event = item.event
+        labels = "all runs" if len(item.labels) == runs else ", ".join(item.labels)
         link = PICTURE_LINK.format(numbers[event.step]) if event.step in numbers else ""
         who = [labels] if runs > 1 else []
         yield [str(event.step), f"{event.time_s:.1f} s", *who, event.kind, link, event.text]
 
 
-def _picture(one: PicturedStep, shot: Shot, collected: Collected, scale: Scale) -> Mapping[str, Any]:
+def _picture(picture: PicturedStep, shot: Shot, collected: Collected, scale: Scale) -> Mapping[str, Any]:
     """Return what the template shows of a step: numbers, camera image, for each run a map with text."""
-    row = int(np.flatnonzero(collected.tracks[0].column("step") == one.step)[0])
+    row = int(np.flatnonzero(collected.tracks[0].column("step") == picture.step)[0])
     maps = []
     for track in collected.tracks:
         error = float(track.column("position_error_m")[row])
@@ -202,7 +202,7 @@ def _picture(one: PicturedStep, shot: Shot, collected: Collected, scale: Scale) 
         text = f"{track.label}: estimate {pose}{off}, confidence {track.column('confidence')[row]:.0%}"
         maps.append((shot.maps[track.label], text))
     time_s = float(collected.tracks[0].column("time_s")[row])
-    return {"number": one.number, "step": one.step, "reasons": one.reasons, "time_s": time_s,
+    return {"number": picture.number, "step": picture.step, "reasons": picture.reasons, "time_s": time_s,
             "camera": shot.camera, "maps": maps}  # fmt: skip
 
 
@@ -272,15 +272,15 @@ def _configuration_text(run: SavedRun) -> str:
 def _differing(runs: Sequence[SavedRun]) -> list[tuple[str, ...]]:
     """Return the keys whose values differ between runs, each with the value of each run."""
     settings = [read_toml(run.folder / CONFIGURATION, "the settings of a run") for run in runs]
-    flat = [_flat(one) | {"seed": str(run.manifest.seed)} for one, run in zip(settings, runs, strict=True)]
-    rows = [
-        (key, *(one.get(key, "-") for one in flat)) for key in dict.fromkeys(k for one in flat for k in one)
-    ]
+    seeds = [{"seed": str(run.manifest.seed)} for run in runs]
+    flat = [_flat(table) | seed for table, seed in zip(settings, seeds, strict=True)]
+    keys = dict.fromkeys(key for table in flat for key in table)
+    rows = [(key, *(table.get(key, "-") for table in flat)) for key in keys]
     return [row for row in rows if len(set(row[1:])) > 1]
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, str]:
-    found: dict[str, str] = {}
+    flat: dict[str, str] = {}
     for key, value in table.items():
-        found |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": str(value)}
-    return found
+        flat |= _flat(value, f"{above}{key}.") if isinstance(value, dict) else {f"{above}{key}": str(value)}
+    return flat

@@ -1,9 +1,10 @@
-"""The map with the true, the estimated and the odometry path; `drawings.html` writes the SVG."""
+"""Floor plans, and the map with the true, the estimated and the odometry path; templates write the SVG."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,24 +18,54 @@ from ..running.saved_steps import Track
 from ..style import Scale
 from .charts import DASHES, Axes
 
-LONG_SIDE = 620.0  # of the map in the drawing, in px
-LEFT, RIGHT, TOP, BOTTOM = 46.0, 16.0, 18.0, 34.0
 JUMP_OF_MOTION = 3.0  # a step this many times as long as the measured motion is a jump
 MAX_POINTS = 3000
 LETTER_PX = 7.2  # average width
 KNOWN_FLOORS = ("wood", "carpet")
 
 
-def drawn_walls(axes: Axes, arena: Arena) -> list[list[list[float]]]:
-    """Return both ends of each wall in px, cut at the map's edge."""
-    return [axes.at(wall.reshape(2, 2)).tolist() for wall in clipped(arena.walls, arena.bounds)]
+@dataclass(frozen=True, slots=True, eq=False)
+class FloorPlan:
+    """A floor as a template writes it, in px."""
 
+    long_side: ClassVar[float]  # of the map in the drawing, in px
+    margins: ClassVar[tuple[float, float, float, float]]  # left, right, top and bottom, in px
 
-def floor_axes(arena: Arena, long_side: float, left: float, top: float) -> Axes:
-    """Return the box of a map whose longer side has some px, in meters."""
-    x_min, y_min, x_max, y_max = arena.bounds
-    width, height = (side * long_side / max(max(arena.size_m), 1e-9) for side in arena.size_m)
-    return Axes((x_min, x_max), (y_min, y_max), left, top, width, height)
+    arena: Arena
+    scale: Scale
+
+    @property
+    def axes(self) -> Axes:
+        """The map's box, in meters."""
+        x_min, y_min, x_max, y_max = self.arena.bounds
+        longest_m = max(max(self.arena.size_m), 1e-9)
+        width, height = (side_m * self.long_side / longest_m for side_m in self.arena.size_m)
+        left, _, top, _ = self.margins
+        return Axes((x_min, x_max), (y_min, y_max), left, top, width, height)
+
+    @property
+    def width(self) -> float:
+        """Of the drawing, in px."""
+        return self.axes.right + self.margins[1]
+
+    @property
+    def height(self) -> float:
+        """Of the drawing, in px."""
+        return self.axes.bottom + self.margins[3]
+
+    @property
+    def walls(self) -> list[list[list[float]]]:
+        """Both ends of each wall, cut at the map's edge."""
+        walls = clipped(self.arena.walls, self.arena.bounds)
+        return [self.axes.at(wall.reshape(2, 2)).tolist() for wall in walls]
+
+    def ticks(self, axis: int) -> list[tuple[float, str]]:
+        """Return position and label of each tick along x (0) or y (1)."""
+        axes = self.axes
+        start, length = (axes.left, axes.width) if axis == 0 else (axes.bottom, -axes.height)
+        low, high = (self.scale.length(self.arena.bounds[k]) for k in (axis, axis + 2))
+        values = ticks(low, high, self.scale.units.grid)
+        return [(start + (value - low) / (high - low or 1.0) * length, f"{value:g}") for value in values]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,29 +80,15 @@ class MapPath:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnMap:
-    """The map as the template writes it."""
+class DrawnMap(FloorPlan):
+    """The map of a report, with the paths of its runs."""
 
-    arena: Arena
-    scale: Scale
+    long_side: ClassVar[float] = 620.0
+    margins: ClassVar[tuple[float, float, float, float]] = (46.0, 16.0, 18.0, 34.0)
+
     tracks: Sequence[Track]
     numbered: Sequence[tuple[int, int]]  # step and number of each event with a picture
     jump_m: float = USUAL.lost_m  # a path is broken where a step is longer
-
-    @property
-    def axes(self) -> Axes:
-        """The map's box, in meters."""
-        return floor_axes(self.arena, LONG_SIDE, LEFT, TOP)
-
-    @property
-    def width(self) -> float:
-        """Of the drawing, in px."""
-        return self.axes.right + RIGHT
-
-    @property
-    def height(self) -> float:
-        """Of the drawing, in px."""
-        return self.axes.bottom + BOTTOM
 
     @property
     def has_truth(self) -> bool:
@@ -86,11 +103,6 @@ class DrawnMap:
         return {name: f"floor{others.index(name) % 3}" if name in others else name.lower() for name in names}
 
     @property
-    def walls(self) -> list[list[list[float]]]:
-        """Both ends of each wall in px, cut at the map's edge."""
-        return drawn_walls(self.axes, self.arena)
-
-    @property
     def names(self) -> Iterator[tuple[float, float, str]]:
         """Center and name of the obstacles whose names fit; the others have a tooltip."""
         for region in self.arena.obstacles:
@@ -101,33 +113,18 @@ class DrawnMap:
                 yield x, y, region.name
 
     @property
-    def x_ticks(self) -> list[tuple[float, str]]:
-        """Position in px and label of each tick."""
-        return self._ticks(0, self.axes.left, self.axes.width)
-
-    @property
-    def y_ticks(self) -> list[tuple[float, str]]:
-        """Height in px and label of each tick."""
-        return self._ticks(1, self.axes.bottom, -self.axes.height)
-
-    def _ticks(self, axis: int, start: float, length: float) -> list[tuple[float, str]]:
-        low, high = (self.scale.length(self.arena.bounds[k]) for k in (axis, axis + 2))
-        values = ticks(low, high, self.scale.units.grid)
-        return [(start + (value - low) / (high - low or 1.0) * length, f"{value:g}") for value in values]
-
-    @property
     def paths(self) -> list[MapPath]:
         """The paths that are known, the ones below first."""
         first, single = self.tracks[0], len(self.tracks) == 1
         odometry = "odometry alone, uncorrected, up to the map's edge"
-        found = [
+        paths = [
             MapPath("odometry", odometry, first.path("odometry"), "1.5 4", has_ends=False),
             MapPath("truth", "truth", first.path("truth")),
         ]
         for run, track in enumerate(self.tracks):
             kind, text = ("estimate", "estimate") if single else (f"run{run}", track.label)
-            found.append(MapPath(kind, text, track.path("estimate"), DASHES[run % len(DASHES)]))
-        return [path for path in found if np.isfinite(path.poses).any()]
+            paths.append(MapPath(kind, text, track.path("estimate"), DASHES[run % len(DASHES)]))
+        return [path for path in paths if np.isfinite(path.poses).any()]
 
     def parts(self, path: MapPath) -> Iterator[str]:
         """Yield the points of each unbroken part of a path."""

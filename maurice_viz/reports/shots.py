@@ -22,7 +22,7 @@ from ..style import GROUND, RGB, TRUTH, WALL, Scale, weight_colors
 MAP_PX = 720  # longer side of a map on the page
 CAMERA_PX = 320  # maximum width of a camera image on the page
 QUALITY = 82
-FULL = 4  # bits of a pixel that OpenCV draws between pixels
+SUBPIXEL_BITS = 4  # with which OpenCV draws between pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +57,8 @@ class Photographer:
         places = _pixels(ground, record.weighted.world_poses[order], self.scale)
         colors = weight_colors(record.weighted.log_weights[order])
         for (x, y), rgba in zip(places.tolist(), colors.tolist(), strict=True):
-            cv2.circle(image, (x, y), 5 << FULL, (rgba >> 24, rgba >> 16 & 255, rgba >> 8 & 255), -1,
-                       cv2.LINE_AA, FULL)  # fmt: skip
+            cv2.circle(image, (x, y), 5 << SUBPIXEL_BITS, (rgba >> 24, rgba >> 16 & 255, rgba >> 8 & 255), -1,
+                       cv2.LINE_AA, SUBPIXEL_BITS)  # fmt: skip
         arrow = ARROW * long_side(self.arena, self.scale) / ground.unit_per_px
         if moment.truth is not None:
             _pose(ground, image, moment.truth, self.scale, TRUTH, 15, arrow)
@@ -75,13 +75,13 @@ def shots(
     steps: Sequence[int],
 ) -> dict[int, Shot]:
     """Go through the updates up to the last of `steps`, and draw the pictures of these steps by step."""
-    wanted, found = set(steps), dict[int, Shot]()
+    wanted, drawn = set(steps), dict[int, Shot]()
     for moment, records in updates:
         if moment.frame.step in wanted:
-            found[moment.frame.step] = photographer.shoot(moment, records)
-        if len(found) == len(wanted):
+            drawn[moment.frame.step] = photographer.shoot(moment, records)
+        if len(drawn) == len(wanted):
             break
-    return found
+    return drawn
 
 
 def _narrowed(image: U8) -> U8:
@@ -95,22 +95,22 @@ def _narrowed(image: U8) -> U8:
 def _with_walls(ground: Canvas, arena: Arena, scale: Scale) -> Canvas:
     for wall in clipped(arena.walls, arena.bounds):
         start, end = _pixels(ground, wall.reshape(2, 2), scale).tolist()
-        cv2.line(ground.image, tuple(start), tuple(end), WALL, 4, cv2.LINE_AA, FULL)
+        cv2.line(ground.image, tuple(start), tuple(end), WALL, 4, cv2.LINE_AA, SUBPIXEL_BITS)
     return ground
 
 
 def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> NDArray[np.int64]:
     """Return points (K, 2) in sixteenths of a pixel, as OpenCV takes them; far outside, they are clipped."""
     px = (scale.screen(xy_m) - (canvas.extent.left, canvas.extent.top)) / canvas.unit_per_px
-    return np.asarray(np.clip(px * (1 << FULL), -(2**20), 2**20).round(), np.int64)
+    return np.asarray(np.clip(px * (1 << SUBPIXEL_BITS), -(2**20), 2**20).round(), np.int64)
 
 
 def _pose(
     canvas: Canvas, image: U8, pose: F64, scale: Scale, color: RGB, radius: int, arrow_px: float
 ) -> None:
     (x, y), *_ = _pixels(canvas, pose[None, :2], scale).tolist()
-    way = np.array([np.cos(pose[2]), -np.sin(pose[2])]) * (arrow_px + radius) * (1 << FULL)
+    way = np.array([np.cos(pose[2]), -np.sin(pose[2])]) * (arrow_px + radius) * (1 << SUBPIXEL_BITS)
     tip = (round(x + way[0]), round(y + way[1]))
-    for one, wider in ((GROUND, 3), (color, 0)):
-        cv2.line(image, (x, y), tip, one, 6 + 2 * wider, cv2.LINE_AA, FULL)
-        cv2.circle(image, (x, y), (radius + wider) << FULL, one, -1, cv2.LINE_AA, FULL)
+    for ink, wider in ((GROUND, 3), (color, 0)):
+        cv2.line(image, (x, y), tip, ink, 6 + 2 * wider, cv2.LINE_AA, SUBPIXEL_BITS)
+        cv2.circle(image, (x, y), (radius + wider) << SUBPIXEL_BITS, ink, -1, cv2.LINE_AA, SUBPIXEL_BITS)

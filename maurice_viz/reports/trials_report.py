@@ -78,21 +78,21 @@ def _plan_named(part: str) -> str:
 
 def _results(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
     """Return what every variant of every part reached: rows of a table, part by part."""
-    found = []
+    tables = []
     for part in plan["parts"]:
-        some = rows.filter(pl.col("part") == part["name"])
-        if some.is_empty():
+        of_part = rows.filter(pl.col("part") == part["name"])
+        if of_part.is_empty():
             continue
         by = ["session", "label"]
-        errors, rights = (grouped(some, by, metric) for metric in ("error_m", "right_at_end"))
-        recorded = some["arena"].null_count() == len(some)
+        errors, rights = (grouped(of_part, by, metric) for metric in ("error_m", "right_at_end"))
+        recorded = of_part["arena"].null_count() == len(of_part)
         unit, factor = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
         lines = [
             (*error.by.values(), error.runs, error.figure.said(factor, 2), right.figure.said(100, 0))
             for error, right in zip(errors, rights, strict=True)
         ]
-        found.append({"title": part["title"], "unit": unit, "rows": lines})
-    return found
+        tables.append({"title": part["title"], "unit": unit, "rows": lines})
+    return tables
 
 
 def _about(rows: pl.DataFrame) -> str:

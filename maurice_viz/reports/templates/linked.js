@@ -69,12 +69,12 @@
     slider.value = shown;
     const known = truth ? `; truth ${sayPose(truth)}` : "";
     head.textContent = `Step ${data.steps[shown]}, ${data.times[shown].toFixed(1)} s${known}`;
-    words.forEach((one, run) => {
+    words.forEach((element, run) => {
       const estimate = spots[run + hasTruth];
       const values = data.charts.map((chart) => sayValue(chart, chart.values[run][shown]));
-      one.textContent = [estimate ? `at ${sayPose(estimate)}` : "no estimate", ...values].join("; ");
+      element.textContent = [estimate ? `at ${sayPose(estimate)}` : "no estimate", ...values].join("; ");
     });
-    slider.setAttribute("aria-valuetext", [head, ...words].map((one) => one.textContent).join(". "));
+    slider.setAttribute("aria-valuetext", [head, ...words].map((element) => element.textContent).join(". "));
   }
 
   // The pointer's place in the units of a drawing.
@@ -85,8 +85,8 @@
 
   function nearestStep(step) {
     let best = 0;
-    data.steps.forEach((one, row) => {
-      if (Math.abs(one - step) < Math.abs(data.steps[best] - step)) best = row;
+    data.steps.forEach((other, row) => {
+      if (Math.abs(other - step) < Math.abs(data.steps[best] - step)) best = row;
     });
     return best;
   }
