@@ -27,7 +27,7 @@ from ..values.randomness import (
 )
 from ..values.records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
 from ..values.session import Frame
-from .batch_estimate import Clouds, are_wide, batch_estimates
+from .estimate import Clouds, are_wide, batch_estimates
 from .localizer import Localizer
 from .motion import with_outliers
 from .resampling import Resampler, always, systematic

@@ -1,4 +1,9 @@
-"""Estimates: one pose for a weighted cloud, how much of the cloud agrees, and its evidence."""
+"""Estimates: one pose for a weighted cloud, how much of the cloud agrees, and its evidence.
+
+They are computed for R clouds of N particles at once, row by row: for a few hundred particles numpy's calls
+cost more than its passes, and many runs share them. A row's numbers do not depend on the other rows; the
+estimate of one cloud is that of a single row.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +16,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values.arrays import F32, F64, I32, Bool, dot
-from ..values.geometry import INCH_M, circular_mean, circular_mean_of, wrap
+from ..values.arrays import ALONE, F32, F64, I32, I64, Bool, dot
+from ..values.geometry import INCH_M, circular_mean, wrap
 from ..values.radii import USUAL, Radii
 from ..values.records import Belief, EntryLikelihood, Estimate
 
@@ -24,41 +29,71 @@ CIRCLE_M = 6 * INCH_M  # radius of a circle one foot in diameter: the thesis's m
 TIE = 1e-9  # relative difference below which shares of weight are equal: processors round differently
 
 Modes: TypeAlias = tuple[Estimate, ...]
-Point: TypeAlias = tuple[float, float]  # x_m, y_m relative to the belief's origin
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Columns:
-    """A cloud column by column, float64: what every estimate of it reads."""
+class Clouds:
+    """R clouds of N particles, column by column: many times faster than pose by pose."""
 
-    x: F64  # (N,) relative to the origin, contiguous: many times faster than (N, 2)
-    y: F64
-    heading_rad: F32
-    sin: F64  # of the headings
-    cos: F64
+    columns: F64  # (4, R, N): x and y relative to the origin, sine and cosine of the heading
+    heading_rad: F32  # (R, N)
+    weights: F64  # (R, N), each row sums to one
+    origin: F64  # (2,)
 
     @classmethod
-    def of(cls, belief: Belief) -> _Columns:
-        """Take a cloud apart."""
-        x, y, heading = belief.poses.T
-        return cls(_wide(x), _wide(y), heading, _wide(np.sin(heading)), _wide(np.cos(heading)))
+    def of(cls, poses: F32, weights: F64, origin: F64) -> Clouds:
+        """Take poses (3, R, N) and weights (R, N)."""
+        columns, heading_rad = np.empty((4, *weights.shape)), poses[2]
+        columns[:2], columns[2], columns[3] = poses[:2], np.sin(heading_rad), np.cos(heading_rad)
+        return cls(columns, heading_rad, weights, origin)
+
+    @classmethod
+    def of_belief(cls, belief: Belief) -> Clouds:
+        """Take a single cloud: R is 1."""
+        return cls.of(belief.poses.T[:, None], belief.weights[None], belief.origin)
+
+    @property
+    def xy(self) -> F64:
+        """The positions (2, R, N) relative to the origin."""
+        return self.columns[:2]
+
+    def some(self, runs: Bool) -> Clouds:
+        """Return some of the clouds, by a flag (R,) for each."""
+        return Clouds(self.columns[:, runs], self.heading_rad[runs], self.weights[runs], self.origin)
 
 
-def _wide(column: F32) -> F64:
-    return column.astype(np.float64)
+def are_wide(clouds: Clouds, reach_m: float) -> Bool:
+    """Return which (R,) clouds are spread over more than a hundred radii: each needs cells of its own."""
+    most_m = reach_m / CELLS_A_CLUSTER * MOST_CELLS_A_SIDE
+    wide: Bool = np.ptp(clouds.xy, axis=2).max(axis=0) > most_m
+    return wide
+
+
+def batch_estimates(clouds: Clouds, radii: Radii) -> dict[str, F64]:
+    """Return the columns (R,), (R, 2) or (R, 3) of a `RunTrace` that are `estimates`; no cloud may be wide."""
+    cluster = clouds.weights * _heaviest(clouds, clouds.weights, radii.cluster_m)
+    scored = _summaries(clouds, cluster, radii)
+    centers = scored["poses"][:, :2] - clouds.origin
+    near = _near(clouds.xy, centers.T, CIRCLE_M)
+    mean_poses, mean_sd_m, _ = _means(clouds, clouds.weights, clouds.weights.sum(axis=1))
+    return scored | {
+        "circle": _dots(clouds.weights, near),
+        "mean_poses": mean_poses,
+        "mean_sd_m": mean_sd_m,
+    }
 
 
 def estimates(belief: Belief, radii: Radii = USUAL) -> tuple[Estimate, Estimate]:
     """Return `heaviest_cluster` and `weighted_mean`, for less than both."""
-    columns, weights = _Columns.of(belief), belief.weights
-    held = weights * _heaviest(columns, weights, radii.cluster_m)
-    scored = _stand_for(belief, columns, held, radii)
-    return scored, _stand_for(belief, columns, weights, radii)
+    clouds = Clouds.of_belief(belief)
+    cluster = clouds.weights * _heaviest(clouds, clouds.weights, radii.cluster_m)
+    return _estimate(clouds, cluster, radii), _estimate(clouds, clouds.weights, radii)
 
 
 def weighted_mean(belief: Belief, radii: Radii = USUAL) -> Estimate:
     """Return the mean of the entire cloud. With several modes it lies between them."""
-    return _stand_for(belief, _Columns.of(belief), belief.weights, radii)
+    clouds = Clouds.of_belief(belief)
+    return _estimate(clouds, clouds.weights, radii)
 
 
 def heaviest_cluster(belief: Belief, radii: Radii = USUAL) -> Estimate:
@@ -66,17 +101,7 @@ def heaviest_cluster(belief: Belief, radii: Radii = USUAL) -> Estimate:
 
     Of equals the lowest y wins, then x, by cells of a quarter of that.
     """
-    columns, weights = _Columns.of(belief), belief.weights
-    return _stand_for(belief, columns, weights * _heaviest(columns, weights, radii.cluster_m), radii)
-
-
-def best_particle(belief: Belief, radii: Radii = USUAL) -> Estimate:
-    """Return the particle with the most weight, the first of equals; its spread is zero."""
-    weights = belief.weights
-    held = np.zeros_like(weights)
-    best = first_heaviest(weights)
-    held[best] = weights[best]
-    return _stand_for(belief, _Columns.of(belief), held, radii)
+    return estimates(belief, radii)[0]
 
 
 def modes(belief: Belief, radii: Radii = USUAL, *, most: int = 5, least: float = 0.01) -> Modes:
@@ -85,14 +110,20 @@ def modes(belief: Belief, radii: Radii = USUAL, *, most: int = 5, least: float =
     Each holds the particles within `cluster_m` of its mode that are in no earlier cluster.
     """
     least *= 1 - TIE
-    columns, left, found = _Columns.of(belief), belief.weights, list[Estimate]()
-    while len(found) < most and float(left.sum()) >= least:
-        held = left * _heaviest(columns, left, radii.cluster_m)
-        if float(held.sum()) < least:
+    clouds = Clouds.of_belief(belief)
+    rest, clusters = clouds.weights, list[Estimate]()
+    while len(clusters) < most and float(rest.sum()) >= least:
+        cluster = rest * _heaviest(clouds, rest, radii.cluster_m)
+        if float(cluster.sum()) < least:
             break
-        found.append(_stand_for(belief, columns, held, radii))
-        left = np.asarray(np.where(held > 0, 0, left))
-    return tuple(sorted(found, key=cmp_to_key(_heavier_first)))
+        clusters.append(_estimate(clouds, cluster, radii))
+        rest = np.asarray(np.where(cluster > 0, 0, rest))
+    return tuple(sorted(clusters, key=cmp_to_key(_heavier_first)))
+
+
+def _heavier_first(a: Estimate, b: Estimate) -> int:
+    """Compare for sorting; equals keep their order."""
+    return 0 if math.isclose(a.mass, b.mass, rel_tol=TIE) else 1 if a.mass < b.mass else -1
 
 
 def first_heaviest(weights: NDArray[Any]) -> int:
@@ -103,7 +134,7 @@ def first_heaviest(weights: NDArray[Any]) -> int:
 def covariance(belief: Belief) -> F64:
     """Return the weighted covariance (3, 3) of x_m, y_m and heading_rad about their (circular) means."""
     weights = belief.weights
-    x, y = _columns(belief)
+    x, y = belief.poses[:, :2].T.astype(np.float64)
     middle, _ = circular_mean(belief.poses[:, 2], weights)
     turn = wrap(belief.poses[:, 2].astype(np.float64) - middle)
     off = np.stack([x - dot(weights, x), y - dot(weights, y), turn])
@@ -112,94 +143,162 @@ def covariance(belief: Belief) -> F64:
 
 def share_within(belief: Belief, pose: F64, radius_m: float) -> float:
     """Return the share of weight within a radius (inclusive) of a pose's position in the map's frame."""
-    weights = belief.weights
-    x, y = _columns(belief)
-    center = (float(pose[0] - belief.origin[0]), float(pose[1] - belief.origin[1]))
-    return dot(weights, _near(x, y, center, radius_m))
+    xy = belief.poses[:, :2].T[:, None].astype(np.float64)
+    center = np.asarray(pose[:2] - belief.origin, np.float64)
+    return dot(belief.weights, _near(xy, center[:, None], radius_m)[0])
 
 
-def _heavier_first(a: Estimate, b: Estimate) -> int:
-    """Compare for sorting; equals keep their order."""
-    return 0 if math.isclose(a.mass, b.mass, rel_tol=TIE) else 1 if a.mass < b.mass else -1
+# Of each cloud the particles near its heaviest mode: a start on a raster, then mean shift.
 
 
-def _columns(belief: Belief) -> tuple[F64, F64]:
-    return _wide(belief.poses[:, 0]), _wide(belief.poses[:, 1])
+def _heaviest(clouds: Clouds, weights: F64, reach_m: float) -> Bool:
+    """Return which (R, N) particles lie within reach of the mode that most of the weights (R, N) lie about."""
+    return _near(
+        clouds.xy, _shift(_starts(clouds.xy, weights, reach_m), clouds.xy, weights, reach_m), reach_m
+    )
 
 
-def _heaviest(columns: _Columns, weights: F64, reach_m: float) -> Bool:
-    """Return which (N,) particles lie within reach of the mode that most of the weights (N,) lie about."""
-    x, y = columns.x, columns.y
-    mode = _shift(_amid_most(x, y, weights, reach_m), x, y, weights, reach_m)
-    return _near(x, y, mode, reach_m)
+def _starts(xy: F64, weights: F64, reach_m: float) -> F64:
+    """Return the particle's position (2, R) where each mean shift starts: most weight lies within reach.
 
-
-def _amid_most(x: F64, y: F64, weights: F64, reach_m: float) -> Point:
-    """Return the particle's position where the mean shift starts: most weight lies within reach."""
-    left, low = float(x.min()), float(y.min())
-    cell_m = reach_m / CELLS_A_CLUSTER
-    side = max(cell_m, float(x.max() - left) / MOST_CELLS_A_SIDE, float(y.max() - low) / MOST_CELLS_A_SIDE)
-    right, down = x - left, y - low
-    cell, row = (right / side).astype(np.int64), (down / side).astype(np.int64)
-    columns, rows = int(cell.max()) + 1, int(row.max()) + 1
-    row *= columns
+    All clouds (2, R, N) have cells of one size. The rasters lie below one another in one picture.
+    """
+    offsets = xy - xy.min(axis=2, keepdims=True)  # to the right, and down
+    side_m = max(reach_m / CELLS_A_CLUSTER, float(offsets.max()) / MOST_CELLS_A_SIDE)
+    kernel = disc(reach_m / side_m)
+    cell, row = (offsets / side_m).astype(np.int64)
+    columns, rows = cell.max(axis=1) + 1, row.max(axis=1) + 1
+    heights = rows + len(kernel) // 2  # below each raster are empty rows, as far as the disc reaches
+    ends, width = heights.cumsum(), int(columns.max())
+    firsts = ends - heights
+    row += firsts[:, None]
+    row *= width
     cell += row
-    raster = np.bincount(cell, weights, rows * columns).reshape(rows, columns)
-    held = cv2.filter2D(raster, -1, disc(reach_m / side), borderType=cv2.BORDER_CONSTANT)
-    fullest_row, fullest_column = divmod(first_heaviest(held), columns)
-    right -= side * (fullest_column + 0.5)
-    down -= side * (fullest_row + 0.5)
-    away = np.square(right, out=right)
-    away += np.square(down, out=down)
-    away[weights <= 0] = np.inf
-    nearest = int((away <= away.min() * (1 + TIE)).argmax())
-    return float(x[nearest]), float(y[nearest])
+    raster = np.bincount(cell.ravel(), weights.ravel(), ends[-1] * width).reshape(-1, width)
+    within = np.asarray(cv2.filter2D(raster, -1, kernel, borderType=cv2.BORDER_CONSTANT), np.float64)
+    fullest = _fullest(within, firsts, rows, columns)
+    offsets -= (side_m * (fullest + 0.5))[:, :, None]
+    right, down = np.square(offsets, out=offsets)
+    right += down
+    right[weights <= 0] = np.inf
+    nearest = (right <= right.min(axis=1, keepdims=True) * (1 + TIE)).argmax(axis=1)
+    return xy[:, np.arange(len(nearest)), nearest]
+
+
+def _fullest(within: F64, firsts: I64, rows: I64, columns: I64) -> I64:
+    """Return column and row (2, R) of the first fullest cell of each raster, within the raster."""
+    width = within.shape[1]
+    if len(firsts) == 1:  # the same for a single cloud, for less
+        row, column = divmod(first_heaviest(within[: rows[0]]), width)
+        return np.array([[column], [row]])
+    heights = np.diff(np.append(firsts, len(within)))
+    ends = np.stack([columns, 0 * columns], axis=1).ravel()  # none of the empty rows below
+    lengths = np.stack([rows, heights - rows], axis=1).ravel()
+    within[np.arange(width) >= np.repeat(ends, lengths)[:, None]] = -1
+    fullest = np.maximum.reduceat(within.max(axis=1), firsts) * (1 - TIE)
+    hits = np.flatnonzero(within >= np.repeat(fullest, heights)[:, None])
+    first = hits[np.searchsorted(hits, firsts * width)]
+    return np.stack([first % width, first // width - firsts])
 
 
 @lru_cache(16)
 def disc(radius: float) -> F64:
-    """Return the cells (K, K) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
+    """Return the cells (S, S) whose centers lie within a radius, in cells, of the middle one: 1, others 0."""
     reach = np.arange(-int(radius), int(radius) + 1)
     return np.asarray(reach**2 + reach[:, None] ** 2 <= radius**2, np.float64)
 
 
-def _shift(center: Point, x: F64, y: F64, weights: F64, reach_m: float) -> Point:
-    """Shift the center to the mean of the particles in reach until it converges (flat mean shift)."""
+def _shift(centers: F64, xy: F64, weights: F64, reach_m: float) -> F64:
+    """Shift every center (2, R) to the mean of the particles in reach until it converges (flat mean shift)."""
+    now, moving = centers, np.arange(len(weights))  # clouds whose center has not converged
     for _ in range(MOST_SHIFTS):
-        last, center = center, _mean(x, y, weights * _near(x, y, center, reach_m))
-        if math.dist(center, last) < SETTLED_M:
+        near = weights * _near(xy, now, reach_m)
+        last, now = now, _dots(near, xy) / near.sum(axis=1)
+        right, down = now - last
+        still = np.hypot(right, down) >= SETTLED_M
+        count = np.count_nonzero(still)
+        if not count:
             break
-    return center
+        if count < len(still):
+            centers[:, moving] = now
+            moving, now, xy, weights = moving[still], now[:, still], xy[:, still], weights[still]
+    centers[:, moving] = now
+    return centers
 
 
-def _mean(x: F64, y: F64, held: F64) -> Point:
-    total = float(held.sum())
-    return dot(held, x) / total, dot(held, y) / total
+def _near(xy: F64, centers: F64, radius_m: float) -> Bool:
+    """Return which (R, N) of the positions (2, R, N) lie within a radius of their row's center, (2, R)."""
+    offsets = xy - centers[:, :, None]
+    right, down = np.square(offsets, out=offsets)
+    right += down
+    near: Bool = right <= radius_m**2
+    return near
 
 
-def _near(x: F64, y: F64, center: Point, radius_m: float) -> Bool:
-    return np.square(x - center[0]) + np.square(y - center[1]) <= radius_m**2
+# The pose and the spread of a part of each cloud.
 
 
-def _stand_for(belief: Belief, columns: _Columns, held: F64, radii: Radii) -> Estimate:
-    """Summarize the part `held` (N,) of a cloud, whose weights sum to one."""
-    mass, weights = float(held.sum()), belief.weights
-    x_m, y_m = dot(held, columns.x) / mass, dot(held, columns.y) / mass
-    heading, heading_sd = circular_mean_of(columns.heading_rad, columns.sin, columns.cos, held, mass)
-    along_x, along_y = columns.x - x_m, columns.y - y_m
-    np.square(along_x, out=along_x)
-    np.square(along_y, out=along_y)
-    sd_m = (math.sqrt(dot(held, along_x) / mass), math.sqrt(dot(held, along_y) / mass))
-    away = np.add(along_x, along_y, out=along_x)
+def _estimate(clouds: Clouds, part: F64, radii: Radii) -> Estimate:
+    """Summarize a part (1, N) of a single cloud."""
+    columns = _summaries(clouds, part, radii)
+    sd_x_m, sd_y_m = columns["sd_m"][0].tolist()
     return Estimate(
-        pose=np.array([x_m + belief.origin[0], y_m + belief.origin[1], heading]),
-        sd_m=sd_m,
-        heading_sd_rad=heading_sd,
-        mass=mass,
-        confidence=dot(weights, away <= radii.confidence_m**2),
-        converged=dot(weights, away <= radii.cluster_m**2),
+        pose=columns["poses"][0],
+        sd_m=(sd_x_m, sd_y_m),
+        heading_sd_rad=columns["heading_sd_rad"].item(),
+        mass=columns["mass"].item(),
+        confidence=columns["confidence"].item(),
+        converged=columns["converged"].item(),
         radii=radii,
     )
+
+
+def _summaries(clouds: Clouds, part: F64, radii: Radii) -> dict[str, F64]:
+    """Summarize a part (R, N) of every cloud, whose weights sum to one: the fields of `Estimate` in columns."""
+    mass = part.sum(axis=1)
+    poses, sd_m, away = _means(clouds, part, mass)
+    return {
+        "poses": poses,
+        "sd_m": sd_m,
+        "heading_sd_rad": _heading_sd(clouds, part, mass, poses[:, 2]),
+        "mass": mass,
+        "confidence": _dots(clouds.weights, away <= radii.confidence_m**2),
+        "converged": _dots(clouds.weights, away <= radii.cluster_m**2),
+    }
+
+
+def _means(clouds: Clouds, part: F64, mass: F64) -> tuple[F64, F64, F64]:
+    """Return mean poses (R, 3) and spreads (R, 2) of a part (R, N), and squared distances (R, N) from there."""
+    x, y, sin, cos = _dots(part, clouds.columns)
+    heading = [math.atan2(*sums) for sums in zip(sin.tolist(), cos.tolist(), strict=True)]
+    x, y = x / mass, y / mass
+    offsets = clouds.xy - np.array([x, y])[:, :, None]
+    np.square(offsets, out=offsets)
+    sd_m = np.sqrt(_dots(part, offsets) / mass)
+    poses = np.array([x + clouds.origin[0], y + clouds.origin[1], heading])
+    right, down = offsets
+    right += down
+    return poses.T, sd_m.T, right
+
+
+def _heading_sd(clouds: Clouds, part: F64, mass: F64, means: F64) -> F64:
+    """Return the circular standard deviation (R,) of headings about their means, as `circular_mean` does."""
+    half = clouds.heading_rad - means.astype(np.float32)[:, None]
+    half /= 2
+    np.sin(half, out=half)
+    lacks = (2 * _dots(part, np.square(half, out=half)) / mass).tolist()
+    return np.array([math.sqrt(-2 * math.log1p(-lack)) if lack < 1 else math.inf for lack in lacks])
+
+
+def _dots(a: F64, b: F64 | F32 | Bool) -> F64:
+    """Return the scalar products (..., R) of rows (R, N) and (..., R, N), each as `dot` computes it."""
+    products: F64
+    if a.shape[-1] <= ALONE:
+        products = np.vecdot(a, b)
+    else:
+        ends = range(0, a.shape[-1], ALONE)
+        products = sum(np.vecdot(a[..., k : k + ALONE], b[..., k : k + ALONE]) for k in ends)
+    return products
 
 
 # Evidence: how well the predicted cloud explains a picture. Needs no truth.

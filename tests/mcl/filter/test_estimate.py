@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from maurice_mcl.filter.estimate import (
-    best_particle,
     covariance,
     entry_weights,
     estimates,
+    first_heaviest,
     heaviest_cluster,
     log_mean_likelihood,
     modes,
@@ -152,15 +152,6 @@ def _blobs(rng, *parts, sd=0.1):
 THREE = [(-3, 0, 1.0, 200), (0, 2, -1.0, 500), (3, -1, 2.0, 300)]
 
 
-def test_the_best_particle_is_the_heaviest():
-    found = best_particle(_belief([[0, 0, 0.1], [1, 0, 0.2], [1.1, 0, 0.3]], [0.3, 0.45, 0.25], (10, 20)))
-    assert found.pose == pytest.approx([11, 20, 0.2], abs=1e-6)
-    assert found.sd_m == (0, 0)
-    assert found.heading_sd_rad == pytest.approx(0, abs=1e-6)
-    assert found.mass == pytest.approx(0.45)
-    assert found.confidence == pytest.approx(0.7)
-
-
 def test_modes_are_found_with_their_masses():
     found = modes(_belief(_blobs(np.random.default_rng(0), *THREE)))
     assert [round(m.mass, 6) for m in found] == [0.5, 0.3, 0.2]
@@ -193,7 +184,6 @@ def test_modes_share_no_particle():
     belief = _belief([[0, 0, 0], [4, 0, 0]], [0.5, 0.5 + 1e-7])
     assert heaviest_cluster(belief).pose[0] == pytest.approx(4)
     assert [mode.pose[0] for mode in modes(belief)] == pytest.approx([4, 0])
-    assert best_particle(belief).pose[0] == pytest.approx(4)
 
 
 def test_covariance_is_numpys_and_knows_no_seam():
@@ -244,7 +234,7 @@ def test_of_equally_heavy_clusters_the_lowest_comes_first_then_the_leftmost(turn
 def test_of_particles_that_weigh_alike_the_first_is_best(seed):
     poses = np.arange(30).reshape(10, 3) / 10
     belief = _belief(poses, _rounded_elsewhere(np.ones(10), seed))
-    assert best_particle(belief).pose[0] == 0
+    assert first_heaviest(belief.weights) == 0
 
 
 @pytest.mark.parametrize("seed", range(20))
