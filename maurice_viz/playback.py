@@ -16,7 +16,7 @@ from maurice_mcl.scoring.comparison import ComparisonResult, RunComparison, Step
 from maurice_mcl.scoring.dead_reckoning import DeadReckoning
 from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalCollector, SignalSummary
-from maurice_mcl.scoring.metrics import RunScore, Scorer, SuccessJudge
+from maurice_mcl.scoring.metrics import RunScore, Scorer
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.radii import USUAL, Radii
@@ -108,8 +108,7 @@ class ResultCollector:
         `localizers`, the runs' filters, failures are diagnosed by references, motion and map, too; with
         `starts`, poses (3,), runs are compared with their odometry alone.
         """
-        self._scorers = {label: Scorer() for label in labels}
-        self._judges = {label: SuccessJudge(arena_m) for label in labels}
+        self._scorers = {label: Scorer(arena_m) for label in labels}
         self._pairings = {
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
@@ -136,8 +135,7 @@ class ResultCollector:
         for label, (moment, record) in steps.items():
             self.all_zero[label] += ALL_ZERO in record.events
             self.no_number[label] += NO_NUMBER in record.events
-            self._scorers[label].add(record.estimate, moment.truth, moment.frame.motions)
-            self._judges[label].add(record, moment.truth)
+            self._scorers[label].add(moment, record)
             self._verdicts[label].add(moment, record)
             reckoning = self._reckonings[label]
             if reckoning is not None:
@@ -162,7 +160,6 @@ class ResultCollector:
 
     def _result(self, label: str, score: RunScore) -> RunResult:
         took_s = self._took_s[label]
-        score = replace(score, success=self._judges[label].result())
         per_s = score.updates / took_s if took_s > 0 else None
         verdict, signal = self._verdict(label), self._signals[label].result()
         result = RunResult(label, score, per_s, verdict, self._radii[label], signal=signal)

@@ -58,7 +58,7 @@ def judged_run(
     state, scorer, rows = localizer.initialize(drive.start), Scorer(), []
     for moment, picture in zip(drive.session.moments(), pictures, strict=True):
         state, record = localizer.step(state, moment.frame, Compared(sharpened(picture, sharp), 0.0))
-        scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        scorer.add(moment, record)
         if moment.truth is not None and record.frame.step >= FIRST:
             found = judge_belief(record, moment.truth)
             error_m = float(np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])))

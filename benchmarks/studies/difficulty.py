@@ -79,7 +79,7 @@ def tracked(
     localizer = thesis_filter(library, channels, sharpness)
     scorer = Scorer()
     for moment, record in mcl.run(localizer, session):
-        scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        scorer.add(moment, record)
     score = scorer.result()
     return (score.position_error_mean_m or 0.0) / INCH_M, bool(score.lost)
 

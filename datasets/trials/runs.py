@@ -27,14 +27,13 @@ from maurice_mcl.values.session import Moment
 from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
 from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
-from .tally import BatchTally, RunTally
+from .tally import Tally
 from .truths import TruthRanks
 
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
 RUNS_A_JOB = 256
 SEEDS_A_JOB = 64  # of a recorded session: these are stepped as one array
-Stepper = RunTally | BatchTally
 NO_PICTURE = np.zeros((0, 0, 3), np.uint8)
 
 
@@ -92,7 +91,7 @@ def _rows(
     """Return the rows of some of a job's runs, by number, all by default; and the runs to be made again."""
     rows: dict[int, Row] = {}
     again: list[int] = []
-    steppers: list[Stepper] = []
+    steppers: list[Tally] = []
     for one in _begun(job, drive, numbers or range(len(job.asked)), together):
         if isinstance(one, tuple):
             rows[one[0]] = _failed(job.asked[one[0]], job.spec, one[1])
@@ -133,7 +132,7 @@ def _cause(drive: Drive, localizer: Localizer, *, first: bool) -> str:
 
 def _begun(
     job: Job, drive: Drive, numbers: Sequence[int], together: bool
-) -> Iterator[Stepper | tuple[int, Exception]]:
+) -> Iterator[Tally | tuple[int, Exception]]:
     """Initialize runs, those of one filter together where batches know it; yield them, or why one failed."""
     alike: dict[str, list[tuple[int, Localizer]]] = {}
     for number in numbers:
@@ -149,17 +148,15 @@ def _begun(
     arena = drive.bench.library.arena
     for some in alike.values():
         try:
-            if len(some) > 1:
-                yield BatchTally.begin([one for one, _ in some], [one for _, one in some], drive.start, arena)
-            else:
-                yield RunTally.begin(*some[0], drive.start, arena)
+            runs, localizers = zip(*some, strict=True)
+            yield Tally.begin(runs, localizers, drive.start, arena)
         except Exception as problem:
             yield from ((number, problem) for number, _ in some)
 
 
 def _stepped(
-    drive: Drive, steppers: Sequence[Stepper], moments: list[Moment], truths: TruthRanks
-) -> Iterator[tuple[Stepper, Exception]]:
+    drive: Drive, steppers: Sequence[Tally], moments: list[Moment], truths: TruthRanks
+) -> Iterator[tuple[Tally, Exception]]:
     """Step all runs through the drive, noting its moments without pictures; yield those that fail.
 
     A recording that cannot be read on fails all of them.

@@ -96,6 +96,6 @@ def _add(judge: BeliefJudge, run: SavedRun) -> bool:
     for moment, records in restored_together([Restored(run, None)], Pictures()):
         [record] = records.values()
         judge.add(record, moment.truth)
-        scorer.add(record.estimate, moment.truth, moment.frame.motions)
+        scorer.add(moment, record)
         carried |= moment.kidnapped
     return not carried and scorer.result().lost is not True

@@ -16,8 +16,13 @@ from maurice_mcl.config.parameters import PRECISE, PRESETS, FilterParameters
 from maurice_mcl.filter.batch import RunTrace, run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.scoring.metrics import RIGHT_AT_END, mostly_at_end, score_step
-from maurice_mcl.scoring.trace_score import score_trace
+from maurice_mcl.scoring.metrics import (
+    RIGHT_AT_END,
+    DrivenPath,
+    mostly_at_end,
+    score_step,
+    score_trace,
+)
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel
@@ -219,7 +224,7 @@ class _Past:
             for seed in seeds
         ]
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
-        scores = [score_trace(trace, self.moments) for trace in traces]
+        scores = [score_trace(trace, DrivenPath.of(self.moments)) for trace in traces]
         at_end = np.array([_is_localized(trace, self.moments) for trace in traces], bool)
         errors_m = np.array([one.position_error_mean_m for one in scores], np.float64)
         return SeedResults(at_end, errors_m)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..sensor.ahead import Compared, KnownDescriptors, compared_ahead
 from ..sensor.model import SensorModel
-from ..values.arrays import F32, F64, I32
+from ..values.arrays import F64, I32
 from ..values.radii import Radii
 from ..values.records import Comparison, Estimate, FilterState, StepRecord
 from ..values.session import Frame, Moment
@@ -128,7 +128,7 @@ class SteppedRuns:
         begun = list(_begun(localizer, seeds, starts) if states is None else states)
         numbers = _Numbers(len(seeds), localizer.particles)
         alike = all(state.belief.size == localizer.particles for state in begun)
-        if len(seeds) and alike and can_batch(localizer):
+        if len(seeds) > 1 and alike and can_batch(localizer):
             return cls(localizer, seeds, Batch.begin(localizer, seeds, begun), [], numbers)
         return cls(localizer, seeds, None, begun, numbers)
 
@@ -142,13 +142,6 @@ class SteppedRuns:
             localizer = replace(self.localizer, seed=seed)
             self.states[run], record = localizer.step(self.states[run], frame, Compared(comparison, 0.0))
             self.numbers.put(run, record)
-
-    @property
-    def weighted(self) -> F32:
-        """The particles (3, R, N) of the last update before resampling, where runs are stepped together."""
-        if self.batch is None:
-            raise ValueError("these runs are stepped one by one, and have no common array")
-        return self.batch.weighted
 
     def traces(self) -> tuple[RunTrace, ...]:
         """Return the runs so far."""

@@ -58,7 +58,6 @@ class Batch:
     poses: F32  # (3, R, N)
     log_weights: F64  # (R, N)
     recovery: list[RecoveryState]  # (R,)
-    weighted: F32  # (3, R, N) of the last update, before resampling
     step: int = 0  # of the last frame
     addresses: dict[tuple[int, int | None], tuple[int, U64]] = field(default_factory=dict)
 
@@ -68,7 +67,7 @@ class Batch:
         poses = np.stack([state.belief.poses.T for state in states], axis=1)
         log_weights = np.stack([state.belief.log_weights for state in states])
         recovery = [state.recovery for state in states]
-        return cls(localizer, seeds, poses, log_weights, recovery, poses.copy(), states[0].step)
+        return cls(localizer, seeds, poses, log_weights, recovery, states[0].step)
 
     def advance(self, frame: Frame, comparison: Comparison, put: Put, put_record: PutRecord) -> None:
         """Process one frame in every run, and hand over what was found."""
@@ -118,7 +117,6 @@ class Batch:
             evidence, log_evidence = evidence[usual], log_evidence[usual]
             states = [state for state, one in zip(states, odd, strict=True) if not one]
         if len(runs):
-            self.weighted[:, runs] = moved
             numbers = batch_estimates(clouds, self.localizer.radii)
             numbers |= {"log_evidence": log_evidence, "calibrated_evidence": evidence}
             numbers["effective_sample_size"] = 1.0 / np.exp(2 * posterior).sum(axis=1)
@@ -214,7 +212,7 @@ class Batch:
             localizer = replace(self.localizer, seed=self.seeds[run])
             state, record = localizer.step(state, frame, Compared(comparison, 0.0))
             self.poses[:, run], self.log_weights[run] = state.belief.poses.T, state.belief.log_weights
-            self.recovery[run], self.weighted[:, run] = state.recovery, record.weighted.poses.T
+            self.recovery[run] = state.recovery
             put_record(run, record)
 
     def _words(self, step: int, purpose: int, child: int | None = None) -> U64:

@@ -70,7 +70,7 @@ def are_wide(clouds: Clouds, reach_m: float) -> Bool:
 
 
 def batch_estimates(clouds: Clouds, radii: Radii) -> dict[str, F64]:
-    """Return the columns (R,), (R, 2) or (R, 3) of a `RunTrace` that are `estimates`; no cloud may be wide."""
+    """Return the columns (R, ...) of a `RunTrace` that are `estimates`; no cloud may be wide (`are_wide`)."""
     cluster = clouds.weights * _heaviest(clouds, clouds.weights, radii.cluster_m)
     scored = _summaries(clouds, cluster, radii)
     centers = scored["poses"][:, :2] - clouds.origin
@@ -152,10 +152,9 @@ def share_within(belief: Belief, pose: F64, radius_m: float) -> float:
 
 
 def _heaviest(clouds: Clouds, weights: F64, reach_m: float) -> Bool:
-    """Return which (R, N) particles lie within reach of the mode that most of the weights (R, N) lie about."""
-    return _near(
-        clouds.xy, _shift(_starts(clouds.xy, weights, reach_m), clouds.xy, weights, reach_m), reach_m
-    )
+    """Return which (R, N) particles lie within reach of the mode that most weight (R, N) lies about."""
+    starts = _starts(clouds.xy, weights, reach_m)
+    return _near(clouds.xy, _shift(starts, clouds.xy, weights, reach_m), reach_m)
 
 
 def _starts(xy: F64, weights: F64, reach_m: float) -> F64:
@@ -209,7 +208,7 @@ def disc(radius: float) -> F64:
 
 
 def _shift(centers: F64, xy: F64, weights: F64, reach_m: float) -> F64:
-    """Shift every center (2, R) to the mean of the particles in reach until it converges (flat mean shift)."""
+    """Shift every center (2, R) to the mean of the particles in reach until it converges: flat mean shift."""
     now, moving = centers, np.arange(len(weights))  # clouds whose center has not converged
     for _ in range(MOST_SHIFTS):
         near = weights * _near(xy, now, reach_m)
@@ -254,7 +253,7 @@ def _estimate(clouds: Clouds, part: F64, radii: Radii) -> Estimate:
 
 
 def _summaries(clouds: Clouds, part: F64, radii: Radii) -> dict[str, F64]:
-    """Summarize a part (R, N) of every cloud, whose weights sum to one: the fields of `Estimate` in columns."""
+    """Return the fields of `Estimate`, in columns, of a part (R, N) of every cloud."""
     mass = part.sum(axis=1)
     poses, sd_m, away = _means(clouds, part, mass)
     return {
@@ -268,7 +267,7 @@ def _summaries(clouds: Clouds, part: F64, radii: Radii) -> dict[str, F64]:
 
 
 def _means(clouds: Clouds, part: F64, mass: F64) -> tuple[F64, F64, F64]:
-    """Return mean poses (R, 3) and spreads (R, 2) of a part (R, N), and squared distances (R, N) from there."""
+    """Return mean poses (R, 3), spreads (R, 2), and squared distances (R, N) from there, of a part (R, N)."""
     x, y, sin, cos = _dots(part, clouds.columns)
     heading = [math.atan2(*sums) for sums in zip(sin.tolist(), cos.tolist(), strict=True)]
     x, y = x / mass, y / mass

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..filter.batch import RunTrace, run_batch
 from ..filter.localizer import Localizer
 from ..filter.proposal import regions
-from ..scoring.trace_score import score_trace
+from ..scoring.metrics import DrivenPath, score_trace
 from ..sensor.model import SensorModel
 from ..sensor.references import distinct_places, nearest_reference
 from ..sensor.virtual_references import virtual_references
@@ -99,7 +99,8 @@ def error_budget_line(
 
 
 def _scored(part: str, traces: Sequence[RunTrace], moments: Sequence[Moment]) -> BudgetLine:
-    scores = [score_trace(trace, moments) for trace in traces]
+    path = DrivenPath.of(moments)
+    scores = [score_trace(trace, path) for trace in traces]
     errors = [np.nan if s.position_error_mean_m is None else s.position_error_mean_m for s in scores]
     return BudgetLine(part, np.array(errors), np.array([score.lost is True for score in scores]))
 

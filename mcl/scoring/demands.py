@@ -14,7 +14,15 @@ import numpy as np
 from ..filter.batch import RunTrace
 from ..values.arrays import F64, Bool
 from ..values.session import Moment
-from .metrics import FIRST_SCORED, LOCALIZED_OF, LOST_FOR, first_mostly, first_run_of, score_step
+from .metrics import (
+    FIRST_SCORED,
+    LOCALIZED_OF,
+    LOST_FOR,
+    DrivenPath,
+    RunErrors,
+    first_mostly,
+    first_run_of,
+)
 
 LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged"
 
@@ -70,11 +78,8 @@ class RunTrack:
     @classmethod
     def of(cls, trace: RunTrace, moments: Sequence[Moment]) -> RunTrack:
         """Compare a run's estimates with the truth of the moments it was made from."""
-        scores = [score_step(trace.estimate(k), moment.truth) for k, moment in enumerate(moments)]
-        off_m = [np.nan if one.position_error_m is None else one.position_error_m for one in scores]
-        flags = [(one.localized is True, one.lost is True, one.converged) for one in scores]
-        localized, lost, converged = np.array(flags, bool).reshape(-1, 3).T
-        return cls(trace.seed, np.array(off_m), localized, lost, converged)
+        errors = RunErrors.of(trace, DrivenPath.of(moments))
+        return cls(trace.seed, errors.off_m, errors.localized, errors.lost, errors.converged)
 
 
 def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:

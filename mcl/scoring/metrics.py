@@ -6,16 +6,18 @@ Everything is measured against the truth and the scored estimate: the heaviest c
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..filter.batch import RunTrace
 from ..filter.estimate import CIRCLE_M, share_within
-from ..values.arrays import F64, Bool
+from ..values.arrays import F64, I32, Bool
 from ..values.geometry import INCH_M, angle_between, motion_between
 from ..values.map import Arena
+from ..values.radii import USUAL, Radii
 from ..values.records import Estimate, StepRecord
-from ..values.session import Frame, Moment
+from ..values.session import Moment
 
 FIRST_SCORED = 4  # updates are counted from 1; the first three are not scored
 LOST_RAD, LOST_FOR = float(np.deg2rad(45)), 4
@@ -25,6 +27,7 @@ LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
 RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
 GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
 SEGMENT_OF_RIGHT = 4.0  # length of a segment of the relative error, in radii of *right*
+NO_TRUTH: F64 = np.full(3, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +112,8 @@ class RunScore:
     """One run in numbers; None where the truth is not known or the run is too short for the figure.
 
     >>> import maurice_mcl as mcl
-    >>> found = mcl.score(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
-    >>> found.updates, found.lost
+    >>> score = mcl.score(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+    >>> score.updates, score.lost
     (6, False)
     """
 
@@ -133,6 +136,45 @@ class RunScore:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class DrivenPath:
+    """The true poses, times and lengths of a drive of U updates: the same for every run on it."""
+
+    truths: F64  # (U, 3) NaN where not known
+    times_s: F64  # (U,) since the session's first record
+    moved_m: F64  # (U,) at each update, by odometry
+
+    @classmethod
+    def of(cls, moments: Sequence[Moment]) -> DrivenPath:
+        """Follow a drive; its pictures are not looked at."""
+        truths = [NO_TRUTH if moment.truth is None else moment.truth for moment in moments]
+        times_s = np.array([moment.frame.time_s for moment in moments], np.float64)
+        moved_m = np.array([length_of(moment.frame.motions) for moment in moments], np.float64)
+        return cls(np.array(truths, np.float64).reshape(-1, 3), times_s, moved_m)
+
+    @property
+    def known(self) -> Bool:
+        """Where (U,) the truth is known."""
+        return ~np.isnan(self.truths[:, 0])
+
+    @property
+    def true_m(self) -> F64:
+        """How far the robot has driven up to each update (U,), by the truth."""
+        updates, legs_m = np.flatnonzero(self.known), np.zeros(len(self.truths))
+        legs_m[updates[1:]] = np.hypot(*np.diff(self.truths[updates, :2], axis=0).T)
+        return legs_m.cumsum()
+
+    @property
+    def driven_m(self) -> F64:
+        """How far the robot has driven (U,): by the truth, by odometry while no truth is known."""
+        return np.where(np.logical_or.accumulate(self.known), self.true_m, self.moved_m.cumsum())
+
+
+def length_of(motions: F64) -> float:
+    """Return how far movements (M, 3) drive."""
+    return float(np.hypot(motions[:, 0], motions[:, 1]).sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class RunErrors:
     """U updates against the truth, as arrays (U,); NaN and False where it is not known."""
 
@@ -143,87 +185,110 @@ class RunErrors:
     correct: Bool
     lost: Bool  # too far off at this update
 
+    @classmethod
+    def of(cls, run: RunNumbers | RunTrace, path: DrivenPath) -> RunErrors:
+        """Return what `score_step` finds at every update."""
+        off = run.poses - path.truths
+        off_m = np.hypot(off[:, 0], off[:, 1])
+        off_rad = np.abs((off[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+        return cls(
+            known=path.known,
+            off_m=off_m,
+            off_rad=off_rad,
+            converged=run.converged >= CONVERGED_SHARE,
+            correct=(off_m <= run.radii.right_m) & (off_rad <= RIGHT_RAD),
+            lost=(off_m > run.radii.lost_m) | (off_rad > LOST_RAD),
+        )
+
     @property
     def localized(self) -> Bool:
         """Converged and correct."""
         return self.converged & self.correct
 
-    def score(self, driven_m: F64, odometry_m: float, relative: RelativeError | None) -> RunScore:
-        """Return the score; `driven_m` (U,) is the true distance up to each update."""
-        known, updates = self.known, len(self.known)
-        scored = known & (np.arange(updates) >= FIRST_SCORED - 1)
-        off_m, off_rad = self.off_m[scored], self.off_rad[scored]
-        lost_at = first_run_of(self.lost.tolist(), LOST_FOR)
-        good = updates if lost_at is None else lost_at - LOST_FOR  # updates before it was lost
-        anything, some = bool(known.any()), len(off_m) > 0
-        return RunScore(
-            updates=updates,
-            distance_m=float(driven_m[-1]) if anything else odometry_m,
-            position_error_mean_m=float(np.mean(off_m)) if some else None,
-            position_error_median_m=float(np.median(off_m)) if some else None,
-            position_error_final_m=float(self.off_m[known][-1]) if anything else None,
-            heading_error_mean_rad=float(np.mean(off_rad)) if some else None,
-            heading_error_median_rad=float(np.median(off_rad)) if some else None,
-            localized_at_update=first_mostly(self.localized),
-            localized_share=_share(self.localized[known]),
-            lost=lost_at is not None if anything else None,
-            lost_at_update=lost_at,
-            reached=bool(good > 0 and driven_m[good - 1] >= GOAL_M) if anything else None,
-            wrong_confident_share=_share((self.converged & ~self.correct)[known]),
-            right_at_end=mostly_at_end(self.correct[known].tolist()),
-            relative=relative,
-        )
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RunNumbers:
+    """What scores need of a run of U updates, as in a `RunTrace`."""
+
+    steps: I32  # (U,)
+    poses: F64  # (U, 3)
+    converged: F64  # (U,)
+    circle: F64  # (U,)
+    mean_sd_m: F64  # (U, 2)
+    radii: Radii
+
+
+def score_trace(
+    run: RunNumbers | RunTrace, path: DrivenPath, arena_m: tuple[float, float] | None = None
+) -> RunScore:
+    """Score a run against the truth of the drive it was made from.
+
+    With the arena's width and depth, success is also judged as the thesis does.
+    """
+    errors, true_m = RunErrors.of(run, path), path.true_m
+    known, updates = errors.known, len(errors.known)
+    scored = known & (np.arange(updates) >= FIRST_SCORED - 1)
+    off_m, off_rad = errors.off_m[scored], errors.off_rad[scored]
+    lost_at = first_run_of(errors.lost.tolist(), LOST_FOR)
+    good = updates if lost_at is None else lost_at - LOST_FOR  # updates before it was lost
+    any_known, any_scored = bool(known.any()), len(off_m) > 0
+    return RunScore(
+        updates=updates,
+        distance_m=float((true_m if any_known else path.moved_m.cumsum())[-1]) if updates else 0.0,
+        position_error_mean_m=float(np.mean(off_m)) if any_scored else None,
+        position_error_median_m=float(np.median(off_m)) if any_scored else None,
+        position_error_final_m=float(errors.off_m[known][-1]) if any_known else None,
+        heading_error_mean_rad=float(np.mean(off_rad)) if any_scored else None,
+        heading_error_median_rad=float(np.median(off_rad)) if any_scored else None,
+        localized_at_update=first_mostly(errors.localized),
+        localized_share=_share(errors.localized[known]),
+        lost=lost_at is not None if any_known else None,
+        lost_at_update=lost_at,
+        reached=bool(good > 0 and true_m[good - 1] >= GOAL_M) if any_known else None,
+        wrong_confident_share=_share((errors.converged & ~errors.correct)[known]),
+        right_at_end=mostly_at_end(errors.correct[known].tolist()),
+        success=() if arena_m is None else successes(run, path, errors.off_m, arena_m),
+        relative=relative_error(path.truths[scored], run.poses[scored], SEGMENT_OF_RIGHT * run.radii.right_m),
+    )
 
 
 @dataclass(slots=True)
 class Scorer:
-    """Scores one run; keeps a few numbers per update. One without truth is in no error or share."""
+    """Collects what the score of one run needs: a few numbers per update, and no cloud."""
 
-    _steps: list[StepScore] = field(default_factory=list)
-    _driven_m: list[float] = field(default_factory=list)  # true distance up to each update
-    _odometry_m: float = 0.0
-    _last_truth: F64 | None = None
-    _pairs: list[tuple[F64, F64]] = field(default_factory=list)  # truth and estimate, from the first scored
-    _right_m: float = 0.0
+    arena_m: tuple[float, float] | None = None  # width and depth; with them success is judged, too
+    radii: Radii = USUAL  # of the last update
+    _drive: list[tuple[F64, float, float]] = field(default_factory=list)  # as in `DrivenPath`
+    _run: list[tuple[int, F64, float, float, tuple[float, float]]] = field(default_factory=list)
 
-    def add(self, estimate: Estimate, truth: F64 | None, motions: F64) -> StepScore:
-        """Process the next update; `motions` (M, 3) give the distance where there is no truth."""
-        score = score_step(estimate, truth)
-        self._steps.append(score)
-        self._odometry_m += float(np.hypot(motions[:, 0], motions[:, 1]).sum())
-        driven = self._driven_m[-1] if self._driven_m else 0.0
-        if truth is not None and self._last_truth is not None:
-            driven += float(np.hypot(*(truth[:2] - self._last_truth[:2])))
-        self._driven_m.append(driven)
-        self._last_truth = truth if truth is not None else self._last_truth
-        self._right_m = estimate.radii.right_m
-        if truth is not None and len(self._steps) >= FIRST_SCORED:
-            self._pairs.append((truth, estimate.pose))
-        return score
+    def add(self, moment: Moment, record: StepRecord) -> None:
+        """Process the next update; one without truth is in no error or share."""
+        frame, estimate = moment.frame, record.estimate
+        truth = NO_TRUTH if moment.truth is None else moment.truth
+        self._drive.append((truth, frame.time_s, length_of(frame.motions)))
+        circle = 0.0 if self.arena_m is None else share_within(record.weighted, estimate.pose, CIRCLE_M)
+        sd_m = record.mean_estimate.sd_m
+        self._run.append((frame.step, estimate.pose, estimate.converged, circle, sd_m))
+        self.radii = estimate.radii
 
     @property
-    def driven_m(self) -> float:
-        """How far the robot has driven, by the truth; by odometry while no truth is known."""
-        return self._driven_m[-1] if self._last_truth is not None else self._odometry_m
+    def path(self) -> DrivenPath:
+        """The drive so far."""
+        truths, times_s, moved_m = zip(*self._drive, strict=True) if self._drive else ((), (), ())
+        truth = np.array(truths, np.float64).reshape(-1, 3)
+        return DrivenPath(truth, np.array(times_s, np.float64), np.array(moved_m, np.float64))
+
+    @property
+    def numbers(self) -> RunNumbers:
+        """The run so far."""
+        columns = zip(*self._run, strict=True) if self._run else ((),) * 5
+        steps, poses, converged, circle, sd_m = (np.array(column) for column in columns)
+        poses, sd_m = poses.reshape(-1, 3), sd_m.reshape(-1, 2)
+        return RunNumbers(steps.astype(np.int32), poses, converged, circle, sd_m, self.radii)
 
     def result(self) -> RunScore:
         """Return the score of the run so far."""
-        return self.errors().score(np.array(self._driven_m), self._odometry_m, self._relative())
-
-    def errors(self) -> RunErrors:
-        """Return the errors of all updates so far."""
-        steps = self._steps
-        numbers = np.array([[one.position_error_m, one.heading_error_rad] for one in steps], np.float64)
-        flags = [
-            [one.correct is not None, one.converged, one.correct is True, one.lost is True] for one in steps
-        ]
-        off_m, off_rad = numbers.reshape(-1, 2).T
-        known, converged, correct, lost = np.array(flags, bool).reshape(-1, 4).T
-        return RunErrors(known, off_m, off_rad, converged, correct, lost)
-
-    def _relative(self) -> RelativeError | None:
-        pairs = np.array(self._pairs).reshape(-1, 2, 3)
-        return relative_error(pairs[:, 0], pairs[:, 1], SEGMENT_OF_RIGHT * self._right_m)
+        return score_trace(self.numbers, self.path, self.arena_m)
 
 
 def first_run_of(flags: list[bool], length: int) -> int | None:
@@ -267,12 +332,10 @@ def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None
         >>> mcl.score(mcl.run(mcl.make_localizer(library), session)).lost
         False
     """
-    scorer, judge = Scorer(), None if arena is None else SuccessJudge(arena.size_m)
+    scorer = Scorer(None if arena is None else arena.size_m)
     for moment, record in steps:
-        scorer.add(record.estimate, moment.truth, moment.frame.motions)
-        if judge is not None:
-            judge.add(record, moment.truth)
-    return replace(scorer.result(), success=() if judge is None else judge.result())
+        scorer.add(moment, record)
+    return scorer.result()
 
 
 MORE_THAN = 0.9  # share of the weight about one point
@@ -293,67 +356,40 @@ class Success:
     failed_at_step: int | None = None  # also after it was localized
 
 
-def meets_tenth(record: StepRecord, arena_m: tuple[float, float]) -> bool:
-    """Return whether over 90 % is converged on the estimate, and sd below 10 % of the arena per axis."""
-    return is_tenth(record.estimate.converged, record.mean_estimate.sd_m, arena_m)
+def successes(
+    run: RunNumbers | RunTrace, path: DrivenPath, off_m: F64, arena_m: tuple[float, float]
+) -> tuple[Success, Success]:
+    """Judge a run by the thesis's two readings; `off_m` (U,) is its position error.
+
+    "tenth": over 90 % is converged on the estimate, and the sd of all is below 10 % of the arena per axis.
+    "circle": over 90 % is within 6 in of the estimate.
+    """
+    narrow = (run.mean_sd_m < SD_UNDER * np.array(arena_m)).all(axis=1)
+    tenth, circle = (run.converged > MORE_THAN) & narrow, run.circle > MORE_THAN
+    too_far = off_m > run.radii.lost_m
+    return (
+        _success("tenth", tenth, run.steps, path, too_far),
+        _success("circle", circle, run.steps, path, too_far),
+    )
 
 
-def is_tenth(converged: float, mean_sd_m: Sequence[float], arena_m: tuple[float, float]) -> bool:
-    """Return `meets_tenth` from the numbers it depends on."""
-    narrow = [sd < SD_UNDER * side for sd, side in zip(mean_sd_m, arena_m, strict=True)]
-    return converged > MORE_THAN and all(narrow)
+def _success(preset: str, met: Bool, steps: I32, path: DrivenPath, too_far: Bool) -> Success:
+    late, at = _first(path.times_s > IN_TIME_S), _first(met)
+    if late is not None and (at is None or late <= at):
+        return Success(preset, failed=TOO_LATE, failed_at_step=int(steps[late]))
+    if at is None:
+        return Success(preset)
+    left = _first(too_far[at:])
+    return Success(
+        preset,
+        at_step=int(steps[at]),
+        at_m=float(path.driven_m[at]),
+        at_s=float(path.times_s[at]),
+        failed=None if left is None else LEFT,
+        failed_at_step=None if left is None else int(steps[at + left]),
+    )
 
 
-def meets_circle(record: StepRecord) -> bool:
-    """Return whether over 90 % is within 6 in of the scored estimate."""
-    return share_within(record.weighted, record.estimate.pose, CIRCLE_M) > MORE_THAN
-
-
-@dataclass(slots=True)
-class SuccessJudge:
-    """Judges one run update by update, like `Scorer`; keeps a few numbers and no cloud."""
-
-    arena_m: tuple[float, float]  # width and depth
-    _found: tuple[Success, Success] = (Success("tenth"), Success("circle"))
-    _driven_m: F64 = field(default_factory=lambda: np.zeros(2))  # by the truth, by odometry
-    _truth: F64 | None = None  # the last one known
-
-    def add(self, record: StepRecord, truth: F64 | None) -> None:
-        """Process the next update, with the true pose (3,) where it is known."""
-        met = (meets_tenth(record, self.arena_m), meets_circle(record))
-        self.see(record.frame, record.estimate, met, truth)
-
-    def see(self, frame: Frame, estimate: Estimate, met: tuple[bool, bool], truth: F64 | None) -> None:
-        """Process the next update from its scored estimate and whether it meets either reading."""
-        true_m, motions = 0.0, frame.motions
-        if truth is not None and self._truth is not None:
-            true_m = float(np.hypot(*(truth[:2] - self._truth[:2])))
-        moved_m = float(np.hypot(motions[:, 0], motions[:, 1]).sum())
-        self._driven_m = self._driven_m + np.array([true_m, moved_m])
-        self._truth = self._truth if truth is None else truth
-        first, second = (
-            self._judged(found, now, frame, estimate, truth)
-            for found, now in zip(self._found, met, strict=True)
-        )
-        self._found = (first, second)
-
-    def result(self) -> tuple[Success, Success]:
-        """Return both readings of the run so far."""
-        return self._found
-
-    def _judged(
-        self, so_far: Success, met: bool, frame: Frame, estimate: Estimate, truth: F64 | None
-    ) -> Success:
-        step, time_s = frame.step, frame.time_s
-        if so_far.failed is not None:
-            return so_far
-        if so_far.at_step is None:
-            if time_s > IN_TIME_S:
-                return replace(so_far, failed=TOO_LATE, failed_at_step=step)
-            if not met:
-                return so_far
-            driven_m = float(self._driven_m[0 if self._truth is not None else 1])
-            so_far = replace(so_far, at_step=step, at_m=driven_m, at_s=time_s)
-        if truth is not None and np.hypot(*(estimate.pose[:2] - truth[:2])) > estimate.radii.lost_m:
-            return replace(so_far, failed=LEFT, failed_at_step=step)
-        return so_far
+def _first(flags: Bool) -> int | None:
+    """Return the index of the first flag that is set."""
+    return int(flags.argmax()) if flags.any() else None

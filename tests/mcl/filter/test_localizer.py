@@ -311,7 +311,7 @@ def test_far_from_the_origin_the_errors_are_the_same(world_at):
         localizer = _localizer(world, particles=400, seed=2)
         scorer = Scorer()
         for moment, record in run(localizer, world.drive, world.start):
-            scorer.add(record.estimate, moment.truth, moment.frame.motions)
+            scorer.add(moment, record)
         scores.append(scorer.result())
     assert scores[1].position_error_mean_m == pytest.approx(scores[0].position_error_mean_m, abs=0.002)
     assert scores[1].heading_error_mean_rad == pytest.approx(scores[0].heading_error_mean_rad, abs=0.002)

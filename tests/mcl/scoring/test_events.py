@@ -107,7 +107,7 @@ def test_events_agree_with_the_table_of_figures(letters):
         record = made(clouds[letter], step=step)
         here = moment(record, None if letter == 3 else TRUTH)
         found += detector.see(here, record)
-        scorer.add(record.estimate, here.truth, record.frame.motions)
+        scorer.add(here, record)
         assert detector.state in STATES
     score = scorer.result()
     firsts = {kind: next((e for e in found if e.kind == kind), None) for kind in ("localized", "lost")}

@@ -16,7 +16,7 @@ import pytest
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.scoring.metrics import FIRST_SCORED, Scorer, relative_error, segment_errors
+from maurice_mcl.scoring.metrics import FIRST_SCORED, Scorer, relative_error, score_step, segment_errors
 
 EVO = Path(sys.executable).parent
 SEGMENTS_M = (0.3, 1.1)
@@ -51,7 +51,8 @@ def scored(world_at, tmp_path_factory):
     localizer = build_localizer(world.library, world.drive, of_feature("color", 300))
     scorer, steps, times, estimates, truths = Scorer(), [], [], [], []
     for moment, record in run(localizer, world.drive, None):
-        steps.append(scorer.add(record.estimate, moment.truth, moment.frame.motions))
+        scorer.add(moment, record)
+        steps.append(score_step(record.estimate, moment.truth))
         times.append(moment.frame.time_s)
         estimates.append(record.estimate.pose)
         truths.append(moment.truth)

@@ -13,11 +13,8 @@ from maurice_mcl.scoring.metrics import (
     LEFT,
     TOO_LATE,
     Scorer,
-    SuccessJudge,
     first_mostly,
     first_run_of,
-    meets_circle,
-    meets_tenth,
     mostly_at_end,
     relative_error,
     score_step,
@@ -37,10 +34,18 @@ def _truth(off_in=0.0, off_deg=0.0, x=0.0, y=0.0):
     return np.array([x + off_in * INCH_M, y, np.deg2rad(off_deg)])
 
 
+def _add(scorer, estimate, truth, motions=STILL, step=0):
+    """Add an update without a cloud."""
+    frame = SimpleNamespace(step=step, time_s=float(step), motions=motions)
+    scorer.add(
+        SimpleNamespace(frame=frame, truth=truth), SimpleNamespace(estimate=estimate, mean_estimate=estimate)
+    )
+
+
 def _score(truths, converged=1.0, motions=STILL):
     scorer = Scorer()
     for truth in truths:
-        scorer.add(_estimate(converged=converged), truth, motions)
+        _add(scorer, _estimate(converged=converged), truth, motions)
     return scorer.result()
 
 
@@ -125,7 +130,7 @@ def _drive(ways_in, off_from=None):
     for number, step in enumerate(ways_in, start=1):
         way += step * INCH_M
         off = 40 * INCH_M if off_from is not None and number >= off_from else 0.0
-        scorer.add(_estimate(off, way), np.array([0.0, way, 0.0]), np.array([[0.5, 0.0, 0.0]]))
+        _add(scorer, _estimate(off, way), np.array([0.0, way, 0.0]), np.array([[0.5, 0.0, 0.0]]))
     return scorer.result()
 
 
@@ -216,7 +221,7 @@ def test_a_truth_far_from_the_origin_scores_the_same():
     for _ in range(12):
         pose, off = rng.uniform(-2, 2, 3), rng.normal(0, 0.3, 3)
         for scorer, at in ((near, np.zeros(3)), (far, np.array([5e5, -3e5, 0]))):
-            scorer.add(_estimate(*(pose + at)), pose + at + off, STILL)
+            _add(scorer, _estimate(*(pose + at)), pose + at + off)
     for name in ("position_error_mean_m", "position_error_final_m", "heading_error_mean_rad", "distance_m"):
         assert getattr(far.result(), name) == pytest.approx(getattr(near.result(), name), abs=1e-8)
 
@@ -244,33 +249,37 @@ ROW = np.linspace(-0.5, 0.5, 101)  # sd 0.2915, all within 24 in
 SPREAD = np.linspace(-2, 2, 100)
 
 
+def _judged(records, truths=None, arena_m=ARENA_M):
+    scorer = Scorer(arena_m)
+    for step, (record, truth) in enumerate(zip(records, truths or [HERE] * len(records), strict=True), 1):
+        record.frame.step = step
+        scorer.add(SimpleNamespace(frame=record.frame, truth=truth), record)
+    return {success.preset: success for success in scorer.result().success}
+
+
+def _meets(preset, record, arena_m=ARENA_M):
+    return _judged([record], arena_m=arena_m)[preset].at_step is not None
+
+
 @pytest.mark.parametrize(("share", "expected"), [(91, True), (90, False)])
 def test_the_circle_wants_more_than_nine_of_ten_within_six_inches(share, expected):
     record = _record([0.0] * share + [0.4] * (100 - share))
     record.estimate = heaviest_cluster(_record([0.0]).weighted)
-    assert meets_circle(record) is expected
+    assert _meets("circle", record) is expected
 
 
 def test_the_circle_is_one_foot_and_each_axis_has_its_own_bound():
-    assert meets_circle(_record([-5.9 * INCH_M, 5.9 * INCH_M]))
-    assert not meets_circle(_record([-6.1 * INCH_M, 6.1 * INCH_M]))
-    assert meets_tenth(_record(ROW), ARENA_M)
-    assert not meets_tenth(_record(ROW), (2.9, 4.0)), "sd 0.29"
-    assert not meets_tenth(_record([0.0] * 89 + [0.65] * 11), ARENA_M), "a share of 89 %"
-    assert not meets_tenth(_record([0.0] * 95 + [4.0] * 5), ARENA_M), "sd 0.87 m of the whole cloud"
+    assert _meets("circle", _record([-5.9 * INCH_M, 5.9 * INCH_M]))
+    assert not _meets("circle", _record([-6.1 * INCH_M, 6.1 * INCH_M]))
+    assert _meets("tenth", _record(ROW))
+    assert not _meets("tenth", _record(ROW), (2.9, 4.0)), "sd 0.29"
+    assert not _meets("tenth", _record([0.0] * 89 + [0.65] * 11)), "a share of 89 %"
+    assert not _meets("tenth", _record([0.0] * 95 + [4.0] * 5)), "sd 0.87 m of the whole cloud"
     record = _record(ROW)
-    assert meets_tenth(record, (2.95, 0.1))
-    assert not meets_tenth(record, (2.9, 100.0))
+    assert _meets("tenth", record, (2.95, 0.1))
+    assert not _meets("tenth", record, (2.9, 100.0))
     record.mean_estimate = replace(record.mean_estimate, sd_m=(0.0, 0.5))
-    assert not meets_tenth(record, (100.0, 4.9))
-
-
-def _judged(records, truths=None):
-    judge = SuccessJudge(ARENA_M)
-    for step, (record, truth) in enumerate(zip(records, truths or [HERE] * len(records), strict=True), 1):
-        record.frame.step = step
-        judge.add(record, truth)
-    return {one.preset: one for one in judge.result()}
+    assert not _meets("tenth", record, (100.0, 4.9))
 
 
 def test_time_to_localize_with_and_without_truth():
