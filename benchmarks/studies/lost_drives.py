@@ -20,7 +20,7 @@ from maurice_datasets.sessions import simulated_session, simulation_plan
 from maurice_datasets.surveys import cached_survey
 from maurice_datasets.tasks import GENERATOR, SURVEY, for_fitting, for_testing
 from maurice_datasets.trials.controls import filter_for
-from maurice_datasets.trials.drives import Bench, Drive, Held
+from maurice_datasets.trials.drives import Bench, Drive, RenderedSession
 from maurice_datasets.worlds.build import load_world
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch
@@ -93,8 +93,8 @@ def drive_of(course: Course, folder: Path) -> Drive:
             updates=UPDATES,
         )
         made = simulated_session(plan, world)
-        put(file, Held(made.info, tuple(made.moments())).to_bytes())
-    held = Held.from_bytes(file.read_bytes())
+        put(file, RenderedSession(made.info, tuple(made.moments())).to_bytes())
+    held = RenderedSession.from_bytes(file.read_bytes())
     return Drive(held, held.info.start, Bench.of(open_library(survey)), course.arena)
 
 

@@ -23,7 +23,7 @@ import cv2
 import joblib
 
 import maurice_viz as mv
-from maurice_datasets.trials.drives import Held
+from maurice_datasets.trials.drives import RenderedSession
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders.errors import InputError
 from maurice_loaders.export.session import convert_to_log
@@ -119,7 +119,7 @@ def write_planted(run: Planted, folder: Path) -> Path:
     motion = planting.settings.get(MOTION, planting.session.info.motion)
     info = replace(planting.session.info, arena=library.arena, survey=folder / LIBRARY, motion=motion)
     moments = tuple(replace(moment, events=()) for moment in planting.session.moments())
-    for _ in convert_to_log(Held(info, moments), file, kind="jpeg"):
+    for _ in convert_to_log(RenderedSession(info, moments), file, kind="jpeg"):
         pass
     return file
 

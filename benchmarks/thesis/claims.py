@@ -18,7 +18,6 @@ from maurice_datasets.trials.statistics import (
     FEW,
     Interval,
     holm,
-    log_fit,
     mean,
     p_value,
     rate_difference,
@@ -30,6 +29,7 @@ from maurice_mcl.scoring.metrics import GOAL_M
 from maurice_mcl.values.geometry import INCH_M
 
 from .material import Material, MissingRuns, over_drives
+from .over_particles import log_fit
 
 REPRODUCED, NOT, UNDECIDED = "reproduced", "not reproduced", "undecided"
 UNTESTABLE, BUILT_IN = "not testable", "built in"

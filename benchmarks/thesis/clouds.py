@@ -5,10 +5,16 @@ from __future__ import annotations
 from itertools import islice
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 import polars as pl
 
-from maurice_datasets.trials.drives import Drive, turning_drive
+from maurice_datasets.robot.behaviors import BehaviorProposal
+from maurice_datasets.robot.drive import Robot
+from maurice_datasets.sessions import session_info
+from maurice_datasets.simulation import stage
+from maurice_datasets.trials.drives import Drive, RenderedSession, bench_of, plan_of, world_of
+from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.proposal import belief_at
@@ -16,7 +22,7 @@ from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import spacing
 from maurice_mcl.values.records import Belief, FilterState, StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values.session import Frame, Moment
 from maurice_viz.plots.calibration import ACTUAL, figure
 
 from . import maps
@@ -34,6 +40,23 @@ BEGUN_M, BEGUN_RAD = 18 * INCH_M, float(np.radians(20))  # "reasonably well loca
 DRIVES, RUNS = 5, 20
 AMBIGUOUS, AT = 200, 3  # particles of figure 34; the picture that it shows
 OFFSET, LARGEST = 0.33, 0.3  # of a circle from its node, and its diameter, in spacings of nodes
+
+
+def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> Drive:
+    """Return a simulated drive that only turns on the spot where it starts, a picture after every turn."""
+    plan = plan_of(spec, seed)
+    cv2.setNumThreads(1)
+    set_up = stage(plan, world_of(spec.world, plan.arena_seed, spec.tier))
+    robot, pose, moments = Robot(set_up.world.arena, plan.seed), set_up.course.start, []
+    for step in range(1, turns + 1):
+        turned = robot.move(step, pose, BehaviorProposal("turning", 0, turn_rad))
+        pose, motions = turned.pose, turned.turn.measured[None]
+        frame = Frame(step, float(step), motions, set_up.camera.take(step, pose), "")
+        moments.append(Moment(frame, pose))
+    bench = bench_of(spec.world, plan.arena_seed, spec.tier)
+    return Drive(
+        RenderedSession(session_info(set_up), tuple(moments)), set_up.course.start, bench, plan.arena_seed
+    )
 
 
 def turning(material: Material) -> Figure:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maurice_datasets.trials.engine import in_processes
-from maurice_datasets.trials.rows import expect_trials, rows_changed
+from maurice_datasets.trials.rows import ROWS, expect_trials
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import check_target, write_whole
 from maurice_viz.plots.calibration import INK, expect_matplotlib, figure_bytes
@@ -140,6 +140,11 @@ def _render(
     folder: Path, formats: tuple[str, ...], titled: bool, dpi: int | None, numbers: Sequence[int]
 ) -> list[RenderedFigure]:
     return [_render_one(folder, formats, titled, dpi, number) for number in numbers]
+
+
+def rows_changed(folder: Path) -> float:
+    """Return when the newest rows of a folder were written; 0 where there are none."""
+    return max((file.stat().st_mtime for file in (folder / ROWS).glob("*.parquet")), default=0.0)
 
 
 def _render_one(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
+from maurice_mcl.filter.localizer import run
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import Arena
@@ -15,7 +16,7 @@ from maurice_mcl.values.session import Moment
 from maurice_viz.plots.calibration import INK, figure
 
 from . import maps
-from .material import Material, MissingRuns, ThesisFigure, steps_of
+from .material import Material, MissingRuns, ThesisFigure
 from .traces import LABELS, OFF, UPDATE, curve, panels
 
 if TYPE_CHECKING:
@@ -77,13 +78,14 @@ def true_path(material: Material) -> Figure:
 def final_cloud(material: Material) -> Figure:
     """Draw the cloud at the end of that drive: on the map, and close up."""
     drive = material.tracking
-    run = list(steps_of(material.localizer_on(drive, 0, preset=PRESET, particles=MANY), drive))
-    moment, record = run[-1]
+    localizer = material.localizer_on(drive, 0, preset=PRESET, particles=MANY)
+    steps = list(run(localizer, drive.session, drive.start))
+    moment, record = steps[-1]
     true, found = _truth_of(moment), record.estimate
     made, (whole, near) = panels(1, 2, maps.X, maps.Y)
     for axes in (whole, near):
         maps.map_axes(made, axes, drive.bench.library.arena)
-        maps.cloud(axes, maps.poses_of(record.belief), f"{MANY:,} particles after {len(run)} pictures")
+        maps.cloud(axes, maps.poses_of(record.belief), f"{MANY:,} particles after {len(steps)} pictures")
         maps.truth(axes, true)
         told = f"estimate: {maps.off_in(found, true):.1f} in off, confidence {found.confidence:.0%}"
         maps.estimate(axes, found.pose, told)

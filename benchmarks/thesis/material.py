@@ -12,19 +12,17 @@ import polars as pl
 
 from maurice_datasets.trials.drives import Drive, open_drive
 from maurice_datasets.trials.folder import MissingRuns as MissingRuns
-from maurice_datasets.trials.folder import TrialsFolder
-from maurice_datasets.trials.folder import steps_of as steps_of
+from maurice_datasets.trials.folder import Row, TrialsFolder
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import LEVEL, Interval, mean
-from maurice_datasets.trials.timing import read_timing
-from maurice_loaders.errors import InputError
-from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from .example import DrivePictures
+from .timing import timing_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,12 +49,7 @@ class Material(TrialsFolder):
     @cached_property
     def timing(self) -> pl.DataFrame:
         """What features and updates cost."""
-        try:
-            return read_timing(self.folder)
-        except InputError:
-            raise MissingRuns(
-                self.folder, "holds no timing; maurice-replay trials run timing makes it"
-            ) from None
+        return timing_of(self.folder)
 
     @cached_property
     def drive(self) -> Drive:
@@ -102,9 +95,14 @@ class Material(TrialsFolder):
         named = {key.replace("__", "."): value for key, value in settings.items()}
         return replace(drive.bench.localizer(named), seed=seed).of_session(drive.session)
 
+    def run_of(self, row: Row) -> Iterator[tuple[Moment, StepRecord]]:
+        """Run again the run behind a row: the same, bit for bit."""
+        drive = self.drive_of(row)
+        return run(self.localizer_of(row), drive.session, drive.start)
+
     def steps(self, **settings: Any) -> Iterator[tuple[Moment, StepRecord]]:
         """Run a filter over the example again."""
-        return steps_of(self.localizer(**settings), self.drive)
+        return run(self.localizer(**settings), self.drive.session, self.drive.start)
 
 
 def over_drives(values: Sequence[F64], level: float = LEVEL) -> Interval:

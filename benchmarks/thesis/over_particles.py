@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars as pl
 
-from maurice_datasets.trials.statistics import log_fit
+from maurice_datasets.trials.statistics import LEVEL, Clusters, Interval, Survival, student
 from maurice_datasets.trials.table import LOCALIZED, TIMES, clusters_of, curve_of, grouped
 from maurice_mcl.reasons.causes import MOTION, PROPOSAL, RESAMPLING
 from maurice_mcl.scoring.metrics import GOAL_M
+from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import ACTUAL, BAND, INK, figure
 from maurice_viz.text.summary import metric_title
@@ -31,6 +33,35 @@ FAILED = (  # label, the causes that `diagnose` names, marker, color
 )
 OTHERS = ("x", "#009E73")
 THESIS_IN = 9  # mean error, in inches, over drives of 1,000
+
+
+@dataclass(frozen=True, slots=True)
+class LogFit:
+    """y = intercept + slope * log10(x), by least squares; the slope with its interval."""
+
+    intercept: float
+    slope: Interval
+
+    def at(self, x: F64) -> F64:
+        """Return the fitted values (N,) at some x (N,)."""
+        return np.asarray(self.intercept + self.slope.value * np.log10(x))
+
+
+def log_fit(x: F64, y: F64, clusters: Clusters, level: float = LEVEL) -> LogFit:
+    """Fit y (N,) against the decimal log of x (N,); the slope's interval is Student's over clusters."""
+    x, y = np.log10(np.asarray(x, np.float64)), np.asarray(y, np.float64)
+    slope, intercept = np.polyfit(x, y, 1)
+    far = x - x.mean()
+    influences = far * (y - intercept - slope * x) / np.square(far).sum()
+    interval = student(float(slope), influences, float(np.abs(y).max()), clusters, level)
+    return LogFit(float(intercept), interval)
+
+
+def median_interval(curve: Survival) -> tuple[float, float]:
+    """Return where the limits of a curve cross a half (Brookmeyer and Crowley 1982); inf: nowhere."""
+    crossings = (np.flatnonzero(limit <= 0.5) for limit in (curve.low, curve.high))
+    first, last = (float(curve.times[crossing[0]]) if len(crossing) else np.inf for crossing in crossings)
+    return first, last
 
 
 def before_loss(material: Material, *, log: bool) -> Figure:
@@ -212,7 +243,7 @@ def localized_median(
         x = np.array([group.by[PARTICLES] for group in groups], float) * (1 + 0.05 * number)
         curves = [group.curve for group in groups if group.curve is not None]
         middle = np.array([min(curve.median * factor, end) for curve in curves])
-        limits = np.array([curve.median_interval for curve in curves]).reshape(-1, 2).T * factor
+        limits = np.array([median_interval(curve) for curve in curves]).reshape(-1, 2).T * factor
         low, high = np.minimum(limits, end)
         axes.errorbar(
             x,

@@ -27,10 +27,8 @@ from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Frame, Moment, Session, SessionInfo
 
-from ..robot.behaviors import BehaviorProposal
-from ..robot.drive import Robot
-from ..sessions import session_info, simulated_session, simulation_plan
-from ..simulation import SimulationPlan, stage
+from ..sessions import simulated_session, simulation_plan
+from ..simulation import SimulationPlan
 from ..surveys import cached_survey, surveyed_world
 from ..tasks import SURVEY, TEST
 from ..worlds.build import load_world
@@ -91,7 +89,7 @@ class Bench:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class RenderedSession:
     """A simulated session whose moments are in memory: rendering costs more than a run."""
 
     info: SessionInfo
@@ -125,7 +123,7 @@ class Held:
         return packed.getvalue()
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> Held:
+    def from_bytes(cls, data: bytes) -> RenderedSession:
         """Return what `to_bytes` packed. ValueError, KeyError or OSError for anything else."""
         with np.load(io.BytesIO(data), allow_pickle=False) as packed:
             arrays = dict(packed)
@@ -177,12 +175,12 @@ def _recorded(spec: SessionSpec) -> Drive:
 
 
 def _simulated(spec: SessionSpec, seed: int) -> Drive:
-    plan = _plan_of(spec, seed)
+    plan = plan_of(spec, seed)
     cv2.setNumThreads(1)
-    simulated = simulated_session(plan, _world(spec.world, plan.arena_seed, spec.tier))
+    simulated = simulated_session(plan, world_of(spec.world, plan.arena_seed, spec.tier))
     start = None if spec.start else simulated.info.start
-    bench = _bench(spec.world, plan.arena_seed, spec.tier, spec.spacing_in, spec.headings, spec.camera)
-    return Drive(Held(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
+    bench = bench_of(spec.world, plan.arena_seed, spec.tier, spec.spacing_in, spec.headings, spec.camera)
+    return Drive(RenderedSession(simulated.info, tuple(simulated.moments())), start, bench, plan.arena_seed)
 
 
 def arena_of(spec: SessionSpec, seed: int) -> Arena:
@@ -192,22 +190,8 @@ def arena_of(spec: SessionSpec, seed: int) -> Arena:
     return load_world(spec.world, FIRST + seed % spec.arenas, spec.tier).arena
 
 
-def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> Drive:
-    """Return a simulated drive that only turns on the spot where it starts, a picture after every turn."""
-    plan = _plan_of(spec, seed)
-    cv2.setNumThreads(1)
-    set_up = stage(plan, _world(spec.world, plan.arena_seed, spec.tier))
-    robot, pose, moments = Robot(set_up.world.arena, plan.seed), set_up.course.start, []
-    for step in range(1, turns + 1):
-        turned = robot.move(step, pose, BehaviorProposal("turning", 0, turn_rad))
-        pose, motions = turned.pose, turned.turn.measured[None]
-        frame = Frame(step, float(step), motions, set_up.camera.take(step, pose), "")
-        moments.append(Moment(frame, pose))
-    bench = _bench(spec.world, plan.arena_seed, spec.tier)
-    return Drive(Held(session_info(set_up), tuple(moments)), set_up.course.start, bench, plan.arena_seed)
-
-
-def _plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
+def plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
+    """Return the simulation of run `seed`."""
     return simulation_plan(
         spec.task,
         world=spec.world,
@@ -224,13 +208,13 @@ def _plan_of(spec: SessionSpec, seed: int) -> SimulationPlan:
 
 
 @lru_cache(1)
-def _world(world: str, arena: int, tier: str) -> World:
+def world_of(world: str, arena: int, tier: str) -> World:
     """Load a world once: its lighting, a few seconds, is kept for as long as it is the same one."""
     return load_world(world, arena, tier)
 
 
 @lru_cache(1)
-def _bench(
+def bench_of(
     world: str, arena: int, tier: str, spacing_in: int = 0, headings: int = 0, camera: str = "stated"
 ) -> Bench:
     """Return the library of a simulated arena, from the cache of surveys."""
@@ -245,7 +229,7 @@ def _bench(
 
 def survey_log(world: str, arena: int, tier: str) -> Path:
     """Return the survey of a simulated arena, from the cache."""
-    return cached_survey(_world(world, arena, tier), arena, lambda done, total, what: None) / SURVEY.name
+    return cached_survey(world_of(world, arena, tier), arena, lambda done, total, what: None) / SURVEY.name
 
 
 def oracle_m(library: Library, truths: Sequence[F64 | None]) -> float | None:

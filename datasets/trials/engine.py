@@ -21,7 +21,6 @@ import joblib  # type: ignore[import-untyped]  # has no types
 
 from maurice_loaders.errors import InputError
 
-from . import timing
 from .plan import Plan
 from .rows import RowStore
 from .runs import RUNS_A_JOB, Job, Row, jobs_of, run_job
@@ -77,8 +76,6 @@ def run_plan(
             for rows in results:
                 store.add(rows)
                 report(len(store.done), plan.runs)
-        if plan.timing and not (store.folder / timing.FILE).exists():
-            timing.measure(store.folder, plan.rounds)
     except KeyboardInterrupt as stop:
         there = f"{len(store.done):,} of {plan.runs:,} runs are in {folder}"
         stop.args = (f"{there}; the same command with --resume makes the others",)

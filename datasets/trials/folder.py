@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,8 +14,6 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import toml_value
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
 
 from .controls import filter_for
 from .drives import FIRST, Drive, arena_of, open_drive
@@ -79,10 +76,6 @@ class TrialsFolder:
         """Return the filter of the run behind a row."""
         return filter_for(self.drive_of(row), self.settings_of(row), row["seed"])
 
-    def run_of(self, row: Row) -> Iterator[tuple[Moment, StepRecord]]:
-        """Run again the run behind a row: the same, bit for bit."""
-        return steps_of(self.localizer_of(row), self.drive_of(row))
-
     def spec_of(self, row: Row) -> SessionSpec:
         """Return the session that a row is of."""
         for session in self._part_of(row)["sessions"]:
@@ -134,11 +127,3 @@ class TrialsFolder:
 def _drive(spec: SessionSpec, seed: int) -> Drive:
     """Return a drive; the last two are kept, because their pictures take longer to render than to use."""
     return open_drive(spec, seed)
-
-
-def steps_of(localizer: Localizer, drive: Drive) -> Iterator[tuple[Moment, StepRecord]]:
-    """Yield every moment of a drive with its record."""
-    state = localizer.initialize(drive.start)
-    for moment in drive.session.moments():
-        state, record = localizer.step(state, moment.frame)
-        yield moment, record

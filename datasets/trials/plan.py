@@ -12,15 +12,16 @@ import itertools
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import read_toml, show
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
+from maurice_mcl.values.setting_rules import Rule, checked, choice, entries, rules_of, table, text, whole
 
 from ..sessions import simulation_plan
 from ..tasks import TASKS, TEST, TIERS
@@ -28,48 +29,63 @@ from ..tasks import TASKS, TEST, TIERS
 SHIPPED = Path(__file__).parent / "plans"
 MOST_SEEDS = 10_000_000  # a session
 MOST_DRIVES = len(TEST)  # seeds of drives that nothing was fitted on
-SPECIAL = ("preset", "feature", "control")  # settings that are no keys of the configuration
 SHUFFLED, MISJUDGED = "shuffled references", "motion constants +30 %"  # controls
-KINDS = {
-    "title": str,
-    "seeds": int,
-    "include": list,
-    "timing": bool,
-    "sessions": list,
-    "settings": dict,
-    "grid": dict,
-    "variants": list,
-}  # the keys of a plan
-IN_WORDS = {str: "a text", int: "a whole number", list: "a list", bool: "true or false", dict: "a table"}
+# settings that are no keys of the configuration
+SPECIAL: Mapping[str, Rule] = {
+    "preset": choice(*PRESETS),
+    "feature": choice(*FEATURES, *CHANNELS),
+    "control": choice(SHUFFLED, MISJUDGED),
+}
+KEYS: Mapping[str, Rule] = {
+    "title": text,
+    "seeds": whole(1, MOST_SEEDS),
+    "include": entries,
+    "sessions": entries,
+    "settings": table,
+    "grid": table,
+    "variants": entries,
+}  # of a plan
+COUNT = whole(0, 1_000_000)
 WANTED = "a plan has sessions, and settings, a grid or variants"
+
+
+def _spacing(key: str, value: Any) -> int:
+    spacing_in: int = whole(0, 100)(key, value)
+    if 0 < spacing_in < 4:
+        raise ValueError(f"{key}: found {spacing_in}, expected 4 to 100 in, or 0 for the world's")
+    return spacing_in
 
 
 @dataclass(frozen=True, slots=True)
 class SessionSpec:
     """What is driven: a simulated task, drawn anew for every seed, or a recorded session."""
 
-    label: str
-    task: str = "tracking"
-    world: str = "two-rooms"
-    tier: str = "nominal"
-    updates: int = 120
-    kidnap_at: int | None = None  # an update; None: halfway
-    slip_at: str = ""
-    lights: str = ""  # as in docs/simulate.md
-    moved: int = 0
-    people: int = 0  # percent of the pictures in which people stand in view
-    spacing_in: int = 0  # between the places of the survey; 0: as the world has it
-    headings: int = 0  # at each place of the survey; 0: as the world has it
-    camera: str = "stated"  # by the survey; "unknown": left out of it, so that landmarks fit it
-    arenas: int = 5  # run k drives in arena k modulo this number
-    path: str = ""  # of a recorded session; the fields above are then not used
-    library: str = ""  # of a recorded session; "": the one that its header names
-    start: str = ""  # "": the header's start, else anywhere; "anywhere"
+    label: Annotated[str, text]
+    task: Annotated[str, choice(*TASKS)] = "tracking"
+    world: Annotated[str, text] = "two-rooms"
+    tier: Annotated[str, choice(*TIERS)] = "nominal"
+    updates: Annotated[int, COUNT] = 120
+    kidnap_at: Annotated[int | None, COUNT] = None  # an update; None: halfway
+    slip_at: Annotated[str, text] = ""
+    lights: Annotated[str, text] = ""  # as in docs/simulate.md
+    moved: Annotated[int, COUNT] = 0
+    people: Annotated[int, COUNT] = 0  # percent of the pictures in which people stand in view
+    spacing_in: Annotated[int, _spacing] = 0  # between the places of the survey; 0: as the world has it
+    headings: Annotated[int, whole(0, 36)] = 0  # at each place of the survey; 0: as the world has it
+    # by the survey; "unknown": left out of it, so that landmarks fit it
+    camera: Annotated[str, choice("stated", "unknown")] = "stated"
+    arenas: Annotated[int, whole(1, MOST_DRIVES)] = 5  # run k drives in arena k modulo this number
+    path: Annotated[str, text] = ""  # of a recorded session; the fields above are then not used
+    library: Annotated[str, text] = ""  # of a recorded session; "": the one that its header names
+    start: Annotated[str, choice("", "anywhere")] = ""  # "": the header's start, else anywhere; "anywhere"
 
     @property
     def drive(self) -> SessionSpec:
         """The same session under no name: equal for sessions that share their drives."""
         return replace(self, label="")
+
+
+SESSION_KEYS: Mapping[str, Rule] = rules_of(SessionSpec, "", {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +152,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Parts, in order; `timing` also measures what features and updates cost.
+    """Parts, in order.
 
     >>> from maurice_datasets.trials.plan import read_plan
     >>> plan = read_plan("kidnapped")
@@ -147,8 +163,6 @@ class Plan:
     name: str
     title: str
     parts: tuple[Part, ...]
-    timing: bool = False
-    rounds: int = 15  # of timing
 
     @property
     def runs(self) -> int:
@@ -173,16 +187,15 @@ class Plan:
 
     def quick(self) -> Plan:
         """Return the plan cut down to what shows that it works: two seeds, two arenas, short drives."""
-        return replace(self, parts=tuple(_quick(part) for part in self.parts), rounds=3)
+        return replace(self, parts=tuple(_quick(part) for part in self.parts))
 
     def only(self, words: Sequence[str]) -> Plan:
         """Return the parts whose names contain one of some words; InputError if there is none."""
         parts = tuple(part for part in self.parts if not words or any(word in part.name for word in words))
-        if not parts and not (self.timing and "timing" in words):
+        if not parts:
             names = ", ".join(part.name for part in self.parts)
             raise InputError(None, f"found no part called {', '.join(words)}, expected one of {names}")
-        timing = self.timing and (not words or any(word in "timing" for word in words))
-        return replace(self, parts=parts, timing=timing)
+        return replace(self, parts=parts)
 
 
 def _quick(part: Part) -> Part:
@@ -207,13 +220,8 @@ def _quick(part: Part) -> Part:
 
 def configuration_of(settings: Mapping[str, Any]) -> Configuration:
     """Return the configuration that settings describe, as `make_localizer` does. ValueError in one line."""
+    checked({key: value for key, value in settings.items() if key in SPECIAL and value is not None}, SPECIAL)
     preset, feature = settings.get("preset"), settings.get("feature")
-    if preset is not None and preset not in PRESETS:
-        raise ValueError(f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
-    if feature is not None and feature not in FEATURES and feature not in CHANNELS:
-        raise ValueError(f"feature: found {feature!r}, expected one of {', '.join((*FEATURES, *CHANNELS))}")
-    if settings.get("control") not in (None, SHUFFLED, MISJUDGED):
-        raise ValueError(f"control: found {settings['control']!r}, expected {SHUFFLED} or {MISJUDGED}")
     layers = [Layer(f"preset {preset}", PRESETS[preset])] if preset else []
     layers += [Layer("feature", {"sensor.weights": weights_of(feature)})] if feature else []
     own = {key: value for key, value in settings.items() if key not in SPECIAL}
@@ -259,17 +267,15 @@ def _read(file: Path, within: tuple[Path, ...]) -> Plan:
     within = (*within, file.resolve())
     if within[-1] in within[:-1]:
         raise InputError(file, f"include: found {file.name} within itself, expected another plan")
-    tree = read_toml(file, "a plan of trials")
-    _expect(file, "a plan", tree, KINDS)
+    tree = _checked(file, read_toml(file, "a plan of trials"), KEYS)
     included = [_read(_included(file, name), within) for name in tree.get("include", [])]
     parts = [part for plan in included for part in plan.parts]
     if "sessions" in tree:
         parts.append(_part(file, tree))
-    timing = tree.get("timing", False) or any(plan.timing for plan in included)
-    if not parts and not timing:
+    if not parts:
         raise InputError(file, f"found no [[sessions]]; {WANTED}")
     _expect_distinct(file, "include: found the part", [part.name for part in parts])
-    return Plan(file.stem, tree.get("title", file.stem), tuple(parts), timing)
+    return Plan(file.stem, tree.get("title", file.stem), tuple(parts))
 
 
 def _included(file: Path, name: object) -> Path:
@@ -280,8 +286,6 @@ def _included(file: Path, name: object) -> Path:
 
 def _part(file: Path, tree: Mapping[str, Any]) -> Part:
     seeds = tree.get("seeds", 20)
-    if not 1 <= seeds <= MOST_SEEDS:
-        raise InputError(file, f"seeds: found {seeds}, expected 1 to {MOST_SEEDS:,}")
     sessions = tuple(
         spec for number, given in enumerate(tree["sessions"], 1) for spec in _sessions(file, number, given)
     )
@@ -319,7 +323,6 @@ def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
 
 def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[SessionSpec]:
     """Yield one session for every combination of the fields that hold a list."""
-    kinds = {one.name: str if one.type == "str" else int for one in fields(SessionSpec)}
     if not isinstance(given, Mapping):
         raise InputError(file, f"session {number}: found {show(given)}, expected a table")
     lists = {key: value for key, value in given.items() if isinstance(value, list)}
@@ -327,35 +330,19 @@ def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[Ses
         raise InputError(file, f"session {number}: found an empty list, expected values")
     for values in itertools.product(*lists.values()):
         chosen = dict(zip(lists, values, strict=True))
-        spec = {**given, **chosen}
-        _expect(file, f"session {number}", spec, kinds)
+        spec = _checked(file, {**given, **chosen}, SESSION_KEYS, f"session {number}: ")
         name = spec.get("label") or spec.get("task") or drive_name(file.parent / spec.get("path", "session"))
         if ("path" in spec) == ("task" in spec):
             both = "both task and path" if "path" in spec else "neither task nor path"
             raise InputError(file, f"session {number}: found {both}, expected one of them")
         more = "".join(f", {value or 'unchanged'}" for value in chosen.values())
-        yield _checked(file, number, SessionSpec(**{**spec, "label": f"{name}{more}"}))
+        yield _simulated_or_recorded(file, number, SessionSpec(**{**spec, "label": f"{name}{more}"}))
 
 
-def _checked(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
-    wrong = ""
-    if spec.task not in TASKS:
-        wrong = f"task: found {spec.task!r}, expected one of {', '.join(TASKS)}"
-    elif spec.tier not in TIERS:
-        wrong = f"tier: found {spec.tier!r}, expected one of {', '.join(TIERS)}"
-    elif spec.start not in ("", "anywhere"):
-        wrong = f"start: found {spec.start!r}, expected anywhere, or nothing for the header's"
-    elif not (spec.spacing_in == 0 or 4 <= spec.spacing_in <= 100) or not 0 <= spec.headings <= 36:
-        found = f"{spec.spacing_in} in and {spec.headings} headings"
-        wrong = f"spacing_in, headings: found {found}, expected 4 to 100 in, up to 36, or 0"
-    elif spec.camera not in ("stated", "unknown"):
-        wrong = f"camera: found {spec.camera!r}, expected stated or unknown"
-    elif not 1 <= spec.arenas <= MOST_DRIVES:
-        wrong = f"arenas: found {spec.arenas}, expected 1 to {MOST_DRIVES}"
-    elif not spec.path:
-        wrong = _why_no_simulation(spec)
-    if wrong:
-        raise InputError(file, f"session {number}: {wrong}")
+def _simulated_or_recorded(file: Path, number: int, spec: SessionSpec) -> SessionSpec:
+    """Return a session with complete paths. InputError for a simulation that cannot be."""
+    if not spec.path and (why := _why_no_simulation(spec)):
+        raise InputError(file, f"session {number}: {why}")
     path, library = (
         str((file.parent / given).resolve()) if given else "" for given in (spec.path, spec.library)
     )
@@ -372,17 +359,17 @@ def _why_no_simulation(spec: SessionSpec) -> str:
     return ""
 
 
-def _expect(file: Path, what: str, given: Mapping[str, Any], kinds: Mapping[str, type]) -> None:
-    """Raise InputError for keys that are not known, and for values of another type."""
-    for key, value in given.items():
-        if key not in kinds:
-            raise InputError(file, f"{what}: found the key {key!r}, expected {', '.join(kinds)}")
-        if type(value) is not kinds[key]:
-            expected = IN_WORDS[kinds[key]]
-            raise InputError(file, f"{what}: {key}: found {show(value)}, expected {expected}")
+def _checked(
+    file: Path, given: Mapping[str, Any], rules: Mapping[str, Rule], where: str = ""
+) -> dict[str, Any]:
+    """Return the values of a table of the file. InputError for unknown keys and bad values."""
+    try:
+        return checked(given, rules, where)
+    except ValueError as problem:
+        raise InputError(file, str(problem)) from None
 
 
-def _expect_distinct(file: Path, found: str, names: Sequence[str]) -> None:
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            raise InputError(file, f"{found} {name!r} twice; give each a name of its own")
+def _expect_distinct(file: Path, what: str, names: Sequence[str]) -> None:
+    twice = next((name for number, name in enumerate(names) if name in names[:number]), None)
+    if twice is not None:
+        raise InputError(file, f"{what} {twice!r} twice; give each a name of its own")

@@ -202,11 +202,6 @@ def expect_trials(folder: Path) -> None:
         )
 
 
-def rows_changed(folder: Path) -> float:
-    """Return when the newest rows of a folder were written; 0 where there are none."""
-    return max((file.stat().st_mtime for file in _files(folder)), default=0.0)
-
-
 def read_plan_of(folder: Path) -> dict[str, Any]:
     """Return the plan of a folder, as plain values."""
     found: dict[str, Any] = _manifest(folder / MANIFEST)["plan"]

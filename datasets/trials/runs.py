@@ -18,7 +18,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.batch_step import can_batch
-from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.sensor.ahead import compared_ahead
@@ -27,7 +27,7 @@ from maurice_mcl.values.session import Moment
 from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
 from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
-from .tally import Tally
+from .tally import RunTally
 from .truths import TruthRanks
 
 Row = dict[str, Any]
@@ -62,7 +62,6 @@ class Job:
     spec: SessionSpec
     seed: int  # of the drive; 0 for a recorded one
     asked: tuple[TrialRun, ...]
-    alone: bool = False  # step every run by itself, so that its time is its own
 
 
 class Unread(Exception):
@@ -79,20 +78,18 @@ def run_job(job: Job) -> list[Row]:
         drive = open_drive(job.spec, job.seed)
     except Exception as problem:  # here and below: one run that fails is a row, and the others go on
         return [_failed(asked, job.spec, problem) for asked in job.asked]
-    rows, again = _rows(job, drive, together=not job.alone)
+    rows, again = _rows(job, drive)
     if again:
-        rows |= _rows(job, drive, together=False, numbers=again)[0]
+        rows |= _rows(job, drive, numbers=again)[0]
     return [rows[number] for number in sorted(rows)]
 
 
-def _rows(
-    job: Job, drive: Drive, *, together: bool, numbers: Sequence[int] = ()
-) -> tuple[dict[int, Row], list[int]]:
-    """Return the rows of some of a job's runs, by number, all by default; and the runs to be made again."""
+def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int, Row], list[int]]:
+    """Return the rows of a job's runs, by number, and the runs to be made again; or of some runs, alone."""
     rows: dict[int, Row] = {}
     again: list[int] = []
-    steppers: list[Tally] = []
-    for one in _begun(job, drive, numbers or range(len(job.asked)), together):
+    steppers: list[RunTally] = []
+    for one in _begun(job, drive, numbers or range(len(job.asked)), together=not numbers):
         if isinstance(one, tuple):
             rows[one[0]] = _failed(job.asked[one[0]], job.spec, one[1])
         else:
@@ -122,17 +119,16 @@ def _rows(
 
 def _cause(drive: Drive, localizer: Localizer, *, first: bool) -> str:
     """Make a run that failed once more; return why it was lost `first`, or else last, as `diagnose` says."""
-    builder, state = DiagnosisBuilder(localizer), localizer.initialize(drive.start)
-    for moment in drive.session.moments():
-        state, record = localizer.step(state, moment.frame)
+    builder = DiagnosisBuilder(localizer)
+    for moment, record in run(localizer, drive.session, drive.start):
         builder.add(moment, record)
     failures = builder.result()
     return failures[0 if first else -1].kind if failures else UNKNOWN
 
 
 def _begun(
-    job: Job, drive: Drive, numbers: Sequence[int], together: bool
-) -> Iterator[Tally | tuple[int, Exception]]:
+    job: Job, drive: Drive, numbers: Sequence[int], *, together: bool
+) -> Iterator[RunTally | tuple[int, Exception]]:
     """Initialize runs, those of one filter together where batches know it; yield them, or why one failed."""
     alike: dict[str, list[tuple[int, Localizer]]] = {}
     for number in numbers:
@@ -149,14 +145,14 @@ def _begun(
     for some in alike.values():
         try:
             runs, localizers = zip(*some, strict=True)
-            yield Tally.begin(runs, localizers, drive.start, arena)
+            yield RunTally.begin(runs, localizers, drive.start, arena)
         except Exception as problem:
             yield from ((number, problem) for number, _ in some)
 
 
 def _stepped(
-    drive: Drive, steppers: Sequence[Tally], moments: list[Moment], truths: TruthRanks
-) -> Iterator[tuple[Tally, Exception]]:
+    drive: Drive, steppers: Sequence[RunTally], moments: list[Moment], truths: TruthRanks
+) -> Iterator[tuple[RunTally, Exception]]:
     """Step all runs through the drive, noting its moments without pictures; yield those that fail.
 
     A recording that cannot be read on fails all of them.
@@ -250,10 +246,10 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
         for asked in (one for one in _asked(users[spec], seeds) if one.key not in done):
             waiting.append(asked)
             if len(waiting) == most:
-                yield Job(spec, seeds[0], tuple(waiting), plan.timing)
+                yield Job(spec, seeds[0], tuple(waiting))
                 waiting = []
         if waiting:
-            yield Job(spec, seeds[0], tuple(waiting), plan.timing)
+            yield Job(spec, seeds[0], tuple(waiting))
 
 
 def _drives(
@@ -283,12 +279,3 @@ def _asked(users: Sequence[tuple[Part, str]], seeds: Sequence[int]) -> Iterator[
             for seed in seeds:
                 if seed < part.seeds:
                     yield TrialRun(part.name, label, variant, one.label, one.settings, varied, seed)
-
-
-def run_alone(plan: Plan, part: str, session: str, variant: int, seed: int) -> Row:
-    """Return the row of one run, computed by itself: the same as within the plan, bit for bit."""
-    chosen = next(one for one in plan.parts if one.name == part)
-    spec = next(one for one in chosen.sessions if one.label == session)
-    one = chosen.variants[variant]
-    asked = TrialRun(part, session, variant, one.label, one.settings, tuple(chosen.variants.varied), seed)
-    return run_job(Job(spec.drive, 0 if spec.path else seed, (asked,)))[0]

@@ -143,7 +143,7 @@ def _quantile(free: float, level: float) -> float:
     return float(stdtrit(free, (1 + level) / 2)) if free > 0 else np.inf
 
 
-def _student(value: float, influences: F64, largest: float, clusters: Clusters, level: float) -> Interval:
+def student(value: float, influences: F64, largest: float, clusters: Clusters, level: float) -> Interval:
     """Return a figure with Student's interval, from what each run adds to its error (N,)."""
     sums, free = _totals(influences, clusters.units(influences))
     error = float(np.sqrt(np.square(sums).sum()))
@@ -166,7 +166,7 @@ def mean(values: F64, clusters: Clusters | None = None, level: float = LEVEL) ->
         return UNKNOWN
     value = float(values.mean())
     of = apart(len(values)) if clusters is None else clusters
-    return _student(value, (values - value) / len(values), float(np.abs(values).max()), of, level)
+    return student(value, (values - value) / len(values), float(np.abs(values).max()), of, level)
 
 
 def rate(hits: int, count: int, level: float = LEVEL) -> Interval:
@@ -274,13 +274,6 @@ class Survival:
         """The time by which half have had the event; inf where fewer have."""
         return self.time_at(0.5)
 
-    @property
-    def median_interval(self) -> tuple[float, float]:
-        """Where the limits of the curve cross a half (Brookmeyer and Crowley 1982)."""
-        early, late = np.flatnonzero(self.low <= 0.5), np.flatnonzero(self.high <= 0.5)
-        first, last = (float(self.times[reached[0]]) if len(reached) else np.inf for reached in (early, late))
-        return first, last
-
 
 def survival(times: F64, happened: Bool, clusters: Clusters | None = None, level: float = LEVEL) -> Survival:
     """Return the Kaplan-Meier curve of times (N,) to an event, or (not `happened`) to the end of watching.
@@ -311,29 +304,6 @@ def survival(times: F64, happened: Bool, clusters: Clusters | None = None, level
     none = [_wilson(0.0, left, level, 1, 1).high for left in worth]
     low, high = np.where(known, low, 0.0), np.where(known, high, np.where(curve > 0, 1.0, none))
     return Survival(at, curve, low, high, len(times), int(happened.sum()), of.count)
-
-
-@dataclass(frozen=True, slots=True)
-class LogFit:
-    """y = intercept + slope * log10(x), by least squares; the slope with its interval."""
-
-    intercept: float
-    slope: Interval
-
-    def at(self, x: F64) -> F64:
-        """Return the fitted values (N,) at some x (N,)."""
-        return np.asarray(self.intercept + self.slope.value * np.log10(x))
-
-
-def log_fit(x: F64, y: F64, clusters: Clusters, level: float = LEVEL) -> LogFit:
-    """Fit y (N,) against the decimal log of x (N,); the slope's interval is Student's over clusters."""
-    x, y = np.log10(np.asarray(x, np.float64)), np.asarray(y, np.float64)
-    slope, intercept = np.polyfit(x, y, 1)
-    far = x - x.mean()
-    influences = far * (y - intercept - slope * x) / np.square(far).sum()
-    return LogFit(
-        float(intercept), _student(float(slope), influences, float(np.abs(y).max()), clusters, level)
-    )
 
 
 def p_value(figure: Callable[[float], Interval], value: float) -> float:

@@ -97,7 +97,7 @@ class RunFigures:
 
 
 @dataclass(slots=True)
-class Tally:
+class RunTally:
     """Runs of one filter that differ in their seeds, stepped side by side: each finds what it finds alone."""
 
     numbers: tuple[int, ...]  # of the job's runs
@@ -110,7 +110,7 @@ class Tally:
     @classmethod
     def begin(
         cls, numbers: Sequence[int], localizers: Sequence[Localizer], start: F64 | None, arena: Arena
-    ) -> Tally:
+    ) -> RunTally:
         """Initialize runs (R,) of localizers that differ in nothing but their seeds."""
         runs = SteppedRuns.begin(localizers[0], [localizer.seed for localizer in localizers], start)
         return cls(tuple(numbers), localizers[0], runs, arena, start is not None)

@@ -13,7 +13,7 @@ import numpy as np
 from ..filter.batch import RunTrace
 from ..filter.estimate import CIRCLE_M, share_within
 from ..values.arrays import F64, I32, Bool
-from ..values.geometry import INCH_M, angle_between, motion_between
+from ..values.geometry import INCH_M, angle_between, motion_between, wrap_angle
 from ..values.map import Arena
 from ..values.radii import USUAL, Radii
 from ..values.records import Estimate, StepRecord
@@ -190,7 +190,7 @@ class RunErrors:
         """Return what `score_step` finds at every update."""
         off = run.poses - path.truths
         off_m = np.hypot(off[:, 0], off[:, 1])
-        off_rad = np.abs((off[:, 2] + np.pi) % (2 * np.pi) - np.pi)
+        off_rad = np.abs(wrap_angle(off[:, 2]))
         return cls(
             known=path.known,
             off_m=off_m,

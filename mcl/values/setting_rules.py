@@ -75,6 +75,20 @@ def texts(key: str, value: Any) -> tuple[str, ...]:
     return tuple(dict.fromkeys(given))
 
 
+def text(key: str, value: Any) -> str:
+    """Take a text."""
+    if not isinstance(value, str):
+        raise ValueError(f"{key}: found {value!r:.60}, expected a text")
+    return value
+
+
+def entries(key: str, value: Any) -> list[Any]:
+    """Take a list of anything; its entries are checked where they are used."""
+    if not isinstance(value, list):
+        raise ValueError(f"{key}: found {value!r:.60}, expected a list")
+    return value
+
+
 def table(key: str, value: Any) -> Mapping[str, Any]:
     """Take any table; its contents are checked where it is used."""
     if not isinstance(value, Mapping):
@@ -89,6 +103,14 @@ def _from_text(value: Any, kind: Callable[[str], Any]) -> Any:
         return kind(value)
     except ValueError:
         return value
+
+
+def checked(given: Mapping[str, Any], rules: Mapping[str, Rule], where: str = "") -> dict[str, Any]:
+    """Return the values of a table, each as its rule takes it. ValueError for a key without a rule."""
+    unknown = next((key for key in given if key not in rules), None)
+    if unknown is not None:
+        raise ValueError(f"{where}found the key {unknown!r}, expected one of {', '.join(rules)}")
+    return {key: rules[key](f"{where}{key}", value) for key, value in given.items()}
 
 
 SHARE = number(0, 1)

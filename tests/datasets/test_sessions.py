@@ -13,7 +13,7 @@ from maurice_datasets.folders import SimulationPaths
 from maurice_datasets.robot.segments import crossings
 from maurice_datasets.sessions import write_demo
 from maurice_datasets.surveys import Surveyor
-from maurice_datasets.trials.drives import Held
+from maurice_datasets.trials.drives import RenderedSession
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.reader import SessionLog
@@ -149,7 +149,7 @@ def test_a_drive_comes_back_from_its_bytes_to_the_last_bit(demo: SimulationPaths
         Moment(Frame(9, 1e9, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "", {"ir": 0.1}), None, ("é",)),
     ]
     moments[-1] = replace(moments[-1], frame=replace(moments[-1].frame, image=moments[0].frame.image))
-    again = Held.from_bytes(Held(log.info, tuple(moments)).to_bytes())
+    again = RenderedSession.from_bytes(RenderedSession(log.info, tuple(moments)).to_bytes())
     for field in ("name", "display_units", "robot", "motion", "cameras", "notes"):
         assert getattr(again.info, field) == getattr(log.info, field)
     for one, other in zip(moments, again.moments(), strict=True):

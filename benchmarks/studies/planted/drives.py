@@ -13,7 +13,7 @@ import numpy as np
 from maurice_datasets.sessions import SimulatedSession, session_info
 from maurice_datasets.simulation import SimulationPlan, stage
 from maurice_datasets.tasks import TASKS
-from maurice_datasets.trials.drives import Held
+from maurice_datasets.trials.drives import RenderedSession
 from maurice_loaders.files.writing import cache_root, write_whole
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import wrap
@@ -24,11 +24,12 @@ from .places import Ground
 UPDATES = 40
 VERSION = 2  # raise it whenever the same kind and number give another run
 # the fields of what is kept: a drive from before one was added has none of it
-KEPT = tuple((kind.__name__, *kind.__dataclass_fields__) for kind in (Frame, Moment, SessionInfo, Held))
+KINDS = (Frame, Moment, SessionInfo, RenderedSession)
+KEPT = tuple((kind.__name__, *kind.__dataclass_fields__) for kind in KINDS)
 Picture = Callable[[U8], U8]
 
 
-def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) -> Held:
+def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) -> RenderedSession:
     """Drive a seed in a world, and forget what the log would say of it: a diagnosis must see it by itself.
 
     `changes` are fields of a `SimulationPlan`. Wheels slip only where they are asked to. Drives are kept in
@@ -39,10 +40,10 @@ def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) 
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
         write_whole(file, _rendered(ground, seed, task, changes).to_bytes(), force=True)
-    return Held.from_bytes(file.read_bytes())
+    return RenderedSession.from_bytes(file.read_bytes())
 
 
-def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) -> Held:
+def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) -> RenderedSession:
     plan = SimulationPlan(
         TASKS[task],
         world=ground.name,
@@ -54,33 +55,37 @@ def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) 
     )
     set_up = stage(plan, ground.world)
     info = replace(session_info(set_up), survey=None, notes=())
-    return Held(info, tuple(replace(one, events=()) for one in SimulatedSession(set_up, info).moments()))
+    return RenderedSession(
+        info, tuple(replace(one, events=()) for one in SimulatedSession(set_up, info).moments())
+    )
 
 
 @lru_cache(3)
-def plain_drive(ground: Ground, seed: int) -> Held:
+def plain_drive(ground: Ground, seed: int) -> RenderedSession:
     """Return the drive of a seed in which nothing happens; many causes can be planted in one."""
     return drive(ground, seed)
 
 
-def with_moments(held: Held, moments: Sequence[Moment], start: F64 | None = None) -> Held:
+def with_moments(
+    held: RenderedSession, moments: Sequence[Moment], start: F64 | None = None
+) -> RenderedSession:
     """Return a drive with other moments, and with another start where one is given."""
     info = held.info if start is None else replace(held.info, start=start)
-    return Held(info, tuple(moments))
+    return RenderedSession(info, tuple(moments))
 
 
-def anywhere(held: Held) -> Held:
+def anywhere(held: RenderedSession) -> RenderedSession:
     """Return a drive that starts at a place that nobody knows."""
-    return Held(replace(held.info, start=None), held.all_moments)
+    return RenderedSession(replace(held.info, start=None), held.all_moments)
 
 
-def started_at(held: Held, start: F64) -> Held:
+def started_at(held: RenderedSession, start: F64) -> RenderedSession:
     """Return a drive whose header names another start."""
     turned = np.append(start[:2], wrap(start[2:])[0])
     return with_moments(held, held.all_moments, turned)
 
 
-def pictures_changed(held: Held, change: Picture, since: int = 1) -> Held:
+def pictures_changed(held: RenderedSession, change: Picture, since: int = 1) -> RenderedSession:
     """Return a drive whose pictures are changed from an update on."""
     return with_moments(
         held, [_seen(one, change) if one.frame.step >= since else one for one in held.moments()]
@@ -93,7 +98,7 @@ def _seen(moment: Moment, change: Picture) -> Moment:
     )
 
 
-def frozen(held: Held, since: int, count: int) -> Held:
+def frozen(held: RenderedSession, since: int, count: int) -> RenderedSession:
     """Return a drive whose camera gives the same picture again and again for some updates."""
     still = held.all_moments[since - 2].frame.image
 
@@ -104,7 +109,7 @@ def frozen(held: Held, since: int, count: int) -> Held:
     return with_moments(held, [shown(moment) for moment in held.moments()])
 
 
-def odometry_changed(held: Held, change: Callable[[F64], F64], steps: range) -> Held:
+def odometry_changed(held: RenderedSession, change: Callable[[F64], F64], steps: range) -> RenderedSession:
     """Return a drive whose odometry (M, 3) reports something else at some updates."""
 
     def told(moment: Moment) -> Moment:
@@ -115,7 +120,7 @@ def odometry_changed(held: Held, change: Callable[[F64], F64], steps: range) -> 
     return with_moments(held, [told(moment) for moment in held.moments()])
 
 
-def gap(held: Held, since: int, count: int) -> Held:
+def gap(held: RenderedSession, since: int, count: int) -> RenderedSession:
     """Return a drive whose log lacks everything of some updates, pictures and odometry alike."""
     kept = [one for one in held.moments() if not since <= one.frame.step < since + count]
     numbered = [replace(one, frame=replace(one.frame, step=k)) for k, one in enumerate(kept, start=1)]

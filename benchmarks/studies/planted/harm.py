@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from maurice_datasets.trials.drives import Bench, Held
+from maurice_datasets.trials.drives import Bench, RenderedSession
 from maurice_mcl.filter.localizer import ALL_ZERO, Localizer
 from maurice_mcl.filter.localizer import LEFT_MAP as LEFT
 from maurice_mcl.reasons.causes import LEFT_MAP, NUMERIC, PROPOSAL, RESAMPLING
@@ -38,7 +38,7 @@ def _bench(library: Library) -> Bench:
 
 
 def compared_with(
-    plain: Held, localizer: Localizer, planting: Planting, known: dict[int, Comparison]
+    plain: RenderedSession, localizer: Localizer, planting: Planting, known: dict[int, Comparison]
 ) -> tuple[Comparison, ...]:
     """Compare the pictures of a planted drive; those of the plain drive only if they are not `known`."""
     own = {id(moment.frame.image) for moment in plain.all_moments}

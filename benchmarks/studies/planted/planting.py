@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from maurice_datasets.trials.drives import Held
+from maurice_datasets.trials.drives import RenderedSession
 from maurice_loaders.files.writing import cache_root
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values.records import Comparison, StepRecord
@@ -130,7 +130,7 @@ def _compared(
 
 
 @lru_cache(4)
-def _known(ground: Ground, drive_seed: int, sensor: str) -> tuple[Held, dict[int, Comparison]]:
+def _known(ground: Ground, drive_seed: int, sensor: str) -> tuple[RenderedSession, dict[int, Comparison]]:
     return plain_drive(ground, drive_seed), {}
 
 

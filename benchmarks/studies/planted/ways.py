@@ -11,7 +11,7 @@ import numpy as np
 from maurice_datasets.render.conditions import LightChange
 from maurice_datasets.robot.motion import Chassis
 from maurice_datasets.robot.planner import free_pose, raster
-from maurice_datasets.trials.drives import Held
+from maurice_datasets.trials.drives import RenderedSession
 from maurice_datasets.worlds.world import clearance
 from maurice_mcl.reasons.causes import (
     AMBIGUITY,
@@ -69,7 +69,7 @@ class Planting:
 
     way: str  # in a few words
     since: int  # first update at which it can do harm
-    session: Held
+    session: RenderedSession
     library: Library
     settings: Mapping[str, Any] = field(default_factory=lambda: dict(FILTER))
     late: int = LOOKS  # updates after `since` within which a loss is due to it
@@ -202,7 +202,7 @@ def carried_away(ground: Ground, seed: int, rng: np.random.Generator) -> Plantin
     """The robot is carried to another place."""
     at = _since(rng)
     session = drive(ground, seed, task="kidnapped", kidnap_at=at - 1)
-    return Planting("carried away", at, Held(session.info, session.all_moments), ground.library)
+    return Planting("carried away", at, RenderedSession(session.info, session.all_moments), ground.library)
 
 
 def spinning_wheels(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
@@ -257,7 +257,7 @@ def begun_outside(ground: Ground, seed: int, rng: np.random.Generator) -> Planti
     return Planting("the start is off the map", 1, started_at(held, start), ground.library)
 
 
-def _start(held: Held) -> F64:
+def _start(held: RenderedSession) -> F64:
     if held.info.start is None:
         raise ValueError("expected a drive with a known start")
     return held.info.start

@@ -13,11 +13,11 @@ from benchmarks.thesis import clouds, costs, drawn, drives, traces
 from benchmarks.thesis.drawn import draw_figures
 from benchmarks.thesis.figures import OVER_PARTICLES
 from benchmarks.thesis.material import Material, MissingRuns
+from benchmarks.thesis.timing import COMPARE, DESCRIBE, UPDATE, measure
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.table import with_settings
-from maurice_datasets.trials.timing import COMPARE, DESCRIBE, UPDATE, measure
 from maurice_loaders.errors import InputError
 from maurice_mcl.values.geometry import INCH_M
 
@@ -145,8 +145,6 @@ def test_points_of_costs_are_the_medians(tmp_path: Path) -> None:
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     relative = costs.of_color(material, DESCRIBE, "time over that of color (ratio)").axes[0]
     assert relative.get_lines()[0].get_xdata().tolist() == [2.0]
-    with pytest.raises(MissingRuns, match="trials run timing"):
-        costs.update(Material(tmp_path))
 
 
 def test_figures_of_no_trials_are_refused_before_a_folder_is_made(tmp_path):

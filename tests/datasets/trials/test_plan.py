@@ -74,7 +74,7 @@ def test_shipped_plans_can_be_read(name: str) -> None:
     for part in plan.parts:
         for number in range(len(part.variants)):
             configuration_of(part.variants[number].settings)
-    assert plan.timing or plan.runs > 0
+    assert plan.runs > 0
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_shipped_plans_can_be_read(name: str) -> None:
         ("[[sessions]]\ntask = 'global'\n[settings]\nfeature = 'colour'", "feature: found 'colour'"),
         (
             "[[sessions]]\ntask = 'global'\ncamera = 'mine'",
-            "camera: found 'mine', expected stated or unknown",
+            "camera: found 'mine'",
         ),
         ("seeds = 2000\n[[sessions]]\ntask = 'global'", "at most 1000"),
         ("title = 'nothing'", "found no [[sessions]]"),
@@ -101,14 +101,13 @@ def test_shipped_plans_can_be_read(name: str) -> None:
         ("include = ['..']", "found a folder"),
         ("include = ['edges', 'edges']", "found the part 'edges' twice"),
         ("title = [1]\n[[sessions]]\ntask = 'global'", "title: found [1], expected a text"),
-        ("timing = 'yes'", "timing: found 'yes', expected true or false"),
         ("seeds = 1.5\n[[sessions]]\ntask = 'global'", "seeds: found 1.5, expected a whole number"),
         ("sessions = 3", "sessions: found 3, expected a list"),
         ("sessions = [3]", "session 1: found 3, expected a table"),
         ("grid = 3\n[[sessions]]\ntask = 'global'", "grid: found 3, expected a table"),
         ("variants = [3]\n[[sessions]]\ntask = 'global'", "variant 1: found 3, expected a table"),
         ("[[sessions]]\ntask = 'global'\nupdates = 'x'", "updates: found 'x', expected a whole number"),
-        ("[[sessions]]\ntask = 'global'\narenas = 0", "arenas: found 0, expected 1 to 1000"),
+        ("[[sessions]]\ntask = 'global'\narenas = 0", "arenas: found 0"),
         ("[[sessions]]\ntask = 'global'\nlights = 'nonsense'", "found light change 'nonsense'"),
         ("[[sessions]]\ntask = 'kidnapped'\nupdates = 4\nkidnap_at = 9", "after update 9 of 4"),
         ("[[sessions]]\npath = 3", "path: found 3, expected a text"),

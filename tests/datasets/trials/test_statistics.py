@@ -9,10 +9,10 @@ import pytest
 from scipy.special import ndtri
 from scipy.stats import binomtest, ttest_1samp
 
+from benchmarks.thesis.over_particles import log_fit
 from maurice_datasets.trials.statistics import (
     Clusters,
     holm,
-    log_fit,
     mean,
     p_value,
     rate,

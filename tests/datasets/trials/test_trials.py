@@ -20,11 +20,11 @@ import polars as pl
 import pytest
 
 from maurice_datasets.trials.engine import run_plan
-from maurice_datasets.trials.plan import read_plan
-from maurice_datasets.trials.rows import MEASURED, MOST, RowStore, read_plan_of, read_rows
-from maurice_datasets.trials.runs import Job, Row, jobs_of, run_alone, run_job
+from maurice_datasets.trials.plan import Plan, read_plan
+from maurice_datasets.trials.rows import KEY, MEASURED, MOST, RowStore, read_plan_of, read_rows
+from maurice_datasets.trials.runs import Job, Row, TrialRun, jobs_of, run_job
 from maurice_datasets.trials.table import grouped, load_trials, paired
-from maurice_datasets.trials.tally import Tally
+from maurice_datasets.trials.tally import RunTally
 from maurice_loaders.errors import InputError
 from maurice_mcl.filter.batch import SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
@@ -55,13 +55,23 @@ def same(rows: pl.DataFrame) -> pl.DataFrame:
     return rows.drop(*MEASURED)
 
 
+def run_alone(plan: Plan, row: Row) -> Row:
+    """Return the row of one run, computed by itself."""
+    part = next(part for part in plan.parts if part.name == row["part"])
+    spec = next(spec for spec in part.sessions if spec.label == row["session"])
+    variant = part.variants[row["variant"]]
+    varied = tuple(part.variants.varied)
+    asked = TrialRun(*(row[name] for name in KEY[:3]), variant.label, variant.settings, varied, row["seed"])
+    return run_job(Job(spec.drive, 0 if spec.path else row["seed"], (asked,)))[0]
+
+
 def test_a_run_of_a_plan_is_the_run_alone(plan_file: Path, tmp_path: Path) -> None:
     plan = read_plan(plan_file)
     made = run_plan(plan, tmp_path / "out")
     rows = read_rows(tmp_path / "out")
     assert (made.runs, made.made, made.failed, len(rows)) == (12, 12, 0, 12)
     for row in rows.iter_rows(named=True):
-        alone = run_alone(plan, row["part"], row["session"], row["variant"], row["seed"])
+        alone = run_alone(plan, row)
         kept = pl.DataFrame([alone | {name: row[name] for name in MEASURED}], schema=rows.schema)
         assert kept.equals(pl.DataFrame([row], schema=rows.schema), null_equal=True)
 
@@ -98,17 +108,17 @@ def test_runs_that_differ_in_their_seeds_are_stepped_as_one_array(
     job: Job, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stepped: list[int] = []
-    step = Tally.step
+    step = RunTally.step
 
-    def counted(self: Tally, *words: Any) -> None:
+    def counted(self: RunTally, *words: Any) -> None:
         stepped.append(len(self.numbers))
         step(self, *words)
 
-    monkeypatch.setattr(Tally, "step", counted)
+    monkeypatch.setattr(RunTally, "step", counted)
     together = run_job(job)
     assert stepped.count(3) == 8 * 14  # all filters but the one of changing size and the control, 14 pictures
     stepped.clear()
-    alone = run_job(replace(job, alone=True))
+    alone = [row for asked in job.asked for row in run_job(replace(job, asked=(asked,)))]
     assert set(stepped) == {1}
     assert untimed(together) == untimed(alone)
     assert all(row["took_s"] > 0 and row["error"] is None for row in together)
@@ -151,12 +161,6 @@ def test_a_recording_that_ends_in_damage_fails_its_runs_once(
     monkeypatch.setattr("maurice_datasets.trials.runs.compared_ahead", damaged)
     assert {row["error"] for row in run_job(job)} == {"cut short"}
     assert len(read) == 1
-
-
-def test_runs_whose_time_is_measured_run_alone(plan_file: Path) -> None:
-    plan = read_plan(plan_file)
-    assert not any(job.alone for job in jobs_of(plan, set()))
-    assert all(job.alone for job in jobs_of(replace(plan, timing=True), set()))
 
 
 def test_workers_and_order_do_not_matter(plan_file: Path, tmp_path: Path) -> None:

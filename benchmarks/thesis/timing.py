@@ -16,13 +16,11 @@ import cv2
 import numpy as np
 import polars as pl
 
-from maurice_loaders.errors import InputError
+from maurice_datasets.trials.drives import Drive, open_drive
+from maurice_datasets.trials.plan import SessionSpec
 from maurice_loaders.files.writing import write_whole
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F64
-
-from .drives import Drive, open_drive
-from .plan import SessionSpec
 
 FILE = "timing.parquet"
 PARTICLES = (100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 60_000)
@@ -46,13 +44,13 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, F64]:
 
 
 def measure(folder: Path, rounds: int = 15) -> pl.DataFrame:
-    """Measure everything and write it as the folder's timing.parquet; see `read_timing` for its columns."""
+    """Measure everything and write it as the folder's timing.parquet; see `timing_of` for its columns."""
     cv2.setNumThreads(1)
     drive = open_drive(SPEC, 0)
     rows = [*_features(drive, rounds), *_updates(drive, rounds)]
-    frame, held = pl.DataFrame(rows), io.BytesIO()
-    frame.write_parquet(held)
-    write_whole(folder / FILE, held.getvalue(), force=True)
+    frame, packed = pl.DataFrame(rows), io.BytesIO()
+    frame.write_parquet(packed)
+    write_whole(folder / FILE, packed.getvalue(), force=True)
     return frame
 
 
@@ -80,8 +78,8 @@ def _updates(drive: Drive, rounds: int) -> list[dict[str, Any]]:
     works: dict[str, Work] = {}
     for feature in FEATURES:
         for particles in PARTICLES:
-            made = drive.bench.localizer({"feature": feature, "particles": particles})
-            localizer = made.of_session(drive.session)
+            settings = {"feature": feature, "particles": particles}
+            localizer = drive.bench.localizer(settings).of_session(drive.session)
             works[f"{feature} {particles}"] = partial(localizer.step, localizer.initialize(None), frame)
     took = in_turn(works, rounds)
     named = [(feature, particles) for feature in FEATURES for particles in PARTICLES]
@@ -107,12 +105,10 @@ def _row(what: str, feature: str, particles: int | None, seconds: F64, color: F6
     }
 
 
-def read_timing(folder: Path) -> pl.DataFrame:
-    """Return what was measured; InputError where nothing was.
+def timing_of(folder: Path) -> pl.DataFrame:
+    """Return what was measured for a folder of trials, and measure it first where nothing was: a minute.
 
     Columns: `what` (describe, compare, update), `feature`, `particles` (of an update), seconds as median and
     10 to 90 percent of the rounds, and the ratio to color, round by round.
     """
-    if not (folder / FILE).is_file():
-        raise InputError(folder, "found no timing, expected one that a plan with `timing = true` has made")
-    return pl.read_parquet(folder / FILE)
+    return pl.read_parquet(folder / FILE) if (folder / FILE).is_file() else measure(folder)
