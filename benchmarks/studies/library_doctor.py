@@ -20,8 +20,7 @@ import numpy as np
 
 from maurice_datasets.render.camera_session import survey_camera
 from maurice_datasets.surveys import Surveyor, added_references
-from maurice_datasets.trials.drives import Bench, Drive, open_drive
-from maurice_datasets.trials.drives import _world as world_of
+from maurice_datasets.trials.drives import Bench, Drive, open_drive, world_of
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, Interval, mean
 from maurice_mcl.filter.batch import run_batch
