@@ -20,7 +20,7 @@ from maurice_mcl.values.arrays import F64
 from ..style import UNITS, Units, scale_for
 from ..text.summary import name_of
 from .charts import Axes
-from .map import FloorPlan
+from .map import DrawnFloor
 
 MOST_FILTERS = 4  # that are named in the first line
 DARKEST_QUANTILE = 0.95  # at which the darkest color begins
@@ -33,7 +33,7 @@ METRICS = {  # what a spot is colored by: its words, and the column
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ArenaPlan(FloorPlan):
+class ArenaPlan(DrawnFloor):
     """One arena's floor with its spots."""
 
     long_side: ClassVar[float] = 420.0

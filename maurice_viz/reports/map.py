@@ -25,7 +25,7 @@ KNOWN_FLOORS = ("wood", "carpet")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FloorPlan:
+class DrawnFloor:
     """A floor as a template writes it, in px."""
 
     long_side: ClassVar[float]  # of the map in the drawing, in px
@@ -80,7 +80,7 @@ class MapPath:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnMap(FloorPlan):
+class DrawnMap(DrawnFloor):
     """The map of a report, with the paths of its runs."""
 
     long_side: ClassVar[float] = 620.0
