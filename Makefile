@@ -28,7 +28,7 @@ check: .venv/installed-dev
 gate: .venv/installed
 	$(BIN)/maurice-replay simulate global --updates 40 -o out/gate/drive --force
 	$(BIN)/maurice-replay check out/gate/drive/session.log --max-error 0.15m --localized-by 20 --min-localized 0.95 \
-		--seeds 20 --junit out/gate/check.xml --artifacts out/gate/failed --force
+		--seeds 20 -o out/gate/check.xml --artifacts out/gate/failed --force
 
 # All comparisons with the peers, some minutes; the tables go into docs/performance.md.
 bench: .venv/installed-dev

@@ -72,7 +72,7 @@ def drive_alone(demo: Path, folder: Path) -> Path:
 def as_recorded(run: str, folder: Path) -> Path:
     """Record a run as another localizer's: from the particles in its MCAP export."""
     bag, recording = folder / "run.mcap", folder / "recorded.rrd"
-    maurice("export", run, "--mcap", str(bag))
+    maurice("export", run, "-o", str(bag))
     maurice(str(bag), "--as-recorded", "-o", str(recording))
     return recording
 

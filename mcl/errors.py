@@ -97,8 +97,8 @@ _OPTION = re.compile(rf"maurice-replay [^;]*|--reading (\w+)=([^\s,;]+)|--([a-z]
 def by_parameters(text: str) -> str:
     """Return a message in which parameters replace options, but in a command to type.
 
-    >>> by_parameters("name one with --library; maurice-replay formats --json")
-    'name one with library=; maurice-replay formats --json'
+    >>> by_parameters("name one with --library; maurice-replay inspect --json")
+    'name one with library=; maurice-replay inspect --json'
     >>> by_parameters("give --reading plane=xz")
     'give reading=ReadingOptions(plane=xz)'
     """

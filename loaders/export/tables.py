@@ -294,6 +294,6 @@ def evo_sink(file: Path, label: str, *, force: bool = False) -> Iterator[EvoSink
         sink = EvoSink(label)
         yield sink
         if not len(sink.rows):
-            text = "the run knows no truth, and an error needs one; export --tum or --csv instead"
+            text = "the run knows no truth, and an error needs one; export a .tum or .csv instead"
             raise InputError(file, text)
         sink.save(part)

@@ -22,18 +22,18 @@ class CalibratedBelief:
     """What was found for all runs of one label."""
 
     label: str
-    found: BeliefCalibration
+    calibration: BeliefCalibration
     left_out: int  # runs that were lost or kidnapped: their regions cannot hold the truth
     sharpness: float  # of the likelihood, as these runs had it
 
     @property
     def better_sharpness(self) -> float:
         """The value of `sensor.sharpness` under which the 90 % region would hold the truth in 90 %."""
-        return self.sharpness * self.found.coverage_exponent.value
+        return self.sharpness * self.calibration.coverage_exponent.value
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        facts: dict[str, Any] = _known(asdict(self.found)) | {"likelihood": self.found.likelihood}
+        facts: dict[str, Any] = _known(asdict(self.calibration)) | {"likelihood": self.calibration.likelihood}
         own = {"label": self.label, "left_out": self.left_out, "sharpness": self.sharpness}
         return own | facts | {"better_sharpness": self.better_sharpness}
 
@@ -56,17 +56,17 @@ def calibrate_belief(
     InputError for what is no saved run, and where no run is left; OptionError without any run.
 
         >>> import maurice_viz as mv
-        >>> [found] = mv.calibrate_belief("my-run")
-        >>> [region.level for region in found.found.regions]
+        >>> [belief] = mv.calibrate_belief("my-run")
+        >>> [region.level for region in belief.calibration.regions]
         [0.5, 0.9, 0.99]
     """
     if not runs:
         raise OptionError("found no saved run, expected one or more")
     labelled: dict[str, list[SavedRun]] = {}
     for path in runs:
-        for one in open_runs(Path(path)):
-            labelled.setdefault(one.manifest.label, []).append(one)
-    return [_judged(label, some, lost=lost, listener=listener) for label, some in labelled.items()]
+        for saved in open_runs(Path(path)):
+            labelled.setdefault(saved.manifest.label, []).append(saved)
+    return [_judged(label, alike, lost=lost, listener=listener) for label, alike in labelled.items()]
 
 
 def _judged(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Listener) -> CalibratedBelief:
@@ -81,13 +81,14 @@ def _judged(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Liste
         what = "each of these runs was" if left_out > 1 else "the run was"
         raise InputError(runs[0].folder, f"{what} lost or kidnapped, which is left out; --lost counts it too")
     try:
-        found = judge.result()
+        calibration = judge.result()
     except ValueError as problem:
         raise InputError(runs[0].folder, str(problem)) from None
     if left_out:
-        gone = f"{left_out} of {len(runs)} runs were lost or kidnapped and are left out"
-        listener.warning(f"note: {label}: {gone}")
-    return CalibratedBelief(label, found, left_out, runs[0].configuration.parameters.sensor.sharpness)
+        listener.warning(
+            f"note: {label}: {left_out} of {len(runs)} runs were lost or kidnapped and are left out"
+        )
+    return CalibratedBelief(label, calibration, left_out, runs[0].configuration.parameters.sensor.sharpness)
 
 
 def _add(judge: BeliefJudge, run: SavedRun) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
 from maurice_mcl.filter.branch import branched
@@ -25,8 +25,9 @@ from ..running.open import AnySession
 from ..running.run_spec import check_name, combined
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
-from .convert import chosen_label
+from .convert import only_run
 
+GLOBAL = "global"  # the one start that a branch can have instead of where the particles are
 KEEPS_SCALES = ("sensor.sharpness", "sensor.widening", "sensor.scales")  # others ask for new ones
 
 
@@ -66,8 +67,8 @@ class BranchChange:
         """The change as typed on the command line: "--set", "recovery.strategy=augmented"."""
         named: dict[str, Any] = {"--preset": self.preset, "--feature": self.feature}
         named |= {"--particles": self.particles, "--seed": self.seed}
+        named |= {"--start": GLOBAL if self.anywhere else None}
         given = [word for name, value in named.items() if value is not None for word in (name, str(value))]
-        given += ["--anywhere"] if self.anywhere else []
         settings = [f"{key}={_short(value)}" for key, value in self.settings.items()]
         return (*given, *(word for setting in settings for word in ("--set", setting)))
 
@@ -210,10 +211,9 @@ class BranchPoint:
 Past = Sequence[float]  # what recovery was told until the branch, update by update
 
 
-def open_branch(run: str | Path, run_label: str | None = None, listener: Listener = SILENT) -> BranchPoint:
+def open_branch(run: str | Path, listener: Listener = SILENT) -> BranchPoint:
     """Open a saved run and what it was made from. InputError if anything is gone or was changed."""
-    runs = {one.manifest.label: one for one in open_runs(Path(run))}
-    saved = runs[chosen_label(Path(run), list(runs), run_label)]
+    saved = only_run(Path(run))
     session, library = session_of(saved), library_of(saved, listener)
     for text in changed_versions(saved):
         listener.warning(f"{saved.folder}: {text}: a branch may differ from the run for that alone")

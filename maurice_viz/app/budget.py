@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from maurice_mcl.values.library import Library
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..running.open import AnySession, make_runs, open_library_for, open_session
-from ..running.run_spec import RunSpec
+from ..running.run_spec import RunSpec, settings_with
 
 MOST_DRIVES = 10  # of a folder of trials
 WORKING = "error budget"
@@ -33,6 +33,7 @@ def error_budget(
     start: str | F64 | None = None,
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
+    sensors: Sequence[str] = (),
     reading: ReadingOptions | None = None,
     seeds: int = 5,
     listener: Listener = SILENT,
@@ -48,17 +49,15 @@ def error_budget(
         >>> [one.part for one in budget.parts][:2]
         ['as it is', 'true movements']
     """
+    file, options = None if config is None else Path(config), reading or ReadingOptions()
+    spec = RunSpec(preset, feature, particles, 0, start, file, settings_with(settings, sensors))
     if isinstance(source, (str, Path)) and is_trials(Path(source)):
-        if any(given is not None for given in (library, feature, preset, particles, start, config, settings)):
-            raise OptionError(
-                f"{source} holds trials: their filter is used, so no option of a filter applies"
-            )
+        if library is not None or spec != RunSpec() or options != ReadingOptions():
+            raise OptionError(f"{source} holds trials: their filter is used, no option of a filter applies")
         return _of_trials(Path(source), listener)
-    file = None if config is None else Path(config)
-    spec = RunSpec(preset, feature, particles, 0, start, file, dict(settings or {}))
-    session = open_session(source, reading or ReadingOptions(), listener)
+    session = open_session(source, options, listener)
     asked = Path(library) if isinstance(library, str) else library
-    references = open_library_for(session, asked, keep_going=False, listener=listener)
+    references = open_library_for(session, asked, keep_going=options.keep_going, listener=listener)
     (run,) = make_runs(session, references, [spec], listener)
     localizer = run.localizer.of_session(session)
     moments = list(session.moments())

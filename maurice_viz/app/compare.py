@@ -14,7 +14,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.manifest import library_hash
-from maurice_loaders.runs.store import SavedRun, is_saved, open_runs
+from maurice_loaders.runs.store import SavedRun, is_saved
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
@@ -37,6 +37,7 @@ from ..running.run import Playback, Report, RunScores, play, remark_zeros
 from ..running.run_spec import RunSpec, settings_with
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
 from ..scene import RunView, Scene
+from .convert import only_run
 from .replay import replay_session
 
 COLOR_AND_BLENDED = ("color", "blended")
@@ -234,7 +235,7 @@ def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
         if len(found.runs) < 2:
             raise InputError(folders[0], "is a single saved run; name the one to compare it with as well")
         return playback_of(found, listener)
-    _check_alike([_single(folder) for folder in folders])
+    _check_alike([only_run(folder) for folder in folders])
     opened = [
         _labelled(folder, label, listener)
         for folder, label in zip(folders, unique_labels(names_of(folders)), strict=True)
@@ -295,15 +296,6 @@ def _sessions_playback(
         Scene(info, references, any(truth for _, truth in overviews), shortest),
         remarks,
     )
-
-
-def _single(folder: Path) -> SavedRun:
-    """Open a saved run, nothing that it was made from. InputError for a comparison's folder."""
-    runs = open_runs(folder)
-    if len(runs) > 1:
-        below = ", ".join(str(run.folder) for run in runs)
-        raise InputError(folder, f"holds {len(runs)} runs; name the ones to compare: {below}")
-    return runs[0]
 
 
 def _labelled(folder: Path, label: str, listener: Listener) -> Opened:

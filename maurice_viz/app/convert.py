@@ -170,46 +170,40 @@ class Exported:
         return asdict(self) | {"files": [str(file) for file in self.files]}
 
 
-Files = Mapping[str, Path]  # those asked for, by format
+Files = Mapping[str, Path]  # those asked for, by kind
+KINDS = ("tum", "kitti", "csv", "parquet", "mcap", "zip")  # what the files end in
 BY_PATH = ("tum", "kitti")  # formats with a file for each path
 
 
 def export(
     run: str | Path,
+    to: str | Path | Sequence[str | Path],
     *,
-    tum: str | Path | None = None,
-    kitti: str | Path | None = None,
-    csv: str | Path | None = None,
-    parquet: str | Path | None = None,
-    mcap: str | Path | None = None,
-    evo: str | Path | None = None,
     only: str | None = None,
     scored: bool = False,
     t_offset_s: float = 0.0,
-    run_label: str | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> Exported:
     """Export estimate, truth and odometry of a saved run; nothing is filtered again.
 
-    At least one file is named. TUM and KITTI get one file per path, or just the path `only` ("estimate",
-    "truth" or "odometry"). `scored` leaves out the first three updates, as the table of scores does.
-    `t_offset_s` (seconds) is added to every time. `run_label` chooses a run of a comparison. Lengths are in
+    `to` is a file or several, at most one of each kind, told by its ending: .tum and .kitti (paths), .csv and
+    .parquet (a row per update), .mcap (ROS 2 messages), .zip (position errors for evo). TUM and KITTI get one
+    file per path, or just the path `only` ("estimate", "truth" or "odometry"). `scored` leaves out the first
+    three updates, as the table of scores does. `t_offset_s` (seconds) is added to every time. Lengths are in
     meters, headings in radians; all files appear together at the end.
 
     Raises OptionError for arguments that contradict each other and InputError for a folder that holds no such
     run, no truth that `only` asks for, no update, or for files that exist (unless `force`).
 
         >>> import maurice_viz as mv
-        >>> exported = mv.export("my-run", tum="my-run.tum", only="estimate")
+        >>> exported = mv.export("my-run", "my-run.tum", only="estimate")
         >>> [file.name for file in exported.files]
         ['my-run.tum']
     """
-    given = {"tum": tum, "kitti": kitti, "csv": csv, "parquet": parquet, "mcap": mcap, "evo": evo}
-    files = {name: Path(file) for name, file in given.items() if file is not None}
-    _check(files, only, t_offset_s)
-    runs = {one.manifest.label: one for one in open_runs(Path(run))}
-    saved = runs[chosen_label(Path(run), list(runs), run_label)]
+    files = _by_kind([to] if isinstance(to, (str, Path)) else to)
+    _check(only, t_offset_s)
+    saved = only_run(Path(run))
     if only == "truth" and not saved.manifest.has_truth:
         raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
     steps, events, errors = 0, 0, EvoSink(saved.manifest.label)
@@ -235,12 +229,24 @@ def export(
     return Exported(saved.manifest.label, steps, written, errors.statistics() or None)
 
 
-def _check(files: Files, only: str | None, t_offset_s: float) -> None:
-    """Refuse arguments that contradict each other. OptionError."""
+def _by_kind(names: Sequence[str | Path]) -> dict[str, Path]:
+    """Return the files to write by the endings of their names. OptionError for other endings."""
+    files: dict[str, Path] = {}
+    for file in map(Path, names):
+        kind = file.suffix.removeprefix(".")
+        if kind not in KINDS:
+            endings = ", ".join(f".{kind}" for kind in KINDS)
+            raise OptionError(f"{file}: the ending says what is exported; expected one of {endings}")
+        if kind in files:
+            raise OptionError(f"{files[kind]} and {file} are of one kind; give one")
+        files[kind] = file
     if not files:
-        raise OptionError("name a file: --tum, --kitti, --csv, --parquet, --mcap or --evo")
-    if len({file.absolute() for file in files.values()}) < len(files):
-        raise OptionError("two formats cannot go to one file")
+        raise OptionError("name a file to write")
+    return files
+
+
+def _check(only: str | None, t_offset_s: float) -> None:
+    """Refuse arguments that no file can have. OptionError."""
     if only is not None and only not in PATHS:
         raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
     if not np.isfinite(t_offset_s):
@@ -252,13 +258,13 @@ def _named(files: Files, paths: Sequence[str]) -> Iterator[Path]:
         yield from path_files(file, paths).values() if name in BY_PATH else [file]
 
 
-def chosen_label(folder: Path, labels: Sequence[str], label: str | None) -> str:
-    """Return the label of the run that is meant: the given one, or the only run's. Raises InputError."""
-    if label is None and len(labels) > 1:
-        raise InputError(folder, f"holds the runs {', '.join(labels)}; choose one with --run-label")
-    if label is not None and label not in labels:
-        raise InputError(folder, f"holds no run {label!r}; it holds {', '.join(labels)}")
-    return labels[0] if label is None else label
+def only_run(folder: Path) -> SavedRun:
+    """Open a saved run, nothing that it was made from. InputError for a comparison's folder."""
+    runs = open_runs(folder)
+    if len(runs) > 1:
+        below = ", ".join(str(run.folder) for run in runs)
+        raise InputError(folder, f"holds {len(runs)} runs; name one of them: {below}")
+    return runs[0]
 
 
 def _open(
@@ -277,7 +283,7 @@ def _open(
         "csv": lambda file: csv_sink(file, channels, force=force),
         "parquet": lambda file: parquet_sink(file, channels, force=force),
         "mcap": lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
-        "evo": lambda file: evo_sink(file, label, force=force),
+        "zip": lambda file: evo_sink(file, label, force=force),
     }
     return [stack.enter_context(opening[name](file)) for name, file in files.items()]
 
@@ -308,7 +314,7 @@ def _report_left_out(
         if isinstance(sink, PathSink) and sink.left_out:
             why = "KITTI rows have no time, so that only steps with a known truth are written"
             listener.remark(f"{files['kitti']}: {sink.left_out} steps are left out: {why}")
-    paths = [str(files[name]) for name in (*BY_PATH, "evo") if name in files]
+    paths = [str(files[name]) for name in (*BY_PATH, "zip") if name in files]
     if events and paths:
         listener.remark(f"{', '.join(paths)}: left out: {events} events, as these files hold poses only")
     if not run.manifest.has_truth and not files.keys().isdisjoint(BY_PATH):

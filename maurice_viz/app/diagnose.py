@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from maurice_loaders.runs.store import is_saved
 from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
+from maurice_mcl.values.arrays import F64
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
@@ -122,9 +123,10 @@ def diagnose(
     preset: str | None = None,
     particles: int | None = None,
     seed: int = 0,
-    start: str | None = None,
+    start: str | F64 | None = None,
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
+    sensors: Sequence[str] = (),
     reading: ReadingOptions | None = None,
     listener: Listener = SILENT,
 ) -> Diagnoses:
@@ -152,6 +154,7 @@ def diagnose(
         start=start,
         config=config,
         settings=settings,
+        sensors=sensors,
         reading=reading,
         listener=listener,
     )

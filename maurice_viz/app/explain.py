@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +17,11 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.open import typed_pose
 from ..running.saved import Opened, open_saved
-from ..running.saved_steps import Restored
 from ..style import Scale
 from ..text.explanation import say_step
 from ..text.explanation_table import to_json
 from ..text.sensors import say_sensors
-from .convert import chosen_label
+from .convert import only_run
 from .snapshot import snapshot
 
 
@@ -56,7 +55,6 @@ def explain(
     at: F64 | str | None = None,
     entry: int | None = None,
     particle: int | None = None,
-    run_label: str | None = None,
     to: str | Path | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -66,8 +64,8 @@ def explain(
     The references nearest to the truth and to the estimate are compared with the one that matches best. One
     more may be asked for: the one nearest to the pose `at`, (3,) in meters and radians or as text
     "X,Y,HEADING" in display units and degrees; the library's `entry`; or the one of a `particle`, by its
-    number in the saved cloud. `run_label` chooses a run of a comparison. `to` also writes a picture (.png) of
-    the layout `explain` at that step, as `snapshot` does.
+    number in the saved cloud. `to` also writes a picture (.png) of the layout `explain` at that step, as
+    `snapshot` does.
 
     Raises OptionError for arguments out of range and InputError for a folder that is no saved run, a step
     that it does not have, or where its session or library is gone.
@@ -80,13 +78,13 @@ def explain(
     if sum(given is not None for given in (at, entry, particle)) > 1:
         raise OptionError("--at, --entry and --particle exclude each other")
     folder = Path(run)
+    only_run(folder)
     opened = open_saved(folder, listener)
-    labels = [one.saved.manifest.label for one in opened.restored]
-    chosen = opened.restored[labels.index(chosen_label(folder, labels, run_label))]
+    (restored,) = opened.restored
     library = opened.scene.library
     scale = opened.scene.scale
-    moment, record = _update(opened, chosen, folder, step)
-    if chosen.sensor is None or not len(record.sighting.comparison.quality):
+    moment, record = _update(opened, folder, step)
+    if restored.sensor is None or not len(record.sighting.comparison.quality):
         raise InputError(folder, "cannot be explained without its session and library; put them back")
     if not record.sighting.comparison.channels:
         raise InputError(folder, _of_readings(record, moment, library.origin, scale))
@@ -100,11 +98,10 @@ def explain(
     asked = None
     if at is not None or entry is not None:
         asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
-    explained = explain_step(record, chosen.sensor, moment.truth, asked, weigh=True)
-    label = chosen.saved.manifest.label
+    explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
+    label = restored.saved.manifest.label
     if to is not None:
-        own = chosen.saved.folder
-        snapshot(own, to=to, step=moment.frame.step, layout="explain", force=force, listener=listener)
+        snapshot(folder, to=to, step=moment.frame.step, layout="explain", force=force, listener=listener)
     sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
     return Explanation(label, explained, sensors, scale)
 
@@ -114,31 +111,31 @@ def _of_readings(record: StepRecord, moment: Moment, origin: F64, scale: Scale) 
     poses = {"estimate": record.estimate.pose}
     if moment.truth is not None:
         poses["truth"] = moment.truth
-    sensed, said = record.sighting.comparison.sensed, []
-    for one in sensed:
+    readings = []
+    for sensed in record.sighting.comparison.sensed:
         at = np.stack(list(poses.values())) - np.append(origin, 0)
-        nats = one.sensor.log_likelihood(one.reading, at.astype(np.float32), origin)
+        nats = sensed.sensor.log_likelihood(sensed.reading, at.astype(np.float32), origin)
         each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
-        said.append(f"{one.shown(poses).said(scale.say)} (nats: {each})")
-    found = "; ".join(said) or "its sensors read nothing"
+        readings.append(f"{sensed.shown(poses).said(scale.say)} (nats: {each})")
+    read = "; ".join(readings) or "its sensors read nothing"
     where = "the tab `sensors` shows it for every step"
     why = f"step {record.frame.step} compared no picture with references, so none is explained"
-    return f"{why}; {found}; {where}"
+    return f"{why}; {read}; {where}"
 
 
-def _update(opened: Opened, chosen: Restored, folder: Path, number: int | None) -> tuple[Moment, StepRecord]:
-    """Find one update; only pictures up to it are read."""
-    alone = replace(opened, runs=[chosen.saved], restored=[chosen])
-    found: tuple[Moment, StepRecord] | None = None
-    for moment, records in alone.updates():
-        found = moment, records[chosen.saved.manifest.label]
+def _update(opened: Opened, folder: Path, number: int | None) -> tuple[Moment, StepRecord]:
+    """Return one update of the only run; only pictures up to it are read."""
+    last: tuple[Moment, StepRecord] | None = None
+    for moment, records in opened.updates():
+        (record,) = records.values()
+        last = moment, record
         if moment.frame.step == number:
-            return found
-    if found is None:
+            return last
+    if last is None:
         raise InputError(folder, "holds no step")
     if number is not None:
-        raise InputError(folder, f"has no step {number}; it has 1 to {found[0].frame.step}")
-    return found
+        raise InputError(folder, f"has no step {number}; it has 1 to {last[0].frame.step}")
+    return last
 
 
 def _check_number(what: str, number: int, count: int) -> None:

@@ -219,7 +219,7 @@ def tune(
     score: Sequence[str | Path] = (),
     channels: Sequence[str] | None = None,
     to: str | Path | None = None,
-    keep_going: bool = False,
+    reading: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> TuningResult:
@@ -227,7 +227,7 @@ def tune(
 
     Fitted on `sessions`, drives with truth, or without any on the library itself, one reference left out at a
     time; scored on the drives `score`, none of which may be fitted on. `channels` are by default all that the
-    library has. `to` writes a configuration file (.toml). `keep_going` skips broken records of the drives.
+    library has. `to` writes a configuration file (.toml). `reading` says how the drives are read.
 
     Raises OptionError for an unknown channel, and InputError for drives without truth, drives that are both
     fitted and scored on, and a file that exists (unless `force`).
@@ -250,7 +250,7 @@ def tune(
     opened = library_at(path, listener)
     for text in default_said(opened, fitted=False):
         listener.warning(text)
-    tuning = _Tuning(path, opened, _wanted(path, opened, channels), keep_going, listener)
+    tuning = _Tuning(path, opened, _wanted(path, opened, channels), reading or ReadingOptions(), listener)
     result = _tuned(tuning, fit, test)
     if not test:
         where = "the drives fitted on" if fit else "the library itself"
@@ -267,7 +267,7 @@ class _Tuning:
     path: Path
     library: Library
     channels: tuple[str, ...]
-    keep_going: bool
+    reading: ReadingOptions
     listener: Listener
 
     @property
@@ -328,7 +328,7 @@ def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
     advance = progress_of(tuning.listener, "compare references")
     samples = library_samples(LeftOutTable.of(tuning.sensor), advance)
     if not samples:
-        none = "found no two references near each other that look one way; fit on a --session"
+        none = "found no two references near each other that look one way; fit on a drive"
         raise InputError(tuning.path, none)
     return samples
 
@@ -336,7 +336,7 @@ def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
 def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
     """Measure a drive; of a long one, or where it is one among many, evenly chosen pictures."""
     listener, sensor = tuning.listener, tuning.sensor
-    log = open_session(path, ReadingOptions(keep_going=tuning.keep_going), listener)
+    log = open_session(path, tuning.reading, listener)
     taken = spread_out(log.overview()[0], max(1, most_pictures(sensor) // among))
     advance, known = progress_of(listener, path.name), known_descriptors()
     samples = drive_samples(sensor, log.moments(), taken, advance, known)

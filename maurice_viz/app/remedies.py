@@ -116,7 +116,6 @@ def remedies(
     *,
     seeds: int | Sequence[int] = SEEDS,
     names: Iterable[str] = (),
-    run_label: str | None = None,
     listener: Listener = SILENT,
 ) -> Remedies:
     """Try what might have kept a saved run localized, from a step on, and rank it.
@@ -134,7 +133,7 @@ def remedies(
         >>> found.tried[0].verdict, found.proposed
         ('no difference seen', None)
     """
-    point = open_branch(run, run_label, listener)
+    point = open_branch(run, listener)
     step = point.step_or_default(from_step)
     tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)
     wanted, (possible, left_out) = set(names), candidates(point)

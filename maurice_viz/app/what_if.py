@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,17 +23,19 @@ from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values.records import FilterState, StepRecord
 from maurice_mcl.values.session import Moment
 
+from ..errors import OptionError
 from ..layouts import DETAILS
 from ..listener import SILENT, Listener
 from ..playback import ResultCollector
 from ..running.open import unique_labels
 from ..running.output import OutputOptions, output_of
 from ..running.run import Playback, RunScores, play
+from ..running.run_spec import settings_with
 from ..running.saved import remark_saved, view_of
 from ..scene import RunView, Scene
 from ..style import scale_for
 from ..text.what_if import BRANCH, what_if_line
-from .branch import BranchChange, BranchPoint, open_branch
+from .branch import GLOBAL, BranchChange, BranchPoint, open_branch
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +85,8 @@ def what_if(
     particles: int | None = None,
     seed: int | None = None,
     settings: Mapping[str, Any] | None = None,
-    anywhere: bool = False,
-    run_label: str | None = None,
+    sensors: Sequence[str] = (),
+    start: str | None = None,
     to: str | Path | None = None,
     layout: str | None = None,
     detail: str = DETAILS[0],
@@ -96,10 +98,10 @@ def what_if(
 
     Both have the same steps up to `from_step` (0: none, and the branch begins as a replay would; None: up
     to the one before the first loss). From there on, `preset`, `feature`, `particles` and `settings` choose
-    the filter as in `replay`; what is not given stays. With `anywhere` the branch begins with particles over
-    all free space. The random numbers are those that the run drew, unless a `seed` is given. `run_label`
-    chooses a run of a comparison. `to` is the Rerun recording (.rrd) to write, of both side by side; `output`
-    also says whether a viewer opens.
+    the filter as in `replay`; what is not given stays, and the `sensors` of other packages are these. With
+    `start="global"` the branch begins with particles over all free space. The random numbers are those that
+    the run drew, unless a `seed` is given. `to` is the Rerun recording (.rrd) to write, of both side by side;
+    `output` also says whether a viewer opens.
 
     InputError for bad files, and where the session or library is gone; OptionError for bad arguments.
 
@@ -109,9 +111,12 @@ def what_if(
         >>> mv.what_if("my-run", 5, particles=100).same_until
         5
     """
-    change = BranchChange(preset, feature, particles, seed, read_settings(settings or {}), anywhere)
+    if start not in (None, GLOBAL):
+        raise OptionError(f"--start: a branch begins where the particles are, or {GLOBAL}; found {start!r}")
+    changed = settings_with(read_settings(settings or {}), sensors)
+    change = BranchChange(preset, feature, particles, seed, changed, anywhere=start == GLOBAL)
     output = output_of(Path(run), output, to, None, layout, detail, force=force)
-    return _branched(Path(run), from_step, change, output, run_label, listener)
+    return _branched(Path(run), from_step, change, output, listener)
 
 
 def _branched(
@@ -119,10 +124,9 @@ def _branched(
     from_step: int | None,
     change: BranchChange,
     output: OutputOptions,
-    run_label: str | None,
     listener: Listener,
 ) -> WhatIf:
-    point = open_branch(run, run_label, listener)
+    point = open_branch(run, listener)
     from_step = point.step_or_default(from_step)
     pair = _Pair(point, from_step, change, point.localizer_with(change))
     resized = pair.localizer.particles != point.localizer.particles

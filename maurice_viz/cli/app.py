@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import difflib
+import os
+import re
 import sys
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -20,11 +24,10 @@ from .shared.visible import visible_output
 GROUPS = (
     "Replay and compare",
     "Understand",
-    "Record and convert",
+    "Recordings and files",
     "Library",
-    "Simulate",
-    "Trials",
-    "Configure",
+    "Simulate and calibrate",
+    "Trials and configuration",
 )
 
 
@@ -39,10 +42,10 @@ class Listed:
     page: str = ""  # of the documentation, about it
 
 
-_REPLAY, _UNDERSTAND, _CONVERT, _LIBRARY, _SIMULATE, _TRIALS, _CONFIGURE = GROUPS
+_REPLAY, _UNDERSTAND, _DATA, _LIBRARY, _SIMULATE, _TRIALS = GROUPS
 COMMANDS = {
-    one.name: one
-    for one in (
+    command.name: command
+    for command in (
         Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
         Listed("open", "replay", "Open a Rerun recording or a saved run in the viewer.", _REPLAY),
         Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "explain"),
@@ -52,7 +55,7 @@ COMMANDS = {
         Listed(
             "verify",
             "replay",
-            "Run a saved run again: is every step the same to the bit?",
+            "Filter a saved run again: is every step the same to the bit?",
             _REPLAY,
             "saved-runs",
         ),
@@ -60,50 +63,24 @@ COMMANDS = {
         Listed(
             "what-if", "what_if", "Branch a saved run with a change; rank remedies.", _UNDERSTAND, "what-if"
         ),
-        Listed(
-            "inspect",
-            "recordings",
-            "List what a recording holds: counts, rates, cameras.",
-            _UNDERSTAND,
-            "formats",
-        ),
-        Listed(
-            "doctor",
-            "recordings",
-            "Find wrong units, signs and clocks of a recording, and the fix.",
-            _UNDERSTAND,
-            "doctor",
-        ),
-        Listed(
-            "check", "check", "Test whether a filter meets demands on drives, for CI.", _UNDERSTAND, "trials"
-        ),
-        Listed("events", "runs", "List what happened in a saved run.", _UNDERSTAND, "saved-runs"),
         Listed("explain", "runs", "Explain one step of a saved run.", _UNDERSTAND, "explain"),
         Listed(
             "budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND, "what-if"
         ),
+        Listed(
+            "check", "check", "Test whether a filter meets demands on drives, for CI.", _UNDERSTAND, "trials"
+        ),
         Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND, "share"),
         Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND, "share"),
-        Listed("record", "convert", "Record a live source into a session log.", _CONVERT, "your-robot"),
-        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _CONVERT, "share"),
-        Listed("export", "convert", "Write a saved run for other tools.", _CONVERT, "share"),
-        Listed("import pictures", "convert", "Make logs of pictures and poses.", _CONVERT, "your-robot"),
-        Listed("formats", "convert", "List the formats that can be read.", _CONVERT, "formats"),
-        Listed(
-            "library build",
-            "library",
-            "Build a library of reference pictures.",
-            _LIBRARY,
-            "library",
-        ),
+        Listed("inspect", "recordings", "List what a recording or a saved run holds.", _DATA, "formats"),
+        Listed("doctor", "recordings", "Find what is wrong in a recording, and the fix.", _DATA, "doctor"),
+        Listed("record", "convert", "Record a live source into a session log.", _DATA, "your-robot"),
+        Listed("convert", "convert", "Write a recording as a log or as MCAP.", _DATA, "share"),
+        Listed("export", "convert", "Write a saved run for other tools.", _DATA, "share"),
+        Listed("import pictures", "convert", "Make logs of pictures and poses.", _DATA, "your-robot"),
+        Listed("library build", "library", "Build a library of reference pictures.", _LIBRARY, "library"),
         Listed("library show", "library", "Show what a library holds.", _LIBRARY, "library"),
-        Listed(
-            "library check",
-            "library",
-            "Find gaps, look-alikes, and what to add.",
-            _LIBRARY,
-            "library",
-        ),
+        Listed("library check", "library", "Find gaps, look-alikes, and what to add.", _LIBRARY, "library"),
         Listed("library tune", "library", "Tune channels to a library.", _LIBRARY, "library"),
         Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE, "simulate"),
         Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "simulate"),
@@ -122,8 +99,9 @@ COMMANDS = {
         Listed("trials run", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
         Listed("trials table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
         Listed("trials report", "trials", "Write one page about trials.", _TRIALS, "trials"),
-        Listed("config show", "config", "Show the effective configuration.", _CONFIGURE, "configuration"),
-        Listed("config check", "config", "Check a configuration file.", _CONFIGURE, "configuration"),
+        Listed(
+            "config", "config", "Show the effective configuration, or check a file.", _TRIALS, "configuration"
+        ),
     )
 }
 FAMILIES = {
@@ -131,7 +109,6 @@ FAMILIES = {
     "library": "Build, show or check a library of reference pictures, or tune channels to it.",
     "import": "Convert other data to session and survey logs.",
     "calibrate": "Calibrate the motion model, the camera's noise and the belief.",
-    "config": "Show and check configurations.",
 }
 HELP = "help"  # a command, for who does not know --help
 OWN_OPTIONS = {"--help", "--version", "--install-completion", "--show-completion"}
@@ -143,11 +120,11 @@ class PanelCommand(TyperCommand):
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments, then the options of each panel."""
         panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
-        for one in self.get_params(ctx):
-            record = one.get_help_record(ctx)
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
             if record is not None:
-                usual = "Arguments" if one.param_type_name == "argument" else "Options"
-                panels.setdefault(getattr(one, "rich_help_panel", None) or usual, []).append(record)
+                usual = "Arguments" if parameter.param_type_name == "argument" else "Options"
+                panels.setdefault(getattr(parameter, "rich_help_panel", None) or usual, []).append(record)
         panels["Options"] = panels.pop("Options")  # those without a panel, and --help, come last
         for panel, rows in panels.items():
             if rows:
@@ -172,7 +149,7 @@ class CommandList(TyperGroup):
         family = self.name if self.name in FAMILIES else ""
         if not family:
             return COMMANDS
-        return {name.split()[1]: one for name, one in COMMANDS.items() if name.split()[0] == family}
+        return {name.split()[1]: command for name, command in COMMANDS.items() if name.split()[0] == family}
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names, including those of the families."""
@@ -180,9 +157,9 @@ class CommandList(TyperGroup):
 
     def get_command(self, ctx: Any, name: str) -> Any:
         """Import the command of that name; None where there is none."""
-        one = self._listed.get(name)
-        if one is not None:
-            return load(one)
+        listed = self._listed.get(name)
+        if listed is not None:
+            return load(listed)
         if self.name in FAMILIES or name not in FAMILIES:
             return None
         return CommandList(name=name, help=FAMILIES[name], no_args_is_help=True, rich_markup_mode=None)
@@ -197,7 +174,11 @@ class CommandList(TyperGroup):
         """Write the commands by group, without importing them."""
         width = max(map(len, self._listed))
         for group in GROUPS:
-            rows = [(f"{name:{width}}", one.what) for name, one in self._listed.items() if one.group == group]
+            rows = [
+                (f"{name:{width}}", command.what)
+                for name, command in self._listed.items()
+                if command.group == group
+            ]
             if rows:
                 with formatter.section(group):
                     formatter.write_dl(rows)
@@ -219,6 +200,7 @@ class ReplayByDefault(CommandList):
 
     def main(self, *args: Any, **how: Any) -> Any:
         """Run; control characters in what is printed, also by a usage error, are shown as marks."""
+        _join_pairs_of_bash()
         with visible_output():
             try:
                 return super().main(*args, **how)
@@ -240,19 +222,56 @@ class ReplayByDefault(CommandList):
         return super().parse_args(ctx, args)
 
 
+def _join_pairs_of_bash() -> None:
+    """Let KEY=VALUE be one word of the line to complete: bash makes three of it."""
+    line = os.environ.get("COMP_WORDS", "")
+    joined = re.sub(r" ?= ?", "=", line)
+    if joined != line and os.environ.get("_MAURICE_REPLAY_COMPLETE") == "complete_bash":
+        words = len(line.split(" ")) - len(joined.split(" "))
+        os.environ |= {"COMP_WORDS": joined, "COMP_CWORD": str(int(os.environ["COMP_CWORD"]) - words)}
+
+
 def _nearest(word: str, commands: list[str]) -> str:
     near = difflib.get_close_matches(word, commands, n=1)
     return f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
 
 
-def load(one: Listed) -> TyperCommand:
+def load(listed: Listed) -> TyperCommand:
     """Import a command."""
-    name = one.name.split()[-1]
-    callback = getattr(import_module(f".{one.module}", __package__), name.replace("-", "_"))
-    info = CommandInfo(name=name, cls=PanelCommand, callback=callback)
-    made = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
-    assert isinstance(made, TyperCommand)
-    return made
+    name = listed.name.split()[-1]
+    callback = getattr(import_module(f".{listed.module}", __package__), name.replace("-", "_"))
+    info = CommandInfo(name=name, cls=PanelCommand, callback=with_options(callback))
+    command = get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
+    assert isinstance(command, TyperCommand)
+    return command
+
+
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command in which every field of a dataclass among its arguments is an option of its own."""
+    sets: dict[str, Any] = {}
+    options: list[Parameter] = []
+    for parameter in signature(command, eval_str=True).parameters.values():
+        kind = parameter.annotation
+        if is_dataclass(kind):
+            sets[parameter.name] = kind
+            hints = get_type_hints(kind, include_extras=True)
+            options += [
+                Parameter(
+                    field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=hints[field.name]
+                )
+                for field in fields(kind)
+            ]
+        else:
+            options.append(parameter.replace(kind=Parameter.KEYWORD_ONLY))
+
+    def call(**values: Any) -> None:
+        for name, kind in sets.items():
+            values[name] = kind(**{field.name: values.pop(field.name) for field in fields(kind)})
+        command(**values)
+
+    call.__doc__ = command.__doc__
+    call.__signature__ = Signature(options)  # type: ignore[attr-defined]  # what `signature` reads
+    return call
 
 
 app = typer.Typer(

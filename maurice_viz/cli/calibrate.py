@@ -83,44 +83,47 @@ def noise(
         if output is not None:
             expect_matplotlib(output)
             expect_absent(output, force=force)
-        found = calibrate_noise(source, listener=listener)
+        measured = calibrate_noise(source, listener=listener)
         if output is not None:
-            found.figures(output, force=force)
+            measured.figures(output, force=force)
             note(f"{output} written")
     if json_output:
-        print_json(found.to_json())
+        print_json(measured.to_json())
     else:
-        results.print(_noise_table(found.floor, source.name))
+        results.print(_noise_table(measured.floor, source.name))
 
 
 def drive(
     sessions: Annotated[
         list[Path], argument("SESSION...", "Recordings of any format with odometry and truth.")
     ],
+    reading: opt.ReadingSet,
     model: Annotated[
         str | None,
-        option("--model", f"{' | '.join(MODELS)}. [default: the header's, or odometry]", metavar="NAME"),
+        option(
+            "--model",
+            f"{' | '.join(MODELS)}. [default: the header's, or odometry]",
+            metavar="NAME",
+            autocompletion=opt.completed(MODELS),
+        ),
     ] = None,
     output: Annotated[
         Path | None, option("-o --output", "Write the parameters here.", metavar="OUT.toml")
     ] = None,
-    reading: opt.Reading = None,
-    keep_going: opt.KeepGoing = False,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Fit the noise of the odometry to drives with truth, with intervals; says what the log cannot tell."""
     with listening() as listener:
-        how = opt.reading_of(reading, keep_going=keep_going)
-        found = calibrate_drive(
-            *sessions, model=model, reading=how, to=output, force=force, listener=listener
+        fitted = calibrate_drive(
+            *sessions, model=model, reading=reading.options(), to=output, force=force, listener=listener
         )
     if json_output:
-        print_json(found.to_json())
+        print_json(fitted.to_json())
         return
-    results.print(_drive_table(found.fit, ", ".join(source.name for source in found.sources)))
+    results.print(_drive_table(fitted.fit, ", ".join(source.name for source in fitted.sources)))
     if output is None:
-        results.print(found.to_toml(), end="")
+        results.print(fitted.to_toml(), end="")
     else:
         note(f"{output} written; now try: maurice-replay SESSION --set motion={output}")
 
@@ -132,41 +135,44 @@ def belief(
 ) -> None:
     """Check how often the regions of a cloud hold the truth, and which exponent of the likelihood fits."""
     with listening() as listener:
-        found = calibrate_belief(*runs, lost=lost, listener=listener)
+        beliefs = calibrate_belief(*runs, lost=lost, listener=listener)
     if json_output:
-        print_json([one.to_json() for one in found])
+        print_json([belief.to_json() for belief in beliefs])
         return
-    for one in found:
-        results.print(_belief_table(one))
+    for belief in beliefs:
+        results.print(_belief_table(belief))
 
 
-def _belief_table(one: CalibratedBelief) -> Table:
-    found = one.found
-    title = f"belief of {one.label}: {found.updates} steps of {found.runs} run{'s' * (found.runs != 1)}"
+def _belief_table(belief: CalibratedBelief) -> Table:
+    calibration = belief.calibration
+    runs = f"{calibration.runs} run{'s' * (calibration.runs != 1)}"
+    title = f"belief of {belief.label}: {calibration.updates} steps of {runs}"
     table = Table(title=title, title_justify="left")
     for heading in ("quantity", "found", "95 % interval", "if calibrated"):
         table.add_column(heading, justify="left" if heading == "quantity" else "right")
     shares = [
-        (f"truth in the {100 * r.level:.0f} % region", r.held, f"{100 * r.level:.0f} %")
-        for r in found.regions
+        (f"truth in the {100 * region.level:.0f} % region", region.held, f"{100 * region.level:.0f} %")
+        for region in calibration.regions
     ]
-    shares.append(("truth in two-sigma ellipse", found.ellipse, "86.5 % (normal)"))
+    shares.append(("truth in two-sigma ellipse", calibration.ellipse, "86.5 % (normal)"))
     for what, share, expected in shares:
         table.add_row(what, *_cells(share, 100, 1, " %"), expected)
-    within = "{:.2f} to {:.2f}".format(*found.nees_expected)
-    table.add_row("NEES, mean", *_cells(found.nees, 1, 2), f"3 ({within})")
+    within = "{:.2f} to {:.2f}".format(*calibration.nees_expected)
+    table.add_row("NEES, mean", *_cells(calibration.nees, 1, 2), f"3 ({within})")
     table.add_row(
-        "exponent of single pictures", *_cells(found.exponent, 1, 2), f"1: it is {found.likelihood}"
+        "exponent of single pictures",
+        *_cells(calibration.exponent, 1, 2),
+        f"1: it is {calibration.likelihood}",
     )
-    table.add_row("exponent for right regions", *_cells(found.coverage_exponent, 1, 2), "1")
+    table.add_row("exponent for right regions", *_cells(calibration.coverage_exponent, 1, 2), "1")
     table.caption = (
-        f"sensor.sharpness was {one.sharpness:g}; {one.better_sharpness:.2g} would make the regions right: "
-        "run again and check"
+        f"sensor.sharpness was {belief.sharpness:g}; {belief.better_sharpness:.2g} would make the regions "
+        "right: run again and check"
     )
     return table
 
 
-SEEN_M, SEEN_DEG = 0.001, 0.05  # a smaller noise of the truth is not told
+TOLD_FROM_M, TOLD_FROM_DEG = 0.001, 0.05  # a smaller noise of the truth is not told
 
 
 def _drive_table(fit: MotionFit, name: str) -> Table:
@@ -174,16 +180,18 @@ def _drive_table(fit: MotionFit, name: str) -> Table:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for heading in ("constant", "fitted", "95 % interval", "default"):
         table.add_column(heading, justify="left" if heading == "constant" else "right")
-    for one in fit.constants:
-        low, high = (f"{v:.4g}" for v in (one.fitted.low, one.fitted.high))
-        value, within = (f"{one.fitted.value:.4g}", f"{low} to {high}") if one.told else ("-", "-")
-        name = one.name if one.told else f"{one.name}\n  not told: {one.why}"
-        table.add_row(name, value, within, f"{one.default:.4g}")
+    for constant in fit.constants:
+        fitted = constant.fitted
+        value, within = (f"{fitted.value:.4g}", f"{fitted.low:.4g} to {fitted.high:.4g}")
+        name = constant.name
+        if not constant.told:
+            value, within, name = "-", "-", f"{name}\n  not told: {constant.why}"
+        table.add_row(name, value, within, f"{constant.default:.4g}")
     table.caption = "in meters and radians"
-    if fit.truth_sd_m > SEEN_M or fit.truth_sd_rad > math.radians(SEEN_DEG):
+    if fit.truth_sd_m > TOLD_FROM_M or fit.truth_sd_rad > math.radians(TOLD_FROM_DEG):
         off = f"{fit.truth_sd_m:.2g} m on an axis and {math.degrees(fit.truth_sd_rad):.2g} degrees"
         table.caption += f"; the truth itself is off by {off} (sd): what does not grow with the movement"
-    if not all(one.told for one in fit.constants):
+    if not all(constant.told for constant in fit.constants):
         table.caption += "; what the log does not tell keeps its default"
     return table
 

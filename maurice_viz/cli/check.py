@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich import box
@@ -15,95 +16,96 @@ from ..app.check.check import check as run_check
 from ..app.check.drive import DriveCheck
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import argument, option, read_length, reading_of, settings_of
+from .shared.options import argument, option
+from .shared.values import by_suffix, read_length
 
 DEMANDS, COMPARE, OUTPUT = "Demands", "Baseline", "Output"
-HELD, FAILED = "held", "FAILED"
+MET, FAILED = "held", "FAILED"
+
+
+@dataclass(frozen=True, slots=True)
+class DemandSet:
+    """What is demanded of the runs."""
+
+    max_error: Annotated[
+        str | None,
+        option("--max-error", "Mean position error: 0.3m, 30cm, 12in.", DEMANDS, metavar="LENGTH"),
+    ] = None
+    localized_by: Annotated[
+        int | None,
+        option("--localized-by", "Localized within so many steps, and not lost after.", DEMANDS, min=1),
+    ] = None
+    converged_by: Annotated[
+        int | None,
+        option("--converged-by", "Sure of one place within so many; needs no true poses.", DEMANDS, min=1),
+    ] = None
+    min_localized: Annotated[
+        float, option("--min-localized", "Share of the runs that must meet each demand.", DEMANDS)
+    ] = 0.95
+    seeds: Annotated[int, option("--seeds", "Runs with seeds 0, 1, 2, ...", DEMANDS, min=1, max=10_000)] = 1
+
+    def arguments(self) -> dict[str, Any]:
+        """Return all of it as `maurice_viz.check` takes it."""
+        length_m = None if self.max_error is None else read_length(self.max_error, "--max-error")
+        demands = {field.name: getattr(self, field.name) for field in fields(self)}
+        del demands["max_error"]
+        return demands | {"max_error_m": length_m}
 
 
 def check(
     sessions: Annotated[
-        list[Path], argument("SESSION...", "A session log, or a recording of any format (see `formats`).")
+        list[Path], argument("SESSION...", "A session log, or a recording of any format (see `inspect`).")
     ],
-    max_error: Annotated[
-        str | None,
-        option("--max-error", "Mean position error: 0.3m, 30cm, 12in.", DEMANDS, metavar="LENGTH"),
-    ] = None,
-    localized_by: Annotated[
-        int | None,
-        option("--localized-by", "Localized within so many steps, and not lost after.", DEMANDS, min=1),
-    ] = None,
-    converged_by: Annotated[
-        int | None,
-        option("--converged-by", "Sure of one place within so many; needs no true poses.", DEMANDS, min=1),
-    ] = None,
-    min_localized: Annotated[
-        float, option("--min-localized", "Share of the runs that must meet each demand.", DEMANDS)
-    ] = 0.95,
-    seeds: Annotated[int, option("--seeds", "Runs with seeds 0, 1, 2, ...", DEMANDS, min=1, max=10_000)] = 1,
+    demands: DemandSet,
+    chosen: opt.FilterSet,
+    reading: opt.ReadingSet,
     against: Annotated[
         Path | None,
         option("--against", "Fail where this is worse, seed by seed.", COMPARE, metavar="FILE.parquet"),
     ] = None,
-    save_baseline: Annotated[
-        Path | None,
-        option("--save-baseline", "Write the runs for --against.", COMPARE, metavar="FILE.parquet"),
+    files: Annotated[
+        list[Path] | None,
+        option(
+            "-o --output",
+            "OUT.xml: write JUnit XML. OUT.parquet: write the runs, for --against later. Repeatable.",
+            OUTPUT,
+            metavar="OUT.xml|OUT.parquet",
+        ),
     ] = None,
-    library: opt.Library = None,
-    preset: opt.Preset = None,
-    feature: opt.Feature = None,
-    particles: opt.Particles = None,
-    start: opt.Start = None,
-    config: opt.Config = None,
-    settings: opt.Set = None,
-    junit: Annotated[Path | None, option("--junit", "Write JUnit XML.", OUTPUT, metavar="FILE.xml")] = None,
     artifacts: Annotated[
         Path | None,
-        option(
-            "--artifacts", "Where a run failed: write why, and a recording of it.", OUTPUT, metavar="FOLDER"
-        ),
+        option("--artifacts", "Where a run failed: write why, and a recording.", OUTPUT, metavar="FOLDER"),
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
-    keep_going: opt.KeepGoing = False,
 ) -> None:
     """Run a filter with many seeds; exit status 0 if it does what is demanded of it, 1 if not."""
+    outputs = by_suffix(files, (".xml", ".parquet"))
     with listening() as listener:
-        found = run_check(
+        result = run_check(
             sessions,
-            library,
-            max_error_m=None if max_error is None else read_length(max_error, "--max-error"),
-            localized_by=localized_by,
-            converged_by=converged_by,
-            min_localized=min_localized,
-            seeds=seeds,
-            preset=preset,
-            feature=feature,
-            particles=particles,
-            start=start,
-            config=config,
-            settings=settings_of(settings),
-            reading=reading_of(reading, keep_going=keep_going),
+            **demands.arguments(),
+            **chosen.arguments(),
+            reading=reading.options(),
             against=against,
-            save_baseline=save_baseline,
-            junit=junit,
+            save_baseline=outputs.get(".parquet"),
+            junit=outputs.get(".xml"),
             artifacts=artifacts,
             force=force,
             listener=listener,
         )
     if json_output:
-        print_json(found.to_json())
+        print_json(result.to_json())
     else:
-        _print(found)
-    if seeds == 1:
+        _print(result)
+    if demands.seeds == 1:
         note("one run may be luck: --seeds 20 tests the rate")
-    if not found.passed:
+    if not result.passed:
         raise typer.Exit(1)
 
 
-def _print(found: CheckResult) -> None:
-    for drive in found.drives:
+def _print(result: CheckResult) -> None:
+    for drive in result.drives:
         if drive.demands:
             results.print(_demands(drive))
         if drive.changes:
@@ -115,7 +117,7 @@ def _print(found: CheckResult) -> None:
                 lines.append(f"recording: {drive.failure.recording}")
         for line in lines:
             results.print(line, soft_wrap=True)
-    failed = [drive.session for drive in found.drives if not drive.passed]
+    failed = [drive.session for drive in result.drives if not drive.passed]
     results.print(f"failed: {', '.join(failed)}" if failed else "passed", soft_wrap=True)
 
 
@@ -132,20 +134,20 @@ def _demands(drive: DriveCheck) -> Table:
     if count > 1 and drive.demands:
         title += f"; {drive.demands[0].needed:.0%} of the runs have to meet each demand"
     table = _table(title, "demand", "met by", "95 % interval", "")
-    for one in drive.demands:
-        met = f"{one.met} of {one.runs}"
-        interval = f"{one.low:.0%} to {one.high:.0%}" if one.runs > 1 else "-"
-        result = HELD if one.passed else FAILED
-        table.add_row(f"{one.title}\n  {one.found}", met, interval, result)
+    for demand in drive.demands:
+        met = f"{demand.met} of {demand.runs}"
+        interval = f"{demand.low:.0%} to {demand.high:.0%}" if demand.runs > 1 else "-"
+        result = MET if demand.passed else FAILED
+        table.add_row(f"{demand.title}\n  {demand.found}", met, interval, result)
     return table
 
 
 def _changes(drive: DriveCheck) -> Table:
     title = f"{drive.session}: against the baseline, {drive.changes[0].pairs} seeds"
     table = _table(title, "figure", "difference", "95 % interval", "p", "")
-    for one in drive.changes:
-        values = (one.before, one.now, one.difference, one.low, one.high)
-        before, now, by, low, high = (drive.figure(one.kind, value) for value in values)
-        name = f"{one.title}\n  {before} before, {now} now"
-        table.add_row(name, by, f"{low} to {high}", f"{one.p:.2g}", HELD if one.passed else FAILED)
+    for change in drive.changes:
+        values = (change.before, change.now, change.difference, change.low, change.high)
+        before, now, by, low, high = (drive.figure(change.kind, value) for value in values)
+        name = f"{change.title}\n  {before} before, {now} now"
+        table.add_row(name, by, f"{low} to {high}", f"{change.p:.2g}", MET if change.passed else FAILED)
     return table

@@ -1,14 +1,12 @@
-"""`maurice-replay record|convert|export|import|formats`: commands that read one format and write another."""
+"""`maurice-replay record|convert|export|import`: commands that read one format and write another."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from maurice_loaders.export.tables import PATHS
 from maurice_loaders.importing import ImportOptions, ImportSummary, import_pictures
@@ -16,12 +14,18 @@ from maurice_loaders.importing import ImportOptions, ImportSummary, import_pictu
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.errors import status_of
-from .shared.options import MOST_SEED, argument, option, reading_of
+from .shared.options import argument, option
+from .shared.values import USUAL, reading_of
 
 if TYPE_CHECKING:
     from maurice_loaders.live.session import LiveSession
 
-FILES = "Files to write"
+KINDS_OF_FILES = (
+    ".tum and .kitti: the paths",
+    ".csv and .parquet: a row per step",
+    ".mcap: ROS 2 messages, with maurice-replay[ros]",
+    ".zip: position errors as `evo_ape --save_results` has them",
+)
 DEFAULTS = ImportOptions()
 
 
@@ -100,10 +104,9 @@ def convert(
     t_offset: Annotated[
         float, option("--t-offset", "Add this to every time; the clock is that of IN.", metavar="SECONDS")
     ] = 0.0,
-    keep_going: opt.KeepGoing = False,
+    reading: opt.ReadingSet,
     force: opt.Force = False,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
 ) -> None:
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 
@@ -113,10 +116,15 @@ def convert(
     from ..app.convert import convert as convert_recording
 
     kind: Any = pictures  # checked by the function
-    how = reading_of(reading, keep_going=keep_going)
     with listening() as listener:
         converted = convert_recording(
-            source, target, pictures=kind, t_offset_s=t_offset, reading=how, force=force, listener=listener
+            source,
+            target,
+            pictures=kind,
+            t_offset_s=t_offset,
+            reading=reading.options(),
+            force=force,
+            listener=listener,
         )
     if json_output:
         print_json(converted.to_json())
@@ -127,25 +135,25 @@ def convert(
         results.print(f"{converted.file}: {counts}, {others}", soft_wrap=True)
 
 
-def _file(name: str, text: str) -> Any:
-    return option(name, text, FILES, metavar="FILE")
-
-
 def export(
     run: opt.Run,
-    tum: Annotated[Path | None, _file("--tum", "Paths as TUM: t x y z qx qy qz qw.")] = None,
-    kitti: Annotated[Path | None, _file("--kitti", "Paths as KITTI: 12 numbers.")] = None,
-    csv: Annotated[Path | None, _file("--csv", "A table with one row per step.")] = None,
-    parquet: Annotated[Path | None, _file("--parquet", "The same table as Parquet.")] = None,
-    mcap: Annotated[
-        Path | None, _file("--mcap", "ROS 2 messages: pictures, poses, clouds. Needs maurice-replay[ros].")
-    ] = None,
-    evo: Annotated[
-        Path | None, _file("--evo", "Position errors as `evo_ape --save_results` has them.")
-    ] = None,
+    *,
+    files: Annotated[
+        list[Path],
+        option(
+            "-o --output",
+            f"A file to write, of the kind that its ending says; repeatable. {'. '.join(KINDS_OF_FILES)}.",
+            metavar="FILE",
+            show_default=False,
+        ),
+    ],
     only: Annotated[
         str | None,
-        option("--only", f"Only one path for TUM and KITTI: {' | '.join(PATHS)}. [default: all three]"),
+        option(
+            "--only",
+            f"Only one path for TUM and KITTI: {' | '.join(PATHS)}. [default: all three]",
+            autocompletion=opt.completed(PATHS),
+        ),
     ] = None,
     scored: Annotated[
         bool, option("--scored", "Leave out the first three steps, as the table of scores does.")
@@ -153,24 +161,15 @@ def export(
     t_offset: Annotated[
         float, option("--t-offset", "Add this to every time; the clock is the session's.", metavar="SECONDS")
     ] = 0.0,
-    run_label: opt.RunLabel = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Write estimate, truth and odometry of a saved run as files for other tools, without filtering again."""
     from ..app.convert import export as export_run
 
-    files = {"tum": tum, "kitti": kitti, "csv": csv, "parquet": parquet, "mcap": mcap, "evo": evo}
     with listening() as listener:
         exported = export_run(
-            run,
-            **files,
-            only=only,
-            scored=scored,
-            t_offset_s=t_offset,
-            run_label=run_label,
-            force=force,
-            listener=listener,
+            run, files, only=only, scored=scored, t_offset_s=t_offset, force=force, listener=listener
         )
     if json_output:
         print_json({"runs": [exported.to_json()]})
@@ -179,58 +178,16 @@ def export(
         results.print(str(file), soft_wrap=True)
 
 
-def formats(
-    path: Annotated[Path | None, argument(None, "Detect the format of this file or folder.")] = None,
-    json_output: opt.Json = False,
-) -> None:
-    """List the formats of recordings that can be read, or detect a file's."""
-    from ..app.inspect import formats as find_formats
-
-    found = find_formats(path)
-    if json_output:
-        print_json([asdict(one) for one in found])
-        return
-    table = Table(show_header=path is None)
-    for title in ("format", "what", "needs"):
-        table.add_column(title, overflow="fold")
-    for one in found:
-        needs = "" if one.installed else f"pip install 'maurice-replay[{one.extra}]'"
-        table.add_row(one.name, one.what, needs)
-    results.print(table)
-
-
 def pictures(
-    folder: Annotated[str, typer.Argument(help="The folder that the table's picture names are relative to.")],
+    folder: Annotated[str, argument("FOLDER", "The folder that the table's picture names are relative to.")],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
     output: Annotated[Path, option("-o --output", "The folder to write.", metavar="DIR")],
     reading: opt.Reading = None,
     map_lines: opt.MapFile = None,
     map_unit: opt.MapUnit = DEFAULTS.map_unit,
-    name: Annotated[str | None, option("--name", "Name of the place. [default: the table's folder]")] = None,
-    camera_fov: Annotated[
-        float | None,
-        option(
-            "--camera-fov",
-            "The camera's horizontal field of view in degrees, for landmarks. [default: fitted, else 60]",
-            min=1,
-            max=170,
-        ),
-    ] = None,
     every: Annotated[
         int, option("--every", "Put one in this many runs of equal poses into the session.", min=2)
     ] = DEFAULTS.session_every,
-    guard: Annotated[
-        float | None,
-        option(
-            "--guard",
-            "Radius in meters around session poses without library pictures. "
-            "[default: 0.5, or less in a small place]",
-            min=0.0,
-        ),
-    ] = None,
-    seed: Annotated[
-        int, option("--seed", "Seed of the odometry's noise.", min=0, max=MOST_SEED)
-    ] = DEFAULTS.seed,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
@@ -238,15 +195,15 @@ def pictures(
 
     The odometry is made from the steps between poses plus noise; the session's header notes this.
     """
+    how = reading_of(reading)
+    view_rad = None if how.camera_fov_rad == USUAL.camera_fov_rad else how.camera_fov_rad
     options = ImportOptions(
-        reading=reading_of(reading),
-        name=name,
+        reading=how,
         map_lines=map_lines,
         map_unit=map_unit,
-        camera_fov_rad=None if camera_fov is None else math.radians(camera_fov),
+        camera_fov_rad=view_rad,
         session_every=every,
-        guard_m=guard,
-        seed=seed,
+        seed=how.odometry_seed,
     )
     summary = import_pictures(folder, poses, output, options, force=force)
     if json_output:

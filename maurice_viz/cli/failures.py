@@ -9,29 +9,22 @@ from rich.text import Text
 
 from .shared import options as opt
 from .shared.console import listening, print_json, results
-from .shared.options import argument, option, reading_of, settings_of
+from .shared.options import argument, option
 
 
 def diagnose(
     source: Annotated[
         Path, argument("SESSION|RUN", "A saved run or a comparison, or a session, which is then filtered.")
     ],
-    library: opt.Library = None,
-    preset: opt.Preset = None,
-    feature: opt.Feature = None,
-    particles: opt.Particles = None,
+    chosen: opt.FilterSet,
+    reading: opt.ReadingSet,
     seed: opt.Seed = 0,
-    start: opt.Start = None,
-    config: opt.Config = None,
-    settings: opt.Set = None,
     output: Annotated[
         Path | None,
         option("-o --output", "Draw what shows each failure of a saved run into this folder.", metavar="DIR"),
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
-    keep_going: opt.KeepGoing = False,
 ) -> None:
     """Say why a filter was lost: one cause for each time, with the step and the numbers that decided."""
     from ..app.diagnose import diagnose as diagnose_runs
@@ -40,23 +33,13 @@ def diagnose(
     with listening(usage=False) as listener:
         if output is not None:
             expect_drawable(source, output, force=force)
-        found = diagnose_runs(
-            source,
-            library,
-            feature=feature,
-            preset=preset,
-            particles=particles,
-            seed=seed,
-            start=start,
-            config=config,
-            settings=settings_of(settings),
-            reading=reading_of(reading, keep_going=keep_going),
-            listener=listener,
+        diagnoses = diagnose_runs(
+            source, **chosen.arguments(), seed=seed, reading=reading.options(), listener=listener
         )
         if json_output:
-            print_json(found.to_json())
+            print_json(diagnoses.to_json())
         else:
-            results.print(Text(found.text), soft_wrap=not results.is_terminal)
+            results.print(Text(diagnoses.text), soft_wrap=not results.is_terminal)
         if output is not None:
-            for picture in draw(found, output, force=force, listener=listener):
+            for picture in draw(diagnoses, output, force=force, listener=listener):
                 listener.remark(f"{picture} written")

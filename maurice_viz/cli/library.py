@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated
@@ -18,18 +18,19 @@ from maurice_mcl.values.library import ChannelIndex, Library
 
 from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels
-from ..app.library_check import check_library
+from ..app.library_check import LibraryCheck, check_library
 from ..running.open import library_at
 from ..style import Scale, scale_for, units_named
 from ..text.places import drive_score_of, say_drive, say_places, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import argument, option, reading_of
+from .shared.options import argument, option
+from .shared.values import by_suffix, reading_of
 
 MOST_HEADINGS = 16  # more than this are counted, not listed
 MOST_PAIRS = 10  # listed; JSON has them all
 MOST_PLACES = 5
-ALL_AROUND = 8  # headings of a new place
+DIRECTIONS = 8  # of a new place
 
 LibraryArgument = Annotated[
     Path, argument("LIBRARY", "A library folder, a survey log, or a table of surveyed pictures.")
@@ -42,6 +43,7 @@ def build(
         argument("SURVEY", "A survey log, or any recording of a drive with truth."),
     ],
     *,
+    reading: opt.ReadingSet,
     output: Annotated[
         Path, option("-o --output", "The folder to write.", metavar="LIBRARY", show_default=False)
     ],
@@ -73,22 +75,19 @@ def build(
         bool, typer.Option("--landmarks", help="Also find landmarks, for --feature landmarks or all.")
     ] = False,
     force: opt.Force = False,
-    keep_going: opt.KeepGoing = False,
-    reading: opt.Reading = None,
 ) -> None:
     """Measure every picture of a survey, or some of a drive, and write a self-contained library."""
-    how, yaw_rad = reading_of(reading, keep_going=keep_going), float(np.radians(yaw))
     with listening() as listener:
         result = build_library(
             survey,
             output,
             every=every,
             add=add or (),
-            yaw_rad=yaw_rad,
+            yaw_rad=float(np.radians(yaw)),
             map_file=map_file,
             map_unit=map_unit,
             landmarks=landmarks,
-            reading=how,
+            reading=reading.options(),
             force=force,
             listener=listener,
         )
@@ -103,38 +102,40 @@ def build(
 
 def sensor_facts(library: Library) -> str:
     """Return one line on the pose sensors of a library: "landmarks: 2,134 of 624 references"."""
-    return "; ".join(f"{name}: {getattr(one, 'summary', 'there')}" for name, one in library.sensors.items())
+    return "; ".join(
+        f"{name}: {getattr(sensor, 'summary', 'there')}" for name, sensor in library.sensors.items()
+    )
 
 
 def show(path: LibraryArgument, json_output: opt.Json = False) -> None:
     """Show what a library holds: entries, places, headings, channels, map."""
     with listening() as listener:
-        found = library_at(path, listener)
+        library = library_at(path, listener)
     if json_output:
-        print_json(_facts(found))
+        print_json(_facts(library))
     else:
-        results.print(_facts_table(found))
+        results.print(_facts_table(library))
 
 
-def _facts(found: Library) -> dict[str, object]:
+def _facts(library: Library) -> dict[str, object]:
     """Return what a library holds as JSON, in meters."""
-    width_m, depth_m = found.arena.size_m
-    places = np.unique(np.round(found.poses[:, :2], 3), axis=0)
-    headings = np.unique(np.round(np.rad2deg(found.poses[:, 2]) % 360, 1))
+    width_m, depth_m = library.arena.size_m
+    places = np.unique(np.round(library.poses[:, :2], 3), axis=0)
+    headings = np.unique(np.round(np.rad2deg(library.poses[:, 2]) % 360, 1))
     return {
-        "name": found.name,
-        "entries": found.size,
+        "name": library.name,
+        "entries": library.size,
         "places": len(places),
         "headings_deg": headings.tolist() if len(headings) <= MOST_HEADINGS else len(headings),
-        "pictures_kept": sum(picture is not None for picture in found.pictures),
-        "display_units": found.display_units,
+        "pictures_kept": sum(picture is not None for picture in library.pictures),
+        "display_units": library.display_units,
         "width_m": width_m,
         "depth_m": depth_m,
-        "walls": len(found.arena.walls),
-        "obstacles": [region.name for region in found.arena.obstacles],
-        "floors": list(dict.fromkeys(region.name for region in found.arena.floors)),
-        "channels": {name: _channel_facts(name, index) for name, index in found.index.items()},
-        "sensors": {name: getattr(one, "summary", "there") for name, one in found.sensors.items()},
+        "walls": len(library.arena.walls),
+        "obstacles": [region.name for region in library.arena.obstacles],
+        "floors": list(dict.fromkeys(region.name for region in library.arena.floors)),
+        "channels": {name: _channel_facts(name, index) for name, index in library.index.items()},
+        "sensors": {name: getattr(sensor, "summary", "there") for name, sensor in library.sensors.items()},
     }
 
 
@@ -147,28 +148,32 @@ def _channel_facts(name: str, index: ChannelIndex) -> dict[str, float | str]:
     }
 
 
-def _facts_table(found: Library) -> Table:
-    facts, units = _facts(found), units_named(found.display_units)
-    table = _table_of(found.name)
+def _facts_table(library: Library) -> Table:
+    facts, units = _facts(library), units_named(library.display_units)
+    table = _table_of(library.name)
     headings = facts["headings_deg"]
-    named = ", ".join(f"{h:g}" for h in headings) if isinstance(headings, list) else str(headings)
-    width, depth = (length * units.per_m for length in found.arena.size_m)
-    table.add_row("entries", f"{found.size} pictures with a pose, {facts['pictures_kept']} of them kept here")
+    named = ", ".join(f"{heading:g}" for heading in headings) if isinstance(headings, list) else str(headings)
+    width, depth = (length * units.per_m for length in library.arena.size_m)
+    table.add_row(
+        "entries", f"{library.size} pictures with a pose, {facts['pictures_kept']} of them kept here"
+    )
     table.add_row("places", str(facts["places"]))
     table.add_row("headings (deg)", named)
     table.add_row(f"map ({units.name})", f"{width:.{units.digits}f} x {depth:.{units.digits}f}")
     table.add_row("walls", str(facts["walls"]))
-    table.add_row("obstacles", ", ".join(region.name for region in found.arena.obstacles) or "none")
-    table.add_row("floors", ", ".join(dict.fromkeys(r.name for r in found.arena.floors)) or "none named")
-    for name, index in found.index.items():
+    table.add_row("obstacles", ", ".join(region.name for region in library.arena.obstacles) or "none")
+    table.add_row(
+        "floors", ", ".join(dict.fromkeys(region.name for region in library.arena.floors)) or "none named"
+    )
+    for name, index in library.index.items():
         channel = _channel_facts(name, index)
         table.add_row(
             f"channel {name}",
             f"{channel['length']} numbers, noise floor up to {channel['noise_floor_peak']:.3g}, "
             f"relevance up to {channel['relevance_peak']:.3g} ({channel['unit']})",
         )
-    for name, one in found.sensors.items():
-        table.add_row(f"sensor {name}", getattr(one, "summary", "there"))
+    for name, sensor in library.sensors.items():
+        table.add_row(f"sensor {name}", getattr(sensor, "summary", "there"))
     return table
 
 
@@ -178,49 +183,58 @@ def _table_of(name: str) -> Table:
 
 def check(
     library: LibraryArgument,
-    feature: opt.Feature = None,
-    output: Annotated[
-        Path | None, option("-o --output", "Draw the map of expected ambiguity.", metavar="OUT.png")
-    ] = None,
-    poses: Annotated[
-        Path | None,
-        option("--poses", "Write the references to add as a table, for `survey --poses`.", metavar="OUT.csv"),
-    ] = None,
     drive: Annotated[
-        Path | None,
-        option("--drive", "Compare the pictures of a drive with truth, too.", metavar="DRIVE"),
+        Path | None, argument("DRIVE", "A drive with truth, whose pictures are compared with it too.")
     ] = None,
+    feature: opt.Feature = None,
+    files: Annotated[
+        list[Path] | None,
+        option(
+            "-o --output",
+            "OUT.png: draw the map of expected ambiguity. OUT.csv: write the references to add, for "
+            "`survey --poses`. Repeatable.",
+            metavar="OUT.png|OUT.csv",
+        ),
+    ] = None,
+    reading: opt.Reading = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Compare a library's pictures with each other: aliases, ambiguity, gaps, and references to add."""
+    outputs = by_suffix(files, (".png", ".csv"))
+    feature = feature or "blended"
     with listening() as listener:
-        found = check_library(
+        report = check_library(
             library,
-            feature=feature or "blended",
-            to=output,
-            poses=poses,
+            feature=feature,
+            to=outputs.get(".png"),
+            poses=outputs.get(".csv"),
             drive=drive,
+            reading=reading_of(reading),
             force=force,
             listener=listener,
         )
     if json_output:
-        print_json(found.to_json())
-        return
-    scale = scale_for(found.library.display_units, found.library.arena)
-    table = _check_table(found.library, found.similarity, found.coverage, scale)
-    table.add_row("places", scores_of(found.telling))
-    if found.drive is not None:
-        table.add_row("drive", drive_score_of(found.drive))
-    table.add_row("to add", _to_add(found.advice, scale))
+        print_json(report.to_json())
+    else:
+        _print(report, weights_of(feature))
+
+
+def _print(report: LibraryCheck, weights: Mapping[str, float]) -> None:
+    name, scale = report.library.name, scale_for(report.library.display_units, report.library.arena)
+    table = _check_table(report.library, report.similarity, report.coverage, scale)
+    table.add_row("places", scores_of(report.telling))
+    if report.drive is not None:
+        table.add_row("drive", drive_score_of(report.drive))
+    table.add_row("to add", _to_add(report.advice, scale))
     results.print(table)
-    gaps, pairs = _gap_lines(found.coverage, scale), _pair_lines(found.library, found.similarity, scale)
-    more = (*_missing_lines(found.advice, scale), *_add_lines(found.advice, scale))
-    weights = weights_of(feature or "blended")
-    places = [*say_places(found.library.name, weights, found.telling)]
-    if found.drive is not None:
-        places += say_drive(found.library.name, weights, found.drive)
-    for line in (*places, *gaps, *pairs, *more):
+    lines = [*say_places(name, weights, report.telling)]
+    if report.drive is not None:
+        lines += say_drive(name, weights, report.drive)
+    lines += _gap_lines(report.coverage, scale)
+    lines += _pair_lines(report.library, report.similarity, scale)
+    lines += (*_missing_lines(report.advice, scale), *_add_lines(report.advice, scale))
+    for line in lines:
         results.print(line, soft_wrap=True)
 
 
@@ -238,14 +252,16 @@ def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
         yield f"gap: {where}, up to {scale.say(gap.to_entry_m)} from an entry"
 
 
-def _pair_lines(library: Library, found: SelfSimilarity, scale: Scale) -> Iterator[str]:
-    for entry in found.aliased[:MOST_PAIRS].tolist():
-        one, other = (scale.say_pose(library.poses[k]) for k in (entry, found.alias[entry]))
-        by, share = -found.margin[entry], found.confusion[entry]
-        taken = f"its neighbors are match {found.rank[entry]}, and {share:.0%} of the likelihood is far away"
-        yield f"alias: {one} is more like {other} than like its neighbors, by {by:.2f} nats: {taken}"
-    if len(found.aliased) > MOST_PAIRS:
-        yield f"... and {len(found.aliased) - MOST_PAIRS} more aliases; --json lists all"
+def _pair_lines(library: Library, similarity: SelfSimilarity, scale: Scale) -> Iterator[str]:
+    for entry in similarity.aliased[:MOST_PAIRS].tolist():
+        pose, alias = (scale.say_pose(library.poses[k]) for k in (entry, similarity.alias[entry]))
+        by, share = -similarity.margin[entry], similarity.confusion[entry]
+        taken = (
+            f"its neighbors are match {similarity.rank[entry]}, and {share:.0%} of the likelihood is far away"
+        )
+        yield f"alias: {pose} is more like {alias} than like its neighbors, by {by:.2f} nats: {taken}"
+    if len(similarity.aliased) > MOST_PAIRS:
+        yield f"... and {len(similarity.aliased) - MOST_PAIRS} more aliases; --json lists all"
 
 
 def _to_add(advice: LibraryAdvice, scale: Scale) -> str:
@@ -257,70 +273,70 @@ def _to_add(advice: LibraryAdvice, scale: Scale) -> str:
 
 
 def _missing_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
-    for one in advice.missing[:MOST_PLACES]:
-        degrees = ", ".join(f"{round(np.degrees(heading))}" for heading in one.headings_rad)
-        yield f"headings: none near {scale.say_point(one.x_m, one.y_m)} looks {degrees} deg"
+    for place in advice.missing[:MOST_PLACES]:
+        degrees = ", ".join(f"{round(np.degrees(heading))}" for heading in place.headings_rad)
+        yield f"headings: none near {scale.say_point(place.x_m, place.y_m)} looks {degrees} deg"
     if len(advice.missing) > MOST_PLACES:
         yield f"... and {len(advice.missing) - MOST_PLACES} more places that lack headings; --json lists all"
 
 
 def _add_lines(advice: LibraryAdvice, scale: Scale) -> Iterator[str]:
     places = [
-        (place, list(added))
-        for place, added in groupby(advice.added, lambda one: (*one.pose[:2].tolist(), one.why))
+        (place, list(references))
+        for place, references in groupby(advice.added, lambda added: (*added.pose[:2].tolist(), added.why))
     ]
-    for (x_m, y_m, why), added in places[:MOST_PAIRS]:
-        degrees = ", ".join(f"{round(np.degrees(one.pose[2])) % 360}" for one in added)
-        looking = "in all 8 directions" if len(added) == ALL_AROUND else f"at {degrees} deg"
+    for (x_m, y_m, why), references in places[:MOST_PAIRS]:
+        degrees = ", ".join(f"{round(np.degrees(reference.pose[2])) % 360}" for reference in references)
+        looking = "in all 8 directions" if len(references) == DIRECTIONS else f"at {degrees} deg"
         yield f"add: {scale.say_point(x_m, y_m)}, looking {looking} ({why})"
     if len(places) > MOST_PAIRS:
-        yield f"... and {len(places) - MOST_PAIRS} more places; --poses OUT.csv writes every pose"
+        yield f"... and {len(places) - MOST_PAIRS} more places; -o OUT.csv writes every pose"
 
 
-def _check_table(library: Library, found: SelfSimilarity, covered: Coverage, scale: Scale) -> Table:
-    table, places = _table_of(library.name), found.at_places(found.ambiguity)
-    apart = f"neighbors of one heading are {scale.say(found.spacing_m)} apart"
-    table.add_row("entries", f"{library.size} at {len(found.places)} places; {apart}")
+def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage, scale: Scale) -> Table:
+    table, places = _table_of(library.name), similarity.at_places(similarity.ambiguity)
+    spacing = f"neighbors of one heading are {scale.say(similarity.spacing_m)} apart"
+    table.add_row("entries", f"{library.size} at {len(similarity.places)} places; {spacing}")
     table.add_row("coverage", _coverage(covered, scale))
-    again = f"{found.retrieved_right:.0%} at a neighboring place, same heading"
-    table.add_row("left out, found again", again)
-    table.add_row("retrieval error", _error(found, scale))
-    share = len(found.aliased) / library.size
-    table.add_row("aliases", f"{len(found.aliased)} of {library.size} entries ({share:.0%})")
-    mean, often = float(found.confusion.mean()), int((found.confusion > CONFUSED).sum())
+    retrieved = f"{similarity.retrieved_right:.0%} at a neighboring place, same heading"
+    table.add_row("left out, found again", retrieved)
+    table.add_row("retrieval error", _error(similarity, scale))
+    share = len(similarity.aliased) / library.size
+    table.add_row("aliases", f"{len(similarity.aliased)} of {library.size} entries ({share:.0%})")
+    mean, often = float(similarity.confusion.mean()), int((similarity.confusion > CONFUSED).sum())
     table.add_row(
         "confused", f"{mean:.0%} of the likelihood is far away on average; over half for {often} entries"
     )
     middle, most = float(np.median(places)), float(places.max())
     table.add_row("ambiguity", f"{middle:.1f} places fit as well (median), {most:.1f} at worst")
     for place in np.argsort(-places, kind="stable")[:MOST_PLACES].tolist():
-        x_m, y_m = found.places[place].tolist()
+        x_m, y_m = similarity.places[place].tolist()
         table.add_row("", f"{scale.say_point(x_m, y_m)}: {places[place]:.1f} places fit")
-    ranges = [f"to {scale.say(k * found.spacing_m)}" for k in CURVE] + ["beyond"]
-    lowest = zip(ranges, found.similarity, strict=True)
+    ranges = [f"to {scale.say(k * similarity.spacing_m)}" for k in CURVE] + ["beyond"]
+    lowest = zip(ranges, similarity.similarity, strict=True)
     curve = ", ".join(f"{name}: {cost:.2f}" for name, cost in lowest if np.isfinite(cost))
     table.add_row("lowest cost by distance", f"{curve} nats")
     return table
 
 
-def _error(found: SelfSimilarity, scale: Scale) -> str:
-    known = found.retrieved >= 0
+def _error(similarity: SelfSimilarity, scale: Scale) -> str:
+    known = similarity.retrieved >= 0
     if not known.any():
         return "- (one place only)"
-    middle, high = np.percentile(found.error_m[known], [50, 90]).tolist()
-    turned = float(np.degrees(np.median(found.error_rad[known])))
+    middle, high = np.percentile(similarity.error_m[known], [50, 90]).tolist()
+    turned = float(np.degrees(np.median(similarity.error_rad[known])))
     return f"{scale.say(middle)} median, {scale.say(high)} at 90 %, heading {turned:.0f} deg median"
 
 
 def tune(
     library: LibraryArgument,
-    session: Annotated[
+    sessions: Annotated[
         list[Path] | None,
-        option("--session", "A drive with truth to fit on; may be repeated.", metavar="FIT.log"),
+        argument("DRIVE...", "Drives with truth to fit on. [default: the library's own pictures]"),
     ] = None,
     score: Annotated[
         list[Path] | None,
-        option("--score", "A drive with truth to score on; may be repeated.", metavar="TEST.log"),
+        option("--score", "A drive with truth to score on; may be repeated.", metavar="DRIVE"),
     ] = None,
     channels: Annotated[
         str | None, option("--channels", "Channels to fit. [default: all of the library]", metavar="A,B,C")
@@ -328,48 +344,49 @@ def tune(
     output: Annotated[
         Path | None, option("-o --output", "Write the result here.", metavar="TUNED.toml")
     ] = None,
+    *,
+    reading: opt.ReadingSet,
     force: opt.Force = False,
-    keep_going: opt.KeepGoing = False,
     json_output: opt.Json = False,
 ) -> None:
     """Fit scales and weights of channels by log score, on drives with truth or on the library alone."""
     with listening() as listener:
-        found = tune_channels(
+        tuning = tune_channels(
             library,
-            sessions=session or (),
+            sessions=sessions or (),
             score=score or (),
             channels=None if channels is None else channels.split(","),
             to=output,
-            keep_going=keep_going,
+            reading=reading.options(),
             force=force,
             listener=listener,
         )
     if json_output:
-        print_json(found.to_json())
+        print_json(tuning.to_json())
         return
-    results.print(_tuning_table(found))
+    results.print(_tuning_table(tuning))
     if output is None:
-        typer.echo(found.to_toml(), nl=False)
+        typer.echo(tuning.to_toml(), nl=False)
     else:
         note(f"{output} written; now try: maurice-replay SESSION --config {output}")
 
 
-def _tuning_table(report: TuningResult) -> Table:
-    table = Table(title=f"library {report.library}", title_justify="left", caption=report.gain)
+def _tuning_table(tuning: TuningResult) -> Table:
+    table = Table(title=f"library {tuning.library}", title_justify="left", caption=tuning.gain)
     for name in ("", "distance", "scale", "weight", "log score, fitted"):
         table.add_column(name, justify="left" if name in ("", "distance") else "right")
-    sets = [report.fitted]
-    if report.scored is not None:
+    sets = [tuning.fitted]
+    if tuning.scored is not None:
         table.add_column("log score, scored", justify="right")
-        sets.append(report.scored)
-    for k, name in enumerate(report.tuned.channels):
-        weight = report.weights.get(name)
+        sets.append(tuning.scored)
+    for channel, name in enumerate(tuning.tuned.channels):
+        weight = tuning.weights.get(name)
         shown = "-" if weight is None else f"{weight:g}"
-        cells = [name, report.distances[name], f"{report.scales[name]:g}", shown]
-        table.add_row(*cells, *(f"{s.alone[k]:.3f}" for s in sets))
+        cells = [name, tuning.distances[name], f"{tuning.scales[name]:g}", shown]
+        table.add_row(*cells, *(f"{scores.alone[channel]:.3f}" for scores in sets))
     table.add_section()
     blends = {"tuned blend": "together", "default blend": "before", "knowing nothing": "blind"}
-    for name, score in blends.items():
-        table.add_row(name, "", "", "", *(f"{getattr(s, score):.3f}" for s in sets))
-    table.add_row("pictures", "", "", "", *(str(s.pictures) for s in sets))
+    for name, kind in blends.items():
+        table.add_row(name, "", "", "", *(f"{getattr(scores, kind):.3f}" for scores in sets))
+    table.add_row("pictures", "", "", "", *(str(scores.pictures) for scores in sets))
     return table

@@ -1,65 +1,148 @@
-"""`maurice-replay inspect|doctor SESSION`: what a recording holds, what is wrong and what fixes it."""
+"""`maurice-replay inspect|doctor`: what a recording or a saved run holds, what is wrong and what fixes it."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from maurice_loaders.doctor.examination import Diagnosis, fixed_options, odometry_advice
 from maurice_loaders.doctor.inspection import Inspection
+from maurice_loaders.runs.store import is_saved
+from maurice_mcl.scoring.events import KINDS, RunEvent
 
+from ..app.events import events
 from ..app.inspect import doctor as diagnose
+from ..app.inspect import formats
 from ..app.inspect import inspect as inspect_recording
 from ..style import Units, units_named
 from ..text.findings import describe, evidence_for, fix_for
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import option, reading_of, typed
+from .shared.options import option
+from .shared.values import reading_of, typed
 
+ALL_RUNS = "all"  # in a table: an event that every run of a comparison has
 Options = Sequence[Sequence[str]]  # as typed: what fixes each finding, and last what fixes all; or nothing
 
 
-def inspect(session: opt.Session, json_output: opt.Json = False, reading: opt.Reading = None) -> None:
-    """Show what a session, a survey log or a recording holds: counts, rates, spans, pictures, problems."""
-    inspected = inspect_recording(session, reading=reading_of(reading))
+def inspect(
+    path: Annotated[
+        Path | None,
+        opt.argument(
+            "SESSION|SURVEY|RUN",
+            "A recording of any format, a survey log, or a saved run, whose events are listed. "
+            "[default: lists the formats that can be read]",
+        ),
+    ] = None,
+    json_output: opt.Json = False,
+    reading: opt.Reading = None,
+) -> None:
+    """List what a recording holds: format, counts, rates, pictures, problems; or a saved run's events."""
+    if path is None:
+        _print_formats(json_output)
+    elif is_saved(path):
+        _print_events(path, json_output)
+    else:
+        _print_contents(path, json_output, reading)
+
+
+def _print_formats(json_output: bool) -> None:
+    readable = formats()
+    if json_output:
+        print_json([asdict(format_info) for format_info in readable])
+        return
+    table = Table()
+    for title in ("format", "what", "needs"):
+        table.add_column(title, overflow="fold")
+    for format_info in readable:
+        needs = "" if format_info.installed else f"pip install 'maurice-replay[{format_info.extra}]'"
+        table.add_row(format_info.name, format_info.what, needs)
+    results.print(table)
+
+
+def _print_contents(path: Path, json_output: bool, reading: list[str] | None) -> None:
+    inspected = inspect_recording(path, reading=reading_of(reading))
     if json_output:
         print_json(inspected.to_json())
         return
-    found = inspected.contents
-    table = Table(title=f"{found.kind} {found.name}", title_justify="left", show_header=False)
-    for row in (("format", inspected.format), *_rows(found)):
+    contents = inspected.contents
+    table = Table(title=f"{contents.kind} {contents.name}", title_justify="left", show_header=False)
+    for row in (("format", inspected.format), *_rows(contents)):
         table.add_row(*row)
     results.print(table)
-    for text in (*found.warnings, *found.problems):
+    for text in (*contents.warnings, *contents.problems):
         results.print(text)
-    if found.problem_count > len(found.problems):
-        results.print(f"... and {found.problem_count - len(found.problems)} more problems")
+    if contents.problem_count > len(contents.problems):
+        results.print(f"... and {contents.problem_count - len(contents.problems)} more problems")
 
 
-def _rows(found: Inspection) -> list[tuple[str, str]]:
-    events = ", ".join(dict.fromkeys(found.events)) or "none"
-    survey = "none named" if found.survey is None else found.survey
-    units = units_named(found.display_units)
+def _print_events(run: Path, json_output: bool) -> None:
+    """Print what happened in a saved run; JSON has routine events too: resampling, a new floor."""
+    with listening() as listener:
+        happened = events(run, routine=json_output, listener=listener)
+    if json_output:
+        print_json(happened.to_json())
+    elif any(each.events for each in happened.runs):
+        results.print(_event_table({each.label: each.events for each in happened.runs}, happened.session))
+    else:
+        note(f"{run}: nothing happened but routine")
+
+
+def _event_table(by_run: dict[str, Sequence[RunEvent]], title: str) -> Table:
+    """Return a table with one row per event, by step, and a column for the run where there are several."""
+    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
+    several = len(by_run) > 1
+    for name in ("step", "time (s)"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name in ("run", "event") if several else ("event",):
+        table.add_column(name, no_wrap=True)
+    table.add_column("what")
+    for event, labels in _by_event(by_run):
+        who = ALL_RUNS if len(labels) == len(by_run) else ", ".join(labels)
+        row = [str(event.step), f"{event.time_s:.1f}", *([who] if several else []), event.kind, event.text]
+        table.add_row(*map(Text, row))
+    return table
+
+
+def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, list[str]]]:
+    """Join equal events of several runs, in the order of steps and kinds."""
+    labels: dict[RunEvent, list[str]] = {}
+    for label, some in by_run.items():
+        for event in dict.fromkeys(some):
+            labels.setdefault(event, []).append(label)
+    order = list(KINDS)
+    return sorted(labels.items(), key=lambda item: (item[0].step, order.index(item[0].kind)))
+
+
+def _rows(contents: Inspection) -> list[tuple[str, str]]:
+    events = ", ".join(dict.fromkeys(contents.events)) or "none"
+    survey = "none named" if contents.survey is None else contents.survey
+    units = units_named(contents.display_units)
     return [
-        ("file", found.path),
-        ("records", ", ".join(f"{count} {kind}" for kind, count in found.records.items()) or "none"),
-        ("duration (s)", f"{found.duration_s:.1f}"),
-        ("picture rate (Hz)", _number(found.picture_rate_hz, 2)),
-        ("odometry rate (Hz)", _number(found.odometry_rate_hz, 2)),
-        ("pictures", ", ".join(f"{count} {kind}" for kind, count in found.pictures.items()) or "none"),
-        ("cameras", ", ".join(found.cameras) or "none described"),
-        (f"distance by odometry ({units.name})", _length(found.distance_odometry_m, units)),
-        (f"distance by truth ({units.name})", _length(found.distance_truth_m, units)),
-        ("pictures with truth", "-" if found.truth_share is None else f"{found.truth_share:.0%}"),
+        ("file", contents.path),
+        ("records", ", ".join(f"{count} {kind}" for kind, count in contents.records.items()) or "none"),
+        ("duration (s)", f"{contents.duration_s:.1f}"),
+        ("picture rate (Hz)", _number(contents.picture_rate_hz, 2)),
+        ("odometry rate (Hz)", _number(contents.odometry_rate_hz, 2)),
+        ("pictures", ", ".join(f"{count} {kind}" for kind, count in contents.pictures.items()) or "none"),
+        ("cameras", ", ".join(contents.cameras) or "none described"),
+        (f"distance by odometry ({units.name})", _length(contents.distance_odometry_m, units)),
+        (f"distance by truth ({units.name})", _length(contents.distance_truth_m, units)),
+        ("pictures with truth", "-" if contents.truth_share is None else f"{contents.truth_share:.0%}"),
         ("kinds of events", events),
-        ("survey or library", survey + ("" if found.survey_found is not False else ", which is not there")),
-        ("map", "yes" if found.has_map else "no"),
-        ("problems", str(found.problem_count)),
+        (
+            "survey or library",
+            survey + ("" if contents.survey_found is not False else ", which is not there"),
+        ),
+        ("map", "yes" if contents.has_map else "no"),
+        ("problems", str(contents.problem_count)),
     ]
 
 
@@ -90,10 +173,10 @@ def doctor(
     json_output: opt.Json = False,
     reading: opt.Reading = None,
 ) -> None:
-    """Find wrong signs, units, frames, clocks and cameras in a recording, with the reason and the fix."""
+    """Find what is wrong in a recording: signs, units, frames, clocks, cameras; and what fixes it."""
     opening = reading_of(reading)
     with listening() as listener:
-        found = diagnose(
+        examination = diagnose(
             session,
             library,
             pictures=not no_library,
@@ -102,76 +185,76 @@ def doctor(
             force=force,
             listener=listener,
         )
-    fixing = [*(fixed_options(opening, [one]) for one in found.findings), found.fixed]
-    options = [typed(one) if one != opening else [] for one in fixing]
+    fixing = [*(fixed_options(opening, [finding]) for finding in examination.findings), examination.fixed]
+    options = [typed(fix) if fix != opening else [] for fix in fixing]
     if json_output:
-        print_json(_json(found, options))
+        print_json(_json(examination, options))
     else:
         beside = [] if library is None else ["--library", str(library)]
-        results.print("\n".join(_lines(found, options, beside)), soft_wrap=True)
-    if output is not None and found.fixed != opening:
+        results.print("\n".join(_lines(examination, options, beside)), soft_wrap=True)
+    if output is not None and examination.fixed != opening:
         words = shlex.join([str(session), "--reading", str(output)])
         note(f"{output} written; now try: maurice-replay {words}")
     elif output is not None:
         note("there is nothing that options fix; no file was written")
-    if strict and found.findings:
+    if strict and examination.findings:
         raise typer.Exit(1)
 
 
-def _json(found: Diagnosis, options: Options) -> dict[str, object]:
+def _json(examination: Diagnosis, options: Options) -> dict[str, object]:
     """Return everything as JSON, lengths in meters."""
     return {
-        "session": str(found.path),
-        "name": found.name,
-        "odometry": found.odometry,
-        "truth": found.truth,
-        "pictures": found.pictures,
-        "only_the_beginning": found.cut,
-        "said": list(found.said),
-        "checks": list(found.checks),
-        "not_asked": list(found.not_asked),
-        "odometry_advice": list(odometry_advice(found)),
-        "healthy": not found.findings,
+        "session": str(examination.path),
+        "name": examination.name,
+        "odometry": examination.odometry,
+        "truth": examination.truth,
+        "pictures": examination.pictures,
+        "only_the_beginning": examination.cut,
+        "said": list(examination.said),
+        "checks": list(examination.checks),
+        "not_asked": list(examination.not_asked),
+        "odometry_advice": list(odometry_advice(examination)),
+        "healthy": not examination.findings,
         "findings": [
             {
-                "code": one.code,
-                "what": describe(one),
-                "evidence": evidence_for(one),
-                "fix": fix_for(one),
+                "code": finding.code,
+                "what": describe(finding),
+                "evidence": evidence_for(finding),
+                "fix": fix_for(finding),
                 "options": list(fixing),
-                "numbers": dict(one.numbers),
+                "numbers": dict(finding.numbers),
             }
-            for one, fixing in zip(found.findings, options, strict=False)
+            for finding, fixing in zip(examination.findings, options, strict=False)
         ],
         "options": list(options[-1]),
     }
 
 
-def _lines(found: Diagnosis, options: Options, beside: Sequence[str] = ()) -> Iterator[str]:
+def _lines(examination: Diagnosis, options: Options, beside: Sequence[str] = ()) -> Iterator[str]:
     """Yield the report, one line per fact; findings come last and are numbered.
 
     `beside` are further words, such as the library, that are added after the options of each fix.
     """
-    counts = f"{found.odometry} odometry, {found.truth} truth, {found.pictures} pictures"
-    yield f"{found.name}: {counts}{', of its beginning' if found.cut else ''}"
-    yield f"checked: {', '.join(found.checks)}"
-    if found.not_asked:
-        yield f"could not check: {', '.join(found.not_asked)}"
-    for text in found.said:
+    counts = f"{examination.odometry} odometry, {examination.truth} truth, {examination.pictures} pictures"
+    yield f"{examination.name}: {counts}{', of its beginning' if examination.cut else ''}"
+    yield f"checked: {', '.join(examination.checks)}"
+    if examination.not_asked:
+        yield f"could not check: {', '.join(examination.not_asked)}"
+    for text in examination.said:
         yield f"the reader reports: {text}"
-    for text in odometry_advice(found):
+    for text in odometry_advice(examination):
         yield f"no odometry: {text}"
-    for number, (one, fixing) in enumerate(zip(found.findings, options, strict=False), 1):
-        yield f"{number}. {describe(one)} [{one.code}]"
-        yield f"   why: {evidence_for(one, found.display_units)}"
+    for number, (finding, fixing) in enumerate(zip(examination.findings, options, strict=False), 1):
+        yield f"{number}. {describe(finding)} [{finding.code}]"
+        yield f"   why: {evidence_for(finding, examination.display_units)}"
         if fixing:
-            yield f"   fix: {_command('maurice-replay', found.path, [*fixing, *beside])}"
-        yield f"   {'or' if fixing else 'fix'}: {fix_for(one)}"
+            yield f"   fix: {_command('maurice-replay', examination.path, [*fixing, *beside])}"
+        yield f"   {'or' if fixing else 'fix'}: {fix_for(finding)}"
     if options[-1]:
         kept = shlex.join(["FIXED.log", *options[-1]])
-        yield f"try: {_command('maurice-replay doctor', found.path, [*options[-1], *beside])}"
-        yield f"keep: {_command('maurice-replay convert', found.path)} {kept}"
-    yield f"found {len(found.findings)} wrong" if found.findings else "found nothing wrong"
+        yield f"try: {_command('maurice-replay doctor', examination.path, [*options[-1], *beside])}"
+        yield f"keep: {_command('maurice-replay convert', examination.path)} {kept}"
+    yield f"found {len(examination.findings)} wrong" if examination.findings else "found nothing wrong"
 
 
 def _command(command: str, path: Path, options: Sequence[str] = ()) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich import box
@@ -17,13 +16,11 @@ from rich.text import Text
 from maurice_loaders.live.source import is_live
 from maurice_loaders.session_log.header import drive_name
 
-from ..layouts import DETAILS
 from ..style import Scale, Units, units_named
 from ..text.summary import paired_rows, score_rows
 from ..text.verdict import verdict_line
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
-from .shared.options import output_of, reading_of, sensor_pairs, settings_of
 
 if TYPE_CHECKING:
     from ..playback import RunResult
@@ -36,28 +33,16 @@ KIDNAPPING_PRESETS = ("thesis", "robust")
 
 def replay(
     session: opt.Session,
-    library: opt.Library = None,
-    preset: opt.Preset = None,
-    feature: opt.Feature = None,
-    particles: opt.Particles = None,
+    chosen: opt.FilterSet,
+    drawing: opt.DrawingSet,
+    reading: opt.ReadingSet,
     seed: opt.Seed = 0,
-    start: opt.Start = None,
-    config: opt.Config = None,
-    settings: opt.Set = None,
-    sensor: opt.Sensors = None,
-    rrd: opt.Rrd = None,
-    web: opt.Web = False,
     save_run: opt.SaveRun = None,
-    layout: opt.Layout = None,
-    detail: opt.Detail = DETAILS[0],
-    force: opt.Force = False,
     json_output: opt.Json = False,
     follow: opt.Follow = False,
     capture: opt.Capture = None,
     keep_up: opt.KeepUp = None,
     patience: opt.Patience = None,
-    reading: opt.Reading = None,
-    keep_going: opt.KeepGoing = False,
     as_recorded: opt.AsRecorded = False,
 ) -> None:
     """Replay a session of any format, a saved run or a live source, in the viewer or to a file."""
@@ -67,20 +52,13 @@ def replay(
     from ..app.replay import replay as replay_once
     from ..running.output import serving
 
-    output = output_of(drive_name(session), rrd, save_run, layout, detail, web=web, force=force)
-    output = replace(output, alone=not json_output)
+    output = drawing.output(drive_name(session), save_run, alone=not json_output)
     with listening(usage=False) as listener, serving(output, listener):
         replay_once(
             session,
-            library,
-            feature=feature,
-            preset=preset,
-            particles=particles,
+            **chosen.arguments(),
             seed=seed,
-            start=start,
-            config=config,
-            settings=settings_of([*(settings or ()), *sensor_pairs(sensor)]),
-            reading=reading_of(reading, keep_going=keep_going),
+            reading=reading.options(),
             live=LiveOptions(follow, capture, keep_up, patience),
             as_recorded=as_recorded,
             output=output,
@@ -95,7 +73,7 @@ def open(  # noqa: A001
     layout: opt.Layout = None,
 ) -> None:
     """Open a Rerun recording or a saved run in the viewer, as `maurice-replay FILE.rrd` does."""
-    replay(recording, web=web, layout=layout)
+    replay(recording, opt.FilterSet(), opt.DrawingSet(web=web, layout=layout), opt.ReadingSet())
 
 
 def compare(
@@ -105,24 +83,11 @@ def compare(
             "SESSION|RUN...", "A session; or two to four of them, or of saved runs; or a comparison's folder."
         ),
     ],
-    library: opt.Library = None,
-    preset: opt.Presets = None,
-    feature: opt.Features = None,
-    particles: opt.ParticleCounts = None,
-    seed: opt.Seeds = None,
-    start: opt.Starts = None,
-    config: opt.Configs = None,
-    settings: opt.Set = None,
-    sensor: opt.Sensors = None,
-    rrd: opt.Rrd = None,
-    web: opt.Web = False,
+    chosen: opt.FiltersSet,
+    drawing: opt.DrawingSet,
+    reading: opt.ReadingSet,
     save_run: opt.SaveRun = None,
-    layout: opt.Layout = None,
-    detail: opt.Detail = DETAILS[0],
-    force: opt.Force = False,
     json_output: opt.Json = False,
-    reading: opt.Reading = None,
-    keep_going: opt.KeepGoing = False,
 ) -> None:
     """Replay two to four runs side by side in one recording, and show how they differ.
 
@@ -133,88 +98,68 @@ def compare(
     from ..app.compare import compare as compare_runs
     from ..running.output import serving
 
-    stem = drive_name(paths[0]) if len(paths) == 1 else SEVERAL
-    output = output_of(stem, rrd, save_run, layout, detail, web=web, force=force)
+    output = drawing.output(drive_name(paths[0]) if len(paths) == 1 else SEVERAL, save_run)
     with listening(usage=False) as listener, serving(output, listener):
         compare_runs(
             paths,
-            library,
-            features=feature or (),
-            presets=preset or (),
-            particles=particles or (),
-            seeds=seed or (),
-            starts=start or (),
-            configs=config or (),
-            settings=_settings([*(settings or ()), *sensor_pairs(sensor)]),
-            reading=reading_of(reading, keep_going=keep_going),
+            **chosen.arguments(),
+            reading=reading.options(),
             output=output,
             report=printed(json_output),
             listener=listener,
         )
 
 
-def _settings(pairs: list[str]) -> list[dict[str, Any]]:
-    """Return the settings of each run: a key with several values makes one run per value."""
-    values: dict[str, list[Any]] = {}
-    for pair in pairs:
-        for key, value in settings_of([pair]).items():
-            values.setdefault(key, []).append(value)
-    once = {key: value[0] for key, value in values.items() if len(value) == 1}
-    several = {key: value for key, value in values.items() if len(value) > 1}
-    if len(several) > 1:
-        raise typer.BadParameter(f"--set gives {' and '.join(several)} several times; vary one key")
-    varied = [once | {key: value} for key, some in several.items() for value in some]
-    return varied or ([once] if once else [])
-
-
 def demo(
+    drawing: opt.DrawingSet,
     story: Annotated[
         str,
-        typer.Argument(
-            help="kidnapped: a kidnapped robot, two presets; features: color and blended on one drive.",
+        opt.argument(
+            "STORY",
+            "kidnapped: a kidnapped robot, two presets; features: color and blended on one drive. "
+            "[default: kidnapped]",
             **opt.one_of(STORIES, "story"),
         ),
-    ] = STORIES[0],
+    ] = KIDNAPPED,
     session_only: Annotated[
         Path | None,
         opt.option("--session-only", "Only write session and survey to this folder.", metavar="DIR"),
     ] = None,
-    rrd: opt.Rrd = None,
-    web: opt.Web = False,
-    force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Replay a drive through a simulated two-room arena: a kidnapping, or two features side by side."""
-    from maurice_datasets.demos import demo_paths, kidnapping_paths
+    from maurice_datasets import demos
 
+    if session_only is not None:
+        _write_demo(session_only, story, force=drawing.force, json_output=json_output)
+        return
     from ..app.compare import COLOR_AND_BLENDED
     from ..app.compare import compare as compare_runs
     from ..running.output import serving
 
+    kidnapped = story == KIDNAPPED
     with listening(usage=False) as listener:
-        if session_only is None:
-            features = story == FEATURES
-            paths = (demo_paths if features else kidnapping_paths)(progress=listener.progress)
-            stem = "demo" if story == STORIES[0] else f"demo-{story}"
-            output = replace(output_of(stem, rrd, web=web, force=force), fixed_stem=True)
-            with serving(output, listener):
-                compare_runs(
-                    paths.session,
-                    features=COLOR_AND_BLENDED if features else (),
-                    presets=() if features else KIDNAPPING_PRESETS,
-                    output=output,
-                    report=printed(json_output),
-                    listener=listener,
-                )
-            return
-        from maurice_datasets.sessions import kidnapping_plan, write_demo, write_simulation
-
-        if story == FEATURES:
-            written = write_demo(session_only, force=force, progress=listener.progress)
-        else:
-            written = write_simulation(
-                session_only, kidnapping_plan(), force=force, progress=listener.progress
+        paths = (demos.kidnapping_paths if kidnapped else demos.demo_paths)(progress=listener.progress)
+        output = drawing.output("demo" if kidnapped else f"demo-{story}", fixed_stem=True)
+        with serving(output, listener):
+            compare_runs(
+                paths.session,
+                presets=KIDNAPPING_PRESETS if kidnapped else (),
+                features=() if kidnapped else COLOR_AND_BLENDED,
+                output=output,
+                report=printed(json_output),
+                listener=listener,
             )
+
+
+def _write_demo(folder: Path, story: str, *, force: bool, json_output: bool) -> None:
+    from maurice_datasets.sessions import kidnapping_plan, write_demo, write_simulation
+
+    with listening(usage=False) as listener:
+        if story == FEATURES:
+            written = write_demo(folder, force=force, progress=listener.progress)
+        else:
+            written = write_simulation(folder, kidnapping_plan(), force=force, progress=listener.progress)
     if json_output:
         print_json({"session": written.session, "survey": written.survey})
     else:

@@ -1,9 +1,8 @@
-"""`maurice-replay events|explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
+"""`maurice-replay explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,69 +11,14 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from maurice_mcl.scoring.events import KINDS, RunEvent
-
 from ..entities import Phase
 from .shared import options as opt
-from .shared.console import listening, note, print_json, results
+from .shared.console import listening, print_json, results
 from .shared.options import argument, option
 
-ALL_RUNS = "all"  # in a table: an event that every run of a comparison has
 MORE, PICTURE, MOVIE = "One more reference", "Picture", "Movie"  # panels of the help
-PHASES = " | ".join(phase.name.lower() for phase in Phase)
-
-
-def events(
-    run: opt.Run,
-    kinds: Annotated[
-        list[str] | None,
-        option(
-            "--kind",
-            f"Only this kind; may be repeated: {', '.join(KINDS)}.",
-            metavar="KIND",
-            autocompletion=opt.completed(KINDS),
-        ),
-    ] = None,
-    everything: Annotated[bool, option("--all", "List routine events too: resampling, a new floor.")] = False,
-    json_output: opt.Json = False,
-) -> None:
-    """List the events of a saved run."""
-    from ..app.events import events as find
-
-    with listening() as listener:
-        found = find(run, kinds=kinds or (), routine=everything, listener=listener)
-    if json_output:
-        print_json(found.to_json())
-    elif any(one.events for one in found.runs):
-        results.print(_table({one.label: one.events for one in found.runs}, found.session))
-    else:
-        note(f"{run}: no event{' of that kind' if kinds else ''}")
-
-
-def _table(by_run: dict[str, Sequence[RunEvent]], title: str) -> Table:
-    """Return a table with one row per event, by step, and a column for the run where there are several."""
-    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
-    several = len(by_run) > 1
-    for name in ("step", "time (s)"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for name in ("run", "event") if several else ("event",):
-        table.add_column(name, no_wrap=True)
-    table.add_column("what")
-    for event, labels in _by_event(by_run):
-        who = ALL_RUNS if len(labels) == len(by_run) else ", ".join(labels)
-        row = [str(event.step), f"{event.time_s:.1f}", *([who] if several else []), event.kind, event.text]
-        table.add_row(*map(Text, row))
-    return table
-
-
-def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, list[str]]]:
-    """Join equal events of several runs, in the order of steps and kinds."""
-    labels: dict[RunEvent, list[str]] = {}
-    for label, some in by_run.items():
-        for event in dict.fromkeys(some):
-            labels.setdefault(event, []).append(label)
-    order = list(KINDS)
-    return sorted(labels.items(), key=lambda item: (item[0].step, order.index(item[0].kind)))
+ALL = "all"
+PHASES = [phase.name.lower() for phase in Phase]
 
 
 def explain(
@@ -89,7 +33,6 @@ def explain(
         int | None,
         option("--particle", "Explain this particle too, by its number in the saved cloud.", MORE, min=0),
     ] = None,
-    run_label: opt.RunLabel = None,
     output: Annotated[
         Path | None,
         option("-o --output", "Write a picture of the tab explain.", metavar="OUT.png"),
@@ -107,7 +50,6 @@ def explain(
             at=at,
             entry=entry,
             particle=particle,
-            run_label=run_label,
             to=output,
             force=force,
             listener=listener,
@@ -151,9 +93,10 @@ def snapshot(
         str | None,
         option(
             "--phase",
-            f"One phase of it: {PHASES}.",
+            f"One phase of it: {', '.join(PHASES)}; in a movie `all`: six pictures a step instead of one.",
             PICTURE,
-            autocompletion=opt.completed(PHASES.split(" | ")),
+            metavar="NAME",
+            **opt.one_of((*PHASES, ALL), "phase"),
         ),
     ] = None,
     first: Annotated[
@@ -161,9 +104,6 @@ def snapshot(
     ] = None,
     last: Annotated[int | None, option("--to", "Its last step. [default: the last]", MOVIE, min=1)] = None,
     fps: Annotated[float, option("--fps", "Its pictures per second.", MOVIE, min=0.1, max=50)] = 4.0,
-    phases: Annotated[
-        bool, option("--phases", "Six pictures per step, one per phase, instead of one.", MOVIE)
-    ] = False,
     view: Annotated[
         str | None, option("--view", "Only this view, by its title or the beginning of its title.")
     ] = None,
@@ -178,38 +118,32 @@ def snapshot(
     is_movie = output.suffix in SUFFIXES
     if not is_movie and output.suffix != ".png":
         raise typer.BadParameter(f"-o ends in .png, {' or '.join(SUFFIXES)}, found {str(output)!r}")
-    if not is_movie and (first is not None or last is not None or phases):
-        raise typer.BadParameter("--from, --to and --phases go with a movie: -o OUT.mp4")
-    if is_movie and (step is not None or phase is not None):
+    if not is_movie and (first is not None or last is not None or phase == ALL):
+        raise typer.BadParameter("--from, --to and --phase all go with a movie: -o OUT.mp4")
+    if is_movie and (step is not None or phase not in (None, ALL)):
         raise typer.BadParameter(
-            "--step and --phase go with a picture; a movie has --from, --to and --phases"
+            "--step and one --phase go with a picture; a movie has --from, --to and --phase all"
         )
     window = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", size)  # the functions check its limits
     if window is None:
         raise typer.BadParameter(f"--size is like 1600x1000, found {size!r}")
-    shown: dict[str, Any] = {"view": view, "layout": layout, "size": (int(window[1]), int(window[2]))}
     with listening() as listener:
-        shown |= {"force": force, "listener": listener}
+        shown: dict[str, Any] = {"to": output, "view": view, "layout": layout, "force": force}
+        shown |= {"size": (int(window[1]), int(window[2])), "listener": listener}
         if is_movie:
-            made = app.movie(source, to=output, first=first, last=last, phases=phases, fps=fps, **shown)
+            app.movie(source, first=first, last=last, phases=phase == ALL, fps=fps, **shown)
         else:
-            made = app.snapshot(source, to=output, step=step, phase=phase, **shown)
-    results.print(str(made), soft_wrap=True)
+            app.snapshot(source, step=step, phase=phase, **shown)
+    results.print(str(output), soft_wrap=True)
 
 
 def budget(
     source: Annotated[
         Path, argument("SESSION|TRIALS", "A session with truth, or a folder that `trials run` has made.")
     ],
-    library: opt.Library = None,
-    preset: opt.Preset = None,
-    feature: opt.Feature = None,
-    particles: opt.Particles = None,
-    start: opt.Start = None,
-    config: opt.Config = None,
-    settings: opt.Set = None,
+    chosen: opt.FilterSet,
+    reading: opt.ReadingSet,
     seeds: Annotated[int, option("--seeds", "Runs of every part.", min=2, max=1000)] = 5,
-    reading: opt.Reading = None,
     json_output: opt.Json = False,
 ) -> None:
     """Find which part costs most accuracy: odometry, sensor, distance between references, or particles.
@@ -221,29 +155,19 @@ def budget(
     from ..text.what_if import budget_rows, say_budget
 
     with listening() as listener:
-        found = error_budget(
-            source,
-            library,
-            preset=preset,
-            feature=feature,
-            particles=particles,
-            start=start,
-            config=config,
-            settings=opt.settings_of(settings) or None,
-            reading=opt.reading_of(reading),
-            seeds=seeds,
-            listener=listener,
+        shares = error_budget(
+            source, **chosen.arguments(), reading=reading.options(), seeds=seeds, listener=listener
         )
     if json_output:
-        print_json(found.to_json())
+        print_json(shares.to_json())
         return
-    drives = f"{found.drives} drives" if found.drives > 1 else f"{found.parts[0].error.count} seeds"
-    title = Text(f"{found.name}: {found.filter}, {drives}, 95 % intervals")
+    drives = f"{shares.drives} drives" if shares.drives > 1 else f"{shares.parts[0].error.count} seeds"
+    title = Text(f"{shares.name}: {shares.filter}, {drives}, 95 % intervals")
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
-    units = found.display_units
+    units = shares.display_units
     for name in ("with", f"error ({units})", "lost", "so this part", f"costs ({units})"):
         table.add_column(name, no_wrap="(" in name)  # figures
-    for row in budget_rows(found):
+    for row in budget_rows(shares):
         table.add_row(*row)
     results.print(table)
-    results.print(say_budget(found), soft_wrap=True)
+    results.print(say_budget(shares), soft_wrap=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,14 +12,17 @@ from maurice_loaders.errors import InputError
 
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
-from .shared.options import MOST_SEED, argument, completed, option, read_length
+from .shared.options import MOST_SEED, argument, completed, option
+from .shared.values import by_suffix, read_length
 
 if TYPE_CHECKING:
     from maurice_datasets.live import Address, Tally
+    from maurice_datasets.simulation import SimulationPlan
 
-WORLD, DRIVE, LIVE = "World and camera", "Drive", "Live robot"
+WORLD, DRIVE, CHANGES, LIVE = "World and camera", "Drive", "Since the survey", "Live robot"
 LEAST_SPACING_M = 0.02
 TASKS = ("tracking", "global", "kidnapped")
+TIERS = ("nominal", "dim", "hard")
 
 
 def _worlds(incomplete: str) -> list[str]:
@@ -28,61 +31,75 @@ def _worlds(incomplete: str) -> list[str]:
     return completed(shipped_worlds())(incomplete)
 
 
-_world = partial(option, "--world", "A world's name, or the path of a TOML file.", autocompletion=_worlds)
-_tier = partial(
-    option, "--tier", "nominal | dim | hard.", autocompletion=completed(("nominal", "dim", "hard"))
-)
-_arena_seed = partial(
-    option, "--arena-seed", "Seed of textures, furniture, lights and the survey.", min=0, max=MOST_SEED
-)
+@dataclass(frozen=True, slots=True)
+class WorldSet:
+    """The world that is driven through, and its camera."""
+
+    world: Annotated[
+        str,
+        option("--world", "A world's name, or the path of a TOML file.", WORLD, autocompletion=_worlds),
+    ] = "two-rooms"
+    tier: Annotated[
+        str, option("--tier", f"{' | '.join(TIERS)}.", WORLD, autocompletion=completed(TIERS))
+    ] = "nominal"
+    arena_seed: Annotated[
+        int,
+        option(
+            "--arena-seed",
+            "Seed of textures, furniture, lights and the survey.",
+            WORLD,
+            min=0,
+            max=MOST_SEED,
+        ),
+    ] = 0
+    half_resolution: Annotated[
+        bool,
+        option("--half-resolution", "Read only every other column, as the CMUcam2 does, everywhere.", WORLD),
+    ] = False
 
 
-def simulate(
-    task: Annotated[str, argument("TASK", "tracking | global | kidnapped.", autocompletion=completed(TASKS))],
-    output: Annotated[
-        Path | None, option("-o --output", "Write session and survey to this folder.", metavar="DIR")
-    ] = None,
-    world: Annotated[str, _world(panel=WORLD)] = "two-rooms",
-    tier: Annotated[str, _tier(panel=WORLD)] = "nominal",
-    arena_seed: Annotated[int, _arena_seed(panel=WORLD)] = 0,
+@dataclass(frozen=True, slots=True)
+class DriveSet:
+    """How the robot drives, and what has changed since the survey."""
+
     seed: Annotated[
         int,
         option("--seed", "Seed of the drive, the session's light and noise.", DRIVE, min=0, max=MOST_SEED),
-    ] = 0,
+    ] = 0
     updates: Annotated[
         int,
         option(
             "--updates", "Number of times the robot moves and takes a picture.", DRIVE, min=1, max=1_000_000
         ),
-    ] = 120,
+    ] = 120
     kidnap_at: Annotated[
         int | None,
         option("--kidnap-at", "Carry the robot away after this step. [default: halfway]", DRIVE, min=1),
-    ] = None,
+    ] = None
     slip_at: Annotated[
         str, option("--slip-at", "Let the wheels spin at this step, or at a range like 34-37.", DRIVE)
-    ] = "",
+    ] = ""
     lights: Annotated[
-        str, option("--lights", "Changes of light, such as dim@40,off@60,daylight@20-100,on@80,drift.", WORLD)
-    ] = "",
+        str,
+        option("--lights", "Changes of light, such as dim@40,off@60,daylight@20-100,on@80,drift.", CHANGES),
+    ] = ""
     moved: Annotated[
         int,
-        option("--moved", "Number of pieces of furniture moved after the survey.", WORLD, min=0, max=1000),
-    ] = 0,
+        option("--moved", "Number of pieces of furniture moved after the survey.", CHANGES, min=0, max=1000),
+    ] = 0
     people: Annotated[
-        int,
-        option("--people", "Percentage of the pictures with people in view.", WORLD, min=0, max=100),
-    ] = 0,
-    gain: Annotated[str, option("--gain", "The session's camera: fixed | auto.", WORLD)] = "fixed",
-    half_resolution: Annotated[
-        bool,
+        int, option("--people", "Percentage of the pictures with people in view.", CHANGES, min=0, max=100)
+    ] = 0
+    gain: Annotated[
+        str,
         option(
-            "--half-resolution",
-            "Read only every other column, as the CMUcam2 does, in survey and session.",
-            WORLD,
+            "--gain",
+            "The session's camera: fixed | auto.",
+            CHANGES,
+            autocompletion=completed(("fixed", "auto")),
         ),
-    ] = False,
-    motion_from: Annotated[
+    ] = "fixed"
+    recording: Annotated[
         Path | None,
         option(
             "--motion-from",
@@ -91,16 +108,19 @@ def simulate(
             DRIVE,
             metavar="PATH",
         ),
-    ] = None,
+    ] = None
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSet:
+    """How a drive is served to who listens, instead of being written."""
+
     serve: Annotated[
         str | None,
         option(
-            "--serve",
-            "Write no files; serve the drive live at this address.",
-            LIVE,
-            metavar="tcp://HOST:PORT",
+            "--serve", "Write no files; serve the drive at this address.", LIVE, metavar="tcp://HOST:PORT"
         ),
-    ] = None,
+    ] = None
     rate: Annotated[
         float | None,
         option(
@@ -110,10 +130,20 @@ def simulate(
             min=0,
             max=1e6,
         ),
+    ] = None
+    no_truth: Annotated[bool, option("--no-truth", "With --serve: send neither truth nor events.", LIVE)] = (
+        False
+    )
+
+
+def simulate(
+    task: Annotated[str, argument("TASK", f"{' | '.join(TASKS)}.", autocompletion=completed(TASKS))],
+    world: WorldSet,
+    drive: DriveSet,
+    live: LiveSet,
+    output: Annotated[
+        Path | None, option("-o --output", "Write session and survey to this folder.", metavar="DIR")
     ] = None,
-    no_truth: Annotated[
-        bool, option("--no-truth", "With --serve: send neither truth nor events.", LIVE)
-    ] = False,
     lossless: Annotated[
         bool, option("--lossless", "Write pictures as PNG: a replay is then the same run as in `trials run`.")
     ] = False,
@@ -121,48 +151,47 @@ def simulate(
     json_output: opt.Json = False,
 ) -> None:
     """Simulate a drive: write session log, truth and survey to a folder, or serve it live over a socket."""
-    if (output is None) == (serve is None):
+    if (output is None) == (live.serve is None):
         raise typer.BadParameter("give either -o DIR or --serve tcp://HOST:PORT")
-    if serve is None and (rate is not None or no_truth):
+    if live.serve is None and live != LiveSet():
         raise typer.BadParameter("--rate and --no-truth go with --serve")
-    from maurice_datasets import live, sessions
+    from maurice_datasets import sessions
 
     try:
-        plan = sessions.simulation_plan(
-            task,
-            world=world,
-            tier=tier,
-            arena_seed=arena_seed,
-            seed=seed,
-            updates=updates,
-            kidnap_at=kidnap_at,
-            slip_at=slip_at,
-            lights=lights,
-            moved=moved,
-            people=people,
-            gain=gain,
-            half_resolution=half_resolution,
-            recording=motion_from,
-        )
-        address = None if serve is None else live.parse_address(serve)
+        plan = sessions.simulation_plan(task, **asdict(world), **asdict(drive))
     except (InputError, ValueError) as problem:
         raise typer.BadParameter(str(problem)) from None
+    if output is None:
+        _serve(plan, live)
+        return
     with listening() as listener:
-        if address is not None:
-            live.serve(
-                plan,
-                address,
-                1.0 if rate is None else rate,
-                truth=not no_truth,
-                ready=_announce,
-                over=_account,
-                progress=listener.progress,
-            )
-        elif output is not None:
-            made = sessions.write_simulation(
-                output, plan, lossless=lossless, force=force, progress=listener.progress
-            )
-            _report(made.session, made.survey, json_output)
+        written = sessions.write_simulation(
+            output, plan, lossless=lossless, force=force, progress=listener.progress
+        )
+    if json_output:
+        print_json({"session": written.session, "survey": written.survey})
+    else:
+        results.print(f"{written.session}\n{written.survey}")
+    note(f"now try: maurice-replay {written.session}")
+
+
+def _serve(plan: SimulationPlan, options: LiveSet) -> None:
+    from maurice_datasets import live
+
+    try:
+        address = live.parse_address(str(options.serve))
+    except ValueError as problem:
+        raise typer.BadParameter(str(problem)) from None
+    with listening() as listener:
+        live.serve(
+            plan,
+            address,
+            1.0 if options.rate is None else options.rate,
+            truth=not options.no_truth,
+            ready=_announce,
+            over=_account,
+            progress=listener.progress,
+        )
 
 
 def _announce(address: Address) -> None:
@@ -174,21 +203,17 @@ def _account(tally: Tally) -> None:
     note(f"readers: {tally.readers}, lines left out for slow ones: {tally.dropped}")
 
 
-def _report(session: Path, survey: Path, json_output: bool) -> None:
-    if json_output:
-        print_json({"session": session, "survey": survey})
-    else:
-        results.print(f"{session}\n{survey}")
-    note(f"now try: maurice-replay {session}")
-
-
 def survey(
-    output: Annotated[
-        Path | None, option("-o --output", "Write the survey to this folder.", metavar="DIR")
-    ] = None,
-    world: Annotated[str, _world()] = "two-rooms",
-    tier: Annotated[str, _tier()] = "nominal",
-    arena_seed: Annotated[int, _arena_seed()] = 0,
+    files: Annotated[
+        list[Path],
+        option(
+            "-o --output",
+            "DIR: write the survey to this folder. OUT.png: draw 24 views of the world. Repeatable.",
+            metavar="DIR|OUT.png",
+            show_default=False,
+        ),
+    ],
+    world: WorldSet,
     spacing: Annotated[
         str | None, option("--spacing", "Distance between nodes, like 18in or 0.6m. [default: the world's]")
     ] = None,
@@ -199,21 +224,12 @@ def survey(
         Path | None,
         option("--poses", "Take only these: x_m, y_m, heading_deg, as from `library check`.", metavar="CSV"),
     ] = None,
-    contact_sheet: Annotated[
-        Path | None,
-        option("--contact-sheet", "Draw 24 views of the world (.png or .jpg).", metavar="OUT.png"),
-    ] = None,
-    half_resolution: Annotated[
-        bool, option("--half-resolution", "Read only every other column, as the CMUcam2 does.")
-    ] = False,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Take the reference pictures of a simulated world, and some with the lens covered."""
-    if output is None and contact_sheet is None:
-        raise typer.BadParameter("give -o DIR, or --contact-sheet OUT.png, or both")
-    if contact_sheet is not None and contact_sheet.suffix not in (".png", ".jpg"):
-        raise typer.BadParameter(f"--contact-sheet ends in .png or .jpg, found {str(contact_sheet)!r}")
+    outputs = by_suffix(files, ("", ".png", ".jpg"))
+    folder = outputs.pop("", None)
     spacing_m = None if spacing is None else read_length(spacing, "--spacing", LEAST_SPACING_M)
     if poses is not None and (spacing is not None or headings is not None):
         raise typer.BadParameter("--poses names every reference: --spacing and --headings do not apply")
@@ -221,26 +237,23 @@ def survey(
 
     from ..plots.sheets import write_contact_sheet
 
-    made: dict[str, object] = {}
+    written: dict[str, object] = {}
     with listening() as listener:
         chosen = None if poses is None else read_poses(poses)
-        drawn = surveyed_world(world, arena_seed, tier, spacing_m, headings)
-        how: dict[str, Any] = {
-            "half_resolution": half_resolution,
-            "force": force,
-            "progress": listener.progress,
-        }
-        if contact_sheet is not None:
-            write_contact_sheet(contact_sheet, drawn, arena_seed, **how)
-            made["contact_sheet"] = str(contact_sheet)
-        if output is not None:
-            log = write_survey_folder(output, drawn, arena_seed, poses=chosen, **how)
-            count = len(drawn.nodes) * drawn.headings if chosen is None else len(chosen)
-            made |= {"survey": str(log), "references": count}
+        surveyed = surveyed_world(world.world, world.arena_seed, world.tier, spacing_m, headings)
+        how: dict[str, Any] = {"half_resolution": world.half_resolution, "force": force}
+        how |= {"progress": listener.progress}
+        for views in outputs.values():
+            write_contact_sheet(views, surveyed, world.arena_seed, **how)
+            written["contact_sheet"] = str(views)
+        if folder is not None:
+            log = write_survey_folder(folder, surveyed, world.arena_seed, poses=chosen, **how)
+            count = len(surveyed.nodes) * surveyed.headings if chosen is None else len(chosen)
+            written |= {"survey": str(log), "references": count}
     if json_output:
-        print_json(made)
+        print_json(written)
         return
-    results.print("\n".join(str(path) for key, path in made.items() if key != "references"))
-    if output is not None:
-        first = made["survey"] if chosen is None else f"SURVEY --add {made['survey']}"
+    results.print("\n".join(str(path) for key, path in written.items() if key != "references"))
+    if folder is not None:
+        first = written["survey"] if chosen is None else f"SURVEY --add {written['survey']}"
         note(f"now try: maurice-replay library build {first} -o LIBRARY")

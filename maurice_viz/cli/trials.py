@@ -6,12 +6,13 @@ import io
 import itertools
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import polars as pl
+import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
@@ -39,6 +40,7 @@ from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.options import argument, completed, option
 
+TABLES = (".csv", ".parquet")
 PLAN = f"A plan as TOML, or one that comes along: {', '.join(shipped_plans())}."
 Folder = Annotated[Path, argument("DIR", "A folder that `trials run` has made.")]
 Where = Annotated[
@@ -55,9 +57,9 @@ def run(
     workers: Annotated[
         int, option("--workers", "Processes at once.", min=1, max=1024, show_default="one for each core")
     ] = os.cpu_count() or 1,
-    engine: Annotated[str, option("--engine", f"{LOCAL}, or {DASK} for many machines.")] = LOCAL,
     scheduler: Annotated[
-        str | None, option("--scheduler", "Address of a Dask scheduler.", metavar="ADDRESS")
+        str | None,
+        option("--scheduler", "Run on many machines: the address of a Dask scheduler.", metavar="ADDRESS"),
     ] = None,
     resume: Annotated[bool, option("--resume", "Go on with a folder; nothing is computed twice.")] = False,
     only: Annotated[
@@ -75,21 +77,21 @@ def run(
     chosen = read_plan(plan).only([word for word in only.split(",") if word])
     chosen = (chosen.quick() if quick else chosen).with_seeds(seeds)
     with listening() as listener:
-        made = run_plan(
+        done = run_plan(
             chosen,
             output,
             workers=workers,
-            engine=DASK if scheduler else engine,
+            engine=DASK if scheduler else LOCAL,
             scheduler=scheduler,
             resume=resume,
             progress=progress_of(listener, chosen.title),
         )
     if json_output:
-        print_json(asdict(made))
+        print_json(asdict(done))
         return
-    results.print(f"{output}: {made.runs:,} runs, {made.made:,} made now, {made.failed:,} of them failed")
-    if made.error is not None:
-        note(f"the first that failed: {made.error}; the column error has all")
+    results.print(f"{output}: {done.runs:,} runs, {done.made:,} made now, {done.failed:,} of them failed")
+    if done.error is not None:
+        note(f"the first that failed: {done.error}; the column error has all")
     note(f"now try: maurice-replay trials table {output} --by {','.join(_first(chosen))}")
 
 
@@ -103,22 +105,14 @@ def report(
         "trials.html"
     ),
     where: Where = None,
-    spot: Annotated[
-        str | None,
-        option(
-            "--spot", "Width of a spot, like 18in or 0.5m.", metavar="LENGTH", show_default="radius right"
-        ),
-    ] = None,
     force: opt.Force = False,
 ) -> None:
     """Write one page about trials: what every variant reached, and where on the floor runs go wrong."""
     from ..reports.trials_report import trials_report as write_report  # imports charts and Jinja
 
     with listening():
-        spot_m = None if spot is None else opt.read_length(spot, "--spot")
-        results.print(
-            f"{write_report(folder, output, spot_m=spot_m, where=where or [], force=force)} written"
-        )
+        page = write_report(folder, output, where=where or [], force=force)
+    results.print(f"{page} written")
 
 
 def table(
@@ -126,57 +120,65 @@ def table(
     by: Annotated[
         str, option("--by", "Group by these columns or settings.", metavar="COLUMNS", show_default=False)
     ] = "",
-    metric: Annotated[str, option("--metric", f"One of {', '.join(NUMBERS)}.")] = DEFAULT,
+    metric: Annotated[
+        str,
+        option(
+            "--metric", f"One of {', '.join(NUMBERS)}.", metavar="NAME", autocompletion=completed(NUMBERS)
+        ),
+    ] = DEFAULT,
     where: Where = None,
-    csv: Annotated[Path | None, option("--csv", "Write the groups here.", metavar="FILE")] = None,
-    parquet: Annotated[Path | None, option("--parquet", "Write the groups here.", metavar="FILE")] = None,
+    output: Annotated[
+        Path | None, option("-o --output", "Write the groups here.", metavar="OUT.csv|OUT.parquet")
+    ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
     """Print grouped figures with intervals, and differences from the first group, run by run."""
+    if output is not None:
+        if output.suffix not in TABLES:
+            raise typer.BadParameter(f"-o ends in {' or '.join(TABLES)}, found {str(output)!r}")
+        expect_absent(output, force=force)
     rows, columns = load_trials(folder, where or []), [name for name in by.split(",") if name]
     groups, differences = grouped(rows, columns, metric), paired(rows, columns, metric)
-    for file in (csv, parquet):
-        if file is not None:
-            expect_absent(file, force=force)
-            _write(file, groups, parquet=file is parquet, force=force)
+    if output is not None:
+        _write(output, groups, force=force)
     if json_output:
         print_json({"metric": metric, "groups": _plain(groups), "differences": _plain(differences)})
         return
     results.print(_groups(groups, metric))
-    differences = [one for one in differences if one.figure.count]
-    if differences:
-        results.print(_differences(differences, metric))
-    _say_if_few(one.figure for one in groups)
+    counted = [difference for difference in differences if difference.figure.count]
+    if counted:
+        results.print(_differences(counted, metric))
+    _say_if_few(group.figure for group in groups)
     worst = rows.filter(pl.col(DEFAULT).is_not_null()).sort(DEFAULT, descending=True)
     if not worst.is_empty():
         row = worst.row(0, named=True)
         commands = TrialsFolder(folder).commands_of(row)
         shown = f"; to see it: {commands}" if commands else ""
         note(f"the run with the largest error: {name_of(row)}{shown}")
-    if not any(one.figure.count for one in groups):
+    if not any(group.figure.count for group in groups):
         note(f"no run holds {metric}: it failed, was left out, or has no truth for it")
 
 
-def _plain(found: list[Group] | list[Difference]) -> list[dict[str, Any]]:
-    """Return groups as plain values; what is not known or infinite is null."""
-    kept = []
-    for one in found:
-        values = {key: value for key, value in asdict(one).items() if key not in ("curve", "figure")}
+def _plain(rows: Sequence[Group | Difference]) -> list[dict[str, Any]]:
+    """Return rows of a table as plain values; what is not known or infinite is null."""
+    plain = []
+    for row in rows:
+        values = {key: value for key, value in asdict(row).items() if key not in ("curve", "figure")}
         median = values.get("median")
         known = median if median is not None and math.isfinite(median) else None
-        kept.append(values | one.figure.to_json() | {"median": known})
-    return kept
+        plain.append(values | row.figure.to_json() | {"median": known})
+    return plain
 
 
-def _write(file: Path, groups: list[Group], *, parquet: bool, force: bool) -> None:
-    rows = [{**one.pop("by"), **one} for one in _plain(groups)]
-    frame, held = pl.DataFrame(rows, infer_schema_length=None), io.BytesIO()
-    if parquet:
-        frame.write_parquet(held)
+def _write(file: Path, groups: list[Group], *, force: bool) -> None:
+    rows = [{**row.pop("by"), **row} for row in _plain(groups)]
+    frame, content = pl.DataFrame(rows, infer_schema_length=None), io.BytesIO()
+    if file.suffix == ".parquet":
+        frame.write_parquet(content)
     else:
-        frame.write_csv(held)
-    write_whole(file, held.getvalue(), force=force)
+        frame.write_csv(content)
+    write_whole(file, content.getvalue(), force=force)
 
 
 def _groups(groups: list[Group], metric: str) -> Table:
@@ -185,15 +187,15 @@ def _groups(groups: list[Group], metric: str) -> Table:
     flag = title.endswith("(%)")
     table = _table(title, groups[0].by if groups else ())
     names = ("rate" if flag or timed else "mean", "95 % interval", "median")
-    several = any(one.figure.drives != one.figure.count for one in groups)  # runs of a drive
-    kept = (True, True, not flag, True, several, any(one.failed for one in groups))
-    for name in itertools.compress((*names, "runs", "drives", "failed"), kept):
+    several = any(group.figure.drives != group.figure.count for group in groups)  # runs of a drive
+    shown = (True, True, not flag, True, several, any(group.failed for group in groups))
+    for name in itertools.compress((*names, "runs", "drives", "failed"), shown):
         table.add_column(name, justify="right")
-    for one in groups:
-        value, limits = _in_words(one.figure, 100 if timed else factor, digits)
-        counts = map(str, (one.runs, one.figure.drives, one.failed))
-        cells = (value, limits, _or_dash(one.median * factor, digits), *counts)
-        table.add_row(*map(_cell, one.by.values()), *itertools.compress(cells, kept))
+    for group in groups:
+        value, limits = _in_words(group.figure, 100 if timed else factor, digits)
+        counts = map(str, (group.runs, group.figure.drives, group.failed))
+        cells = (value, limits, _or_dash(group.median * factor, digits), *counts)
+        table.add_row(*map(_cell, group.by.values()), *itertools.compress(cells, shown))
     if timed:
         table.caption = "rate: share that localized (%). median: the others are censored at their end"
     return table
@@ -205,20 +207,20 @@ def _differences(differences: list[Difference], metric: str) -> Table:
         title += ", the whole drive where never"
     against = ", ".join(_cell(value) for value in differences[0].against.values())
     table = _table(f"{title}, less that of {against}, on the same drives", differences[0].by)
-    several = any(one.figure.drives != one.figure.count for one in differences)  # pairs of a drive
+    several = any(row.figure.drives != row.figure.count for row in differences)  # pairs of a drive
     names = ("difference", "95 % interval", "pairs", "drives")[: 3 + several]
     for name in names:
         table.add_column(name, justify="right")
-    for one in differences:
-        value, limits = _in_words(one.figure, factor, _digits(metric), "+")
-        cells = (value, limits, str(one.figure.count), str(one.figure.drives))
-        table.add_row(*map(_cell, one.by.values()), *cells[: len(names)])
+    for row in differences:
+        value, limits = _in_words(row.figure, factor, _digits(metric), "+")
+        cells = (value, limits, str(row.figure.count), str(row.figure.drives))
+        table.add_row(*map(_cell, row.by.values()), *cells[: len(names)])
     return table
 
 
 def _say_if_few(figures: Iterable[Interval]) -> None:
     """Say what intervals of so few drives are worth, once for all of a table."""
-    drives = min((one.drives for one in figures if one.count), default=FEW)
+    drives = min((figure.drives for figure in figures if figure.count), default=FEW)
     if drives == 1:
         note("intervals are over the seeds of one drive: they say nothing of other drives")
     elif drives < FEW:
@@ -248,9 +250,8 @@ def _digits(metric: str) -> int:
 
 def _in_words(figure: Interval, factor: float, digits: int, sign: str = "") -> tuple[str, str]:
     """Return a figure and its interval."""
-    value, low, high = (
-        _or_dash(one * factor, digits, sign) for one in (figure.value, figure.low, figure.high)
-    )
+    limits = (figure.value, figure.low, figure.high)
+    value, low, high = (_or_dash(limit * factor, digits, sign) for limit in limits)
     return value, f"{low} to {high}" if math.isfinite(figure.low) else "-"
 
 

@@ -225,7 +225,7 @@ def defaults() -> dict[str, Any]:
 def _checked(key: str, value: Any, origin: str) -> Any:
     if key not in RULES:
         near = difflib.get_close_matches(key, RULES, n=1)
-        advice = f"did you mean {near[0]}?" if near else "`maurice-replay config show` lists all"
+        advice = f"did you mean {near[0]}?" if near else "`maurice-replay config` lists all"
         raise ValueError(f"{origin}: {key} is not known; {advice}")
     return _in_layer(origin, RULES[key], key, value)
 

@@ -50,7 +50,7 @@ def test_a_filter_that_does_what_is_demanded_passes(drive):
 
 def test_a_failed_check_leaves_what_a_build_server_and_a_person_need(drive, tmp_path):
     xml, kept = tmp_path / "new" / "check.xml", tmp_path / "kept"
-    words = ("--max-error", "1mm", "--localized-by", "5", "--seeds", "3", "--junit", xml, "--artifacts", kept)
+    words = ("--max-error", "1mm", "--localized-by", "5", "--seeds", "3", "-o", xml, "--artifacts", kept)
     out, _ = maurice("check", drive, *FEW, *words, "--json", expect=1)
     (found,) = json.loads(out)["drives"]
     assert [one["passed"] for one in found["demands"]] == [True, True, False]
@@ -137,7 +137,7 @@ def test_a_baseline_of_something_else_is_one_line(drive, baseline, tmp_path):
     longer = write_small_session(other, updates=15)
     seeds = ("--seeds", "8")
     assert "another drive" in failure("check", longer, *FEW, *seeds, "--against", baseline)
-    assert "make one with --save-baseline" in failure("check", drive, *seeds, "--against", other / "none")
+    assert "make one with `check -o" in failure("check", drive, *seeds, "--against", other / "none")
     assert "expected a baseline" in failure("check", drive, *seeds, "--against", drive)
     with pytest.raises(OptionError, match="seeds=6"):
         mv.check(drive, against=baseline)

@@ -263,12 +263,11 @@ def test_a_dead_display_counts_as_none(small_session, tmp_path):
         "check {} --max-error 5m --particles 50",
         "inspect {}",
         "doctor {}",
-        "formats {}",
         "convert {} out.log --force",
         "calibrate drive {} --json",
         "calibrate motion {} --json",
         "library build {} -o built --force",
-        "library tune survey.log --session {} --channels color --json",
+        "library tune survey.log {} --channels color --json",
     ],
 )
 def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):

@@ -84,7 +84,7 @@ def commands(run: Path) -> Iterator[Callable[[], object]]:
     yield lambda: mv.explain(run, 2)
     yield lambda: mv.replay(run)
     yield lambda: mv.verify(run)
-    yield lambda: mv.export(run, csv=run / "a.csv", tum=run / "a.txt", force=True)
+    yield lambda: mv.export(run, [run / "a.csv", run / "a.tum"], force=True)
     yield lambda: mv.report(run, run / "a.html", force=True)
 
 
@@ -141,9 +141,9 @@ def test_a_value_that_a_column_cannot_hold_is_refused_where_it_is_read(kept: Pat
 def test_every_command_says_so_in_one_line(kept: Path, bad: Path, damage: Damage) -> None:
     replace(kept, bad, damage, [1])
     for words in (
-        ["events", bad],
+        ["inspect", bad],
         [bad, "-o", "none"],
-        ["export", bad, "--csv", "a.csv"],
+        ["export", bad, "-o", "a.csv"],
         ["report", bad],
         ["explain", bad],
         ["verify", bad],

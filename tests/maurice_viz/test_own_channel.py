@@ -51,7 +51,7 @@ def _labels(done):
 def test_it_is_tuned_and_used_by_name(small_session, tmp_path):
     path = _install(tmp_path / "site")
     survey, tuned = small_session.parent / "survey.log", tmp_path / "mine.toml"
-    words = ("--session", small_session, "--channels", "mychannel", "-o", tuned)
+    words = (small_session, "--channels", "mychannel", "-o", tuned)
     _maurice("library", "tune", survey, *words, path=path)
     assert "scales = { mychannel = " in tuned.read_text()
     done = _maurice(small_session, "--feature", "mychannel", "--config", tuned, *RUN, path=path)

@@ -71,7 +71,7 @@ def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(small_ses
     survey = small_session.with_name("survey.log")
     kept_and_shown(tmp_path / "kept", folder, survey, options)
     assert read_manifest(tmp_path / "kept").pictures == 7
-    for command in (("explain",), ("events",), ("export", "--tum", tmp_path / "path.tum")):
+    for command in (("explain",), ("inspect",), ("export", "-o", tmp_path / "path.tum")):
         maurice(command[0], tmp_path / "kept", *command[1:])
     table.write_text(table.read_text().replace("0.12", "0.13"))
     assert "beside.csv: the table was changed after the run was made" in failure("verify", tmp_path / "kept")

@@ -81,8 +81,8 @@ def baseline_bytes(drives: Iterable[DriveRuns]) -> bytes:
 def read_baseline(file: Path) -> BaselineRuns:
     """Read what `baseline_bytes` made. InputError for anything else."""
     if not file.is_file():
-        raise InputError(file, "there is no such file; make one with --save-baseline")
-    expected = "expected a baseline that `check --save-baseline` has written"
+        raise InputError(file, "there is no such file; make one with `check -o FILE.parquet`")
+    expected = "expected a baseline that `check -o FILE.parquet` has written"
     try:
         rows = pl.read_parquet(file)
     except (OSError, pl.exceptions.PolarsError) as problem:

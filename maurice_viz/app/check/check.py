@@ -20,7 +20,7 @@ from maurice_mcl.values.library import Library
 from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ...running.open import AnySession
-from ...running.run_spec import RunSpec
+from ...running.run_spec import RunSpec, settings_with
 from .baseline import baseline_bytes, read_baseline
 from .drive import CheckedFilter, DriveCheck, check_drive
 from .failure import expect_new_artifacts
@@ -99,6 +99,7 @@ def check(
     start: str | F64 | None = None,
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
+    sensors: Sequence[str] = (),
     reading: ReadingOptions | None = None,
     against: str | Path | None = None,
     save_baseline: str | Path | None = None,
@@ -125,7 +126,7 @@ def check(
     """
     demands = Demands(max_error_m, localized_by, converged_by, min_localized)
     files = CheckFiles(_path(against), _path(save_baseline), _path(junit), _path(artifacts), force)
-    spec = RunSpec(preset, feature, particles, 0, start, _path(config), dict(settings or {}))
+    spec = RunSpec(preset, feature, particles, 0, start, _path(config), settings_with(settings, sensors))
     _expect_sense(demands, seeds, files)
     files.check()
     baseline = None if files.against is None else read_baseline(files.against)

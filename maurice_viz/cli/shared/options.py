@@ -1,33 +1,30 @@
-"""Options that several commands share, each described once, and how their values are read."""
+"""Options that several commands share, each described once; those that go together are one class."""
 
 from __future__ import annotations
 
-import difflib
-import math
-import re
-import sys
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from maurice_loaders.files.text import parse_toml
-from maurice_loaders.reading.options import FIELDS, ReadingOptions, option_value, read_reading
+from maurice_loaders.reading.options import FIELDS, ReadingOptions
 from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
 from ...errors import OptionError
 from ...layouts import DETAILS, LAYOUT_NAMES
 from .startup import skip_pandas
+from .values import KEYS, USUAL, reading_of, sensors_of, settings_of
 
 if TYPE_CHECKING:
     from ...running.output import OutputOptions
 
-KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # of reading, as typed: angles in degrees
 FILTER, OUTPUT, LIVE, READING = "Filter", "Output", "Live", "Reading"  # panels of the help
 MOST_SEED = 2**32 - 1
+TRUTHS = ("true", "false")
 
 
 def option(names: str, text: str, panel: str | None = None, **more: Any) -> Any:
@@ -40,10 +37,45 @@ def argument(metavar: str | None, text: str, **more: Any) -> Any:
     return typer.Argument(metavar=metavar, help=text, show_default=False, **more)
 
 
-def completed(names: Iterable[str], end: str = "") -> Callable[[str], list[str]]:
-    """Return what a shell asks for the rest of a value: the names that begin so, each with `end`."""
-    choices = [name + end for name in dict.fromkeys(names)]
+def completed(names: Iterable[str]) -> Callable[[str], list[str]]:
+    """Return what a shell asks for the rest of a value: the names that begin so."""
+    choices = list(dict.fromkeys(names))
     return lambda incomplete: [name for name in choices if name.startswith(incomplete)]
+
+
+class RestOfWord(str):
+    """A value without its key, as bash wants it, to which "=" ends a word; Typer asks for the whole pair."""
+
+    def startswith(self, *args: object) -> bool:
+        """Return that it goes on with what was typed."""
+        return True
+
+
+def completed_pairs(values: Mapping[str, Iterable[str]]) -> Callable[[str], Sequence[str]]:
+    """Return what a shell asks for the rest of KEY=VALUE: the keys, and of a key the `values` it may have."""
+
+    def complete(incomplete: str) -> Sequence[str]:
+        key, equals, _ = incomplete.partition("=")
+        if not equals:
+            return completed(f"{name}=" for name in values)(incomplete)
+        pairs = completed(f"{key}={value}" for value in values.get(key, ()))(incomplete)
+        in_bash = os.environ.get("_MAURICE_REPLAY_COMPLETE") == "complete_bash"
+        return [RestOfWord(pair.removeprefix(f"{key}=")) for pair in pairs] if in_bash else pairs
+
+    return complete
+
+
+def _words_of(rule: Callable[[str, Any], Any]) -> tuple[str, ...]:
+    """Return the words that a rule of the configuration takes; none for numbers."""
+    try:
+        rule("", "?")
+    except ValueError as refusal:  # lists them
+        expected = str(refusal).partition("expected ")[2]
+        if expected == "true or false":
+            return TRUTHS
+        if expected.startswith("one of "):
+            return tuple(expected.removeprefix("one of ").split(", "))
+    return ()
 
 
 def one_of(known: Iterable[str], what: str) -> dict[str, Any]:
@@ -63,12 +95,13 @@ Session = Annotated[
     Path,
     argument(
         "SESSION",
-        "A session log, a recording of any format (see `formats`), a saved run's folder, or a live "
+        "A session log, a recording of any format (see `inspect`), a saved run's folder, or a live "
         "source: -, tcp://HOST:PORT, ws://HOST:PORT.",
     ),
 ]
-Run = Annotated[Path, argument("RUN", "A saved run's folder, or a comparison's.")]
-RunLabel = Annotated[str | None, option("--run-label", "Which run of a comparison.", metavar="LABEL")]
+Run = Annotated[
+    Path, argument("RUN", "A saved run's folder, or a comparison's; of it, one run is COMPARISON/LABEL.")
+]
 _FEATURE = option(
     "--feature",
     f"Feature to compare: {', '.join(FEATURES)}, or any one channel. [default: blended]",
@@ -118,10 +151,10 @@ Set = Annotated[
     option(
         "--set",
         "Set any key of the configuration, such as sensor.sharpness=2 or resampling.scheme=residual; "
-        "motion=FILE.toml takes motion parameters from a file. Repeatable; `config show` lists the keys.",
+        "motion=FILE.toml takes motion parameters from a file. Repeatable; `config` lists the keys.",
         FILTER,
         metavar="KEY=VALUE",
-        autocompletion=completed((*RULES, "motion"), "="),
+        autocompletion=completed_pairs({key: _words_of(rule) for key, rule in RULES.items()}),
     ),
 ]
 Sensors = Annotated[
@@ -192,7 +225,12 @@ Reading = Annotated[
         f"pictures. Repeatable. Keys: {', '.join(KEYS)}. [default: detected, printed]",
         READING,
         metavar="FILE.toml|KEY=VALUE",
-        autocompletion=lambda incomplete: completed(KEYS, "=")(incomplete),  # KEYS stands below
+        autocompletion=completed_pairs(
+            {
+                key: FIELDS[name].choices or (isinstance(getattr(USUAL, name), bool) * TRUTHS)
+                for key, name in KEYS.items()
+            }
+        ),
     ),
 ]
 _FOLLOW = "SESSION is a file that is still being written: continue as it grows."
@@ -222,165 +260,117 @@ Patience = Annotated[
 ]
 
 
-def output_of(
-    stem: str,
-    rrd: str | None,
-    save_run: Path | None = None,
-    layout: str | None = None,
-    detail: str = DETAILS[0],
-    *,
-    web: bool,
-    force: bool,
-) -> OutputOptions:
-    """Return where the output goes; `stem` names the recording where `rrd` does not."""
-    from ...running.output import OutputOptions
+@dataclass(frozen=True, slots=True)
+class FilterSet:
+    """Which filter a session is run with, and which library it is compared with."""
 
-    if web and rrd is not None:
-        raise OptionError("--web serves the recording and -o writes it: give one of them")
-    if rrd not in (None, "auto", "none") and Path(str(rrd)).suffix != ".rrd":
-        raise OptionError(f"-o is a Rerun recording that ends in .rrd, or auto, or none; found {rrd!r}")
-    if rrd != "none":
-        skip_pandas()
-    file = None if rrd in (None, "auto", "none") else Path(str(rrd))
-    server = None
-    if web:
-        from ...viewer.web import WebViewer  # imports Rerun
+    library: Library = None
+    preset: Preset = None
+    feature: Feature = None
+    particles: Particles = None
+    start: Start = None
+    config: Config = None
+    settings: Set = None
+    sensors: Sensors = None
 
-        server = WebViewer()
-    return OutputOptions(
-        stem, file, rrd == "auto", rrd == "none", force, save_run, layout, detail, web=server
-    )
+    def arguments(self) -> dict[str, Any]:
+        """Return all of it as the public functions take it."""
+        return arguments_of(self)
 
 
-def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:
-    """Read `--set KEY=VALUE` pairs; a value may be TOML, such as a table. OptionError for anything else."""
-    found: dict[str, Any] = {}
-    for pair in pairs or ():
-        key, equals, value = pair.partition("=")
-        if not equals or not key.strip():
-            raise OptionError(f"--set takes KEY=VALUE, such as sensor.sharpness=2; found {pair!r}")
-        if key.strip() in found:
-            raise OptionError(f"--set gives {key.strip()} twice; give it once")
-        if key.strip() == "sensor.outside" and ":" in value and "" not in sys.path:
-            sys.path.append("")  # a module that is typed may be in the current folder, as with `python -m`
-        found[key.strip()] = value.strip() if not value.strip().startswith(("{", "[")) else _toml(pair, value)
-    return found
+def arguments_of(options: Any) -> dict[str, Any]:
+    """Return a set of options of a filter as the public functions take them."""
+    typed = {field.name: getattr(options, field.name) for field in fields(options)}
+    return typed | {"settings": settings_of(options.settings), "sensors": sensors_of(options.sensors)}
 
 
-def sensor_pairs(sensors: Iterable[str] | None) -> list[str]:
-    """Return `--sensor` as a pair of `--set`."""
-    names = ",".join(sensors or ())
-    return [f"sensor.outside={names}"] if names else []
+@dataclass(frozen=True, slots=True)
+class FiltersSet:
+    """Which filters a session is run with; one of these options is given several times."""
+
+    library: Library = None
+    presets: Presets = None
+    features: Features = None
+    particles: ParticleCounts = None
+    seeds: Seeds = None
+    starts: Starts = None
+    configs: Configs = None
+    settings: Set = None
+    sensors: Sensors = None
+
+    def arguments(self) -> dict[str, Any]:
+        """Return all of it as `compare` takes it."""
+        typed = {name: getattr(self, name) or () for name in FILTERS}
+        settings, sensors = _settings_of_each(self.settings or ()), sensors_of(self.sensors)
+        return typed | {"library": self.library, "settings": settings, "sensors": sensors}
 
 
-def _toml(pair: str, value: str) -> Any:
-    try:
-        return parse_toml(f"value = {value}")["value"]
-    except ValueError as problem:
-        raise OptionError(f"--set {pair}: {problem}") from None
+FILTERS = ("presets", "features", "particles", "seeds", "starts", "configs")
 
 
-METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01, "mm": 0.001}
+def _settings_of_each(pairs: Iterable[str]) -> list[dict[str, Any]]:
+    """Return the settings of each run: a key with several values makes one run per value."""
+    values: dict[str, list[Any]] = {}
+    for pair in pairs:
+        for key, value in settings_of([pair]).items():
+            values.setdefault(key, []).append(value)
+    common = {key: value[0] for key, value in values.items() if len(value) == 1}
+    several = {key: value for key, value in values.items() if len(value) > 1}
+    if len(several) > 1:
+        raise OptionError(f"--set gives {' and '.join(several)} several times; vary one key")
+    varied = [common | {key: value} for key, some in several.items() for value in some]
+    return varied or ([common] if common else [])
 
 
-def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000.0) -> float:
-    """Read an option's length, such as 18in, 0.6m, 45cm or 1.5ft, in meters. OptionError for other words."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|mm|cm|m)\s*", text)
-    length_m = float(found[1]) * METERS[found[2]] if found else 0.0
-    if not (found and max(least_m, 1e-9) <= length_m <= most_m):
-        limit = f" from {least_m * 100:g} cm" if least_m else " above 0"
-        raise OptionError(f"{name} is a length{limit} like 18in, 45cm, 0.6m or 1.5ft, found {text!r}")
-    return length_m
+@dataclass(frozen=True, slots=True)
+class ReadingSet:
+    """How a recording is read."""
+
+    reading: Reading = None
+    keep_going: KeepGoing = False
+
+    def options(self) -> ReadingOptions:
+        """Return what was typed as one value."""
+        return reading_of(self.reading, keep_going=self.keep_going)
 
 
-# How a recording is read: from a TOML file or as KEY=VALUE; the keys are those of the file.
+@dataclass(frozen=True, slots=True)
+class DrawingSet:
+    """Where a Rerun recording goes, and what it shows."""
 
-USUAL = ReadingOptions()
+    rrd: Rrd = None
+    web: Web = False
+    layout: Layout = None
+    detail: Detail = DETAILS[0]
+    force: Force = False
 
+    def output(self, stem: str, save_run: Path | None = None, **more: Any) -> OutputOptions:
+        """Return where the output goes; `stem` names the recording where `-o` does not."""
+        from ...running.output import OutputOptions
 
-def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> ReadingOptions:
-    """Return the options that files and KEY=VALUE pairs set; later ones override earlier ones.
+        if self.web and self.rrd is not None:
+            raise OptionError("--web serves the recording and -o writes it: give one of them")
+        if self.rrd not in (None, "auto", "none") and Path(str(self.rrd)).suffix != ".rrd":
+            raise OptionError(
+                f"-o is a Rerun recording that ends in .rrd, or auto, or none; found {self.rrd!r}"
+            )
+        if self.rrd != "none":
+            skip_pandas()
+        server = None
+        if self.web:
+            from ...viewer.web import WebViewer  # imports Rerun
 
-    OptionError for a pair that is not valid, InputError for a file.
-    """
-    options = USUAL
-    for word in given or ():
-        key, equals, value = word.partition("=")
-        if equals and not Path(word).exists():
-            options = _with(options, key.strip(), value.strip())
-        else:
-            read = read_reading(word)
-            changed = {name for name in FIELDS if getattr(read, name) != getattr(USUAL, name)}
-            options = replace(options, **{name: getattr(read, name) for name in changed})
-    return replace(options, keep_going=keep_going or options.keep_going)
-
-
-def typed(options: ReadingOptions) -> list[str]:
-    """Return the options that differ from their defaults, as typed on the command line."""
-    words = []
-    for key, name in KEYS.items():
-        value = getattr(options, name)
-        if value != getattr(USUAL, name):
-            words += ["--reading", f"{key}={_text(name, value)}"]
-    return words
-
-
-def _text(name: str, value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ",".join(f"{role}={column}" for role, column in value.items())
-    return str(value).lower() if isinstance(value, bool) else option_value(name, value)
-
-
-def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
-    name = KEYS.get(key, key if key in FIELDS else None)
-    if name is None:
-        near = difflib.get_close_matches(key, KEYS, n=1)
-        advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(KEYS)}"
-        raise OptionError(f"--reading has no key {key!r}; {advice}")
-    try:
-        found = _value(name, value)
-    except ValueError as problem:
-        raise OptionError(f"--reading {key}: expected {problem}, found {value!r}") from None
-    changes: dict[str, Any] = {name: math.radians(found) if name != key else found}
-    return replace(options, **changes)
-
-
-def _value(name: str, text: str) -> Any:
-    """Return a value as its field holds it. ValueError says what was expected."""
-    usual, meaning = getattr(USUAL, name), FIELDS[name]
-    if meaning.choices and text not in meaning.choices:
-        raise ValueError(f"one of {', '.join(meaning.choices)}")
-    if isinstance(usual, Mapping):
-        return columns_of(text)
-    if usual is None:
-        return Path(text) if name == "table" else text
-    if isinstance(usual, bool):
-        if text not in ("true", "false"):
-            raise ValueError("true or false")
-        return text == "true"
-    return _number(text, usual, meaning.least)
-
-
-def _number(text: str, usual: float, least: float | None) -> float:
-    try:
-        number = int(text) if isinstance(usual, int) else float(text)
-    except ValueError:
-        raise ValueError("a number") from None
-    if not math.isfinite(number) or (least is not None and number < least):
-        raise ValueError("a finite number" + ("" if least is None else f" from {least:g}"))
-    if isinstance(usual, int) and number >= 2**32:
-        raise ValueError("a whole number below 2**32")
-    if usual == 1 and not number:
-        raise ValueError("a number other than 0")
-    return number
-
-
-def columns_of(text: str) -> dict[str, str]:
-    """Read `image=file,heading=yaw:deg`. ValueError for anything else."""
-    found: dict[str, str] = {}
-    for part in text.split(","):
-        role, equals, column = part.partition("=")
-        if not equals or not role.strip() or not column.strip():
-            raise ValueError("ROLE=COLUMN, with commas between them")
-        found[role.strip()] = column.strip()
-    return found
+            server = WebViewer()
+        file = None if self.rrd in (None, "auto", "none") else Path(str(self.rrd))
+        return OutputOptions(
+            stem,
+            file,
+            headless=self.rrd == "auto",
+            no_recording=self.rrd == "none",
+            force=self.force,
+            save_run=save_run,
+            layout=self.layout,
+            detail=self.detail,
+            web=server,
+            **more,
+        )

@@ -142,9 +142,9 @@ def test_a_saved_run_keeps_events_and_readings_where_a_file_can_hold_them(
     session.write_text("".join(changed))
     kept, said = tmp_path / "kept", Said([])
     mv.replay(session, particles=50, save_run=kept, to=tmp_path / "a.rrd", detail="light")
-    names = {name: tmp_path / f"a.{name}" for name in ("tum", "mcap", "csv")}
-    mv.export(kept, **names, listener=said)
-    assert any(text.startswith(f"{names['tum']}: left out: ") and "events" in text for text in said.texts)
+    files = [tmp_path / f"a.{kind}" for kind in ("tum", "mcap", "csv")]
+    mv.export(kept, files, listener=said)
+    assert any(text.startswith(f"{files[0]}: left out: ") and "events" in text for text in said.texts)
     assert "lights off" in (tmp_path / "a.csv").read_text()
     records = list(open_recording(tmp_path / "a.mcap").records(ReadingNotes(False)))
     assert next(one.values for one in records if isinstance(one, Readings)) == {"ir": 0.1}

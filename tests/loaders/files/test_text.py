@@ -23,7 +23,7 @@ from maurice_loaders.files.text import (
     read_toml,
 )
 from maurice_loaders.reading.options import read_reading
-from maurice_viz.cli.shared.options import settings_of
+from maurice_viz.cli.shared.values import settings_of
 from maurice_viz.errors import OptionError
 
 READERS: dict[str, Callable[[Path], object]] = {

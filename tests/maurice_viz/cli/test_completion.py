@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import failure, maurice, run
+from maurice_datasets.trials.plan import shipped_plans
 from maurice_mcl.config.parameters import PRESETS, RULES
-from maurice_mcl.scoring.events import KINDS
-from maurice_viz.cli.app import COMMANDS
+from maurice_viz.cli.app import COMMANDS, load
 from maurice_viz.layouts import LAYOUT_NAMES
 
 HEAVY = ("rerun", "matplotlib", "pandas", "jinja2", "av", "dask", "cv2.gapi")
@@ -34,7 +34,13 @@ def completed(words: str, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         ("replay a.log --layout ", list(LAYOUT_NAMES)),
         ("replay a.log --set resampling.k", [f"{key}=" for key in RULES if key.startswith("resampling.k")]),
         ("inspect a.log --reading max", ["max_dt_s="]),
-        ("events kept --kind ", list(KINDS)),
+        ("trials table made --metric kidnapped", ["kidnapped_at_update"]),
+        ("trials run t", [name for name in shipped_plans() if name.startswith("t")]),
+        ("inspect a.log --reading odometry_are=", ["poses", "steps"]),
+        ("inspect a.log --reading keep_going=t", ["true"]),
+        ("replay a.log --set resampling.scheme=s", ["systematic", "stratified"]),
+        ("replay a.log --set resampling.scheme = s", ["systematic", "stratified"]),  # as bash splits it
+        ("replay a.log --set particles=", []),
         ("simulate kid", ["kidnapped"]),
         ("simulate kidnapped --world two", ["two-rooms"]),
         ("not-there.log --preset ro", ["robust"]),
@@ -75,3 +81,15 @@ def test_open_is_replay_of_what_was_made(small_session, tmp_path):
     maurice(small_session, "--particles", "50", "-o", "none", "--save-run", "kept")
     maurice("open", "kept")
     assert "found no display" in failure("open", next(tmp_path.glob("*.rrd")))
+
+
+def test_the_number_of_commands_and_options_stays_small():
+    """Another one is worth taking one away."""
+    options = {
+        max(option.opts, key=len)
+        for command in COMMANDS.values()
+        for option in load(command).params
+        if option.param_type_name == "option"
+    }
+    assert len(COMMANDS) <= 32
+    assert len(options - {"--help"}) <= 90

@@ -20,7 +20,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plan = 'title = "Mine"\nseeds = 2\n[[sessions]]\npath = "session.log"\n[settings]\nparticles = 50\n'
     (folder / "mine.toml").write_text(plan)
     run("trials", "run", folder / "mine.toml", "-o", folder / "trials", "--workers", "1")
-    run("trials", "report", folder / "trials", "-o", folder / "trials.html", "--spot", "30cm")
+    run("trials", "report", folder / "trials", "-o", folder / "trials.html")
     return folder / "trials.html"
 
 

@@ -24,9 +24,8 @@ def saved(small_session: Path, tmp_path: Path) -> Path:
 
 def test_all_formats_at_once(saved, tmp_path):
     names = ["a.tum", "a.kitti", "a.csv", "a.parquet", "a.zip"]
-    options = ("--tum", "--kitti", "--csv", "--parquet", "--evo")
     files = [tmp_path / name for name in names]
-    pairs = [word for pair in zip(options, files, strict=True) for word in pair]
+    pairs = [word for file in files for word in ("-o", file)]
     done = run("export", saved, *pairs)
     written = [Path(line) for line in done.stdout.splitlines()]
     assert set(written) >= set(files)
@@ -38,14 +37,14 @@ def test_all_formats_at_once(saved, tmp_path):
 
 
 def test_scored_figures_are_those_of_the_table(saved, tmp_path):
-    done = run("export", saved, "--tum", tmp_path / "a.tum", "--scored", "--json")
+    done = run("export", saved, "-o", tmp_path / "a.tum", "--scored", "--json")
     (exported,) = json.loads(done.stdout)["runs"]
     (shown,) = json.loads(run("replay", saved, "-o", "none", "--json").stdout)["runs"]
     assert exported["updates"] == 11
     assert exported["label"] == shown["label"]
     for name in ("mean", "median"):
         assert exported["position_error_m"][name] == pytest.approx(shown[f"position_error_{name}_m"])
-    run("export", saved, "--tum", tmp_path / "t.tum", "--only", "truth")
+    run("export", saved, "-o", tmp_path / "t.tum", "--only", "truth")
     assert [file.name for file in tmp_path.glob("t*.tum")] == ["t.tum"]
 
 
@@ -56,7 +55,7 @@ def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session, tmp_pa
     run("replay", log, *words, "--save-run", kept)
 
     def first_s(*options: str) -> float:
-        run("export", kept, "--tum", tmp_path / "a.tum", "--force", *options)
+        run("export", kept, "-o", tmp_path / "a.tum", "--force", *options)
         return float((tmp_path / "a.tum").read_text().split()[0])
 
     assert first_s() == 1002.0
@@ -69,26 +68,32 @@ def test_mcap_without_the_session_has_no_pictures_and_says_so(saved, small_sessi
     reading = pytest.importorskip("rosbags.highlevel")
     for name, topics in (("with.mcap", 1), ("without.mcap", 0)):
         file = saved.parent / name
-        done = run("export", saved, "--mcap", file)
+        done = run("export", saved, "-o", file)
         assert ("pictures are left out" in done.stderr) is (topics == 0)
         with reading.AnyReader([file]) as reader:
             assert sum("image" in connection.topic for connection in reader.connections) == topics
         small_session.unlink(missing_ok=True)
 
 
-def test_a_comparison_needs_the_runs_label(small_session, tmp_path):
+def test_of_a_comparison_one_run_is_named(small_session, tmp_path):
     folder = tmp_path / "both"
     options = ("--particles", "30", "-o", "none", "--save-run", folder)
     run("compare", small_session, "--seed", "1", "--seed", "2", *options)
-    asked = ("export", folder, "--tum", tmp_path / "a.tum")
-    label = re.findall(r"runs (.*?),", failure(*asked))[0]
-    assert "holds no run" in failure(*asked, "--run-label", "nobody")
-    run(*asked, "--run-label", label)
+    asked = ("export", folder, "-o", tmp_path / "a.tum")
+    first = re.findall(r"name one of them: (.*?),", failure(*asked))[0]
+    assert "saved run" in failure("export", folder / "nobody", *asked[2:])
+    run("export", first, *asked[2:])
 
 
 @pytest.mark.parametrize(
     "words",
-    [(), ("--tum", "a", "--kitti", "a"), ("--tum", "a", "--only", "x"), ("--csv", "a", "--t-offset", "nan")],
+    [
+        (),
+        ("-o", "a.txt"),
+        ("-o", "a.tum", "-o", "b.tum"),
+        ("-o", "a.tum", "--only", "x"),
+        ("-o", "a.csv", "--t-offset", "nan"),
+    ],
 )
 def test_bad_options_are_usage_errors(saved, words):
     done = run("export", saved, *words, expect=2)
@@ -98,12 +103,12 @@ def test_bad_options_are_usage_errors(saved, words):
 
 def test_exports_that_cannot_be_are_one_line(small_session, tmp_path):
     for path in (small_session, tmp_path, tmp_path / "nothing"):
-        assert "saved run" in failure("export", path, "--tum", tmp_path / "a.tum")
+        assert "saved run" in failure("export", path, "-o", tmp_path / "a.tum")
     lines = small_session.read_text().splitlines()
     small_session.write_text("\n".join(line for line in lines if '"truth"' not in line) + "\n")
     words = ("--particles", "60", "-o", "none", "--save-run", tmp_path / "kept")
     run("replay", small_session, *words)
-    options = ("--tum", tmp_path / "t.tum", "--only", "truth")
+    options = ("-o", tmp_path / "t.tum", "--only", "truth")
     assert "has no truth" in failure("export", tmp_path / "kept", *options)
 
 
@@ -112,7 +117,7 @@ def test_a_run_without_steps_writes_nothing(saved, tmp_path):
         part.unlink()
     manifest = saved / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"steps": 14', '"steps": 0'))
-    assert "nothing to export" in failure("export", saved, "--csv", tmp_path / "a.csv")
+    assert "nothing to export" in failure("export", saved, "-o", tmp_path / "a.csv")
     assert not (tmp_path / "a.csv").exists()
 
 

@@ -11,7 +11,7 @@ from helpers.commands import maurice, run
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.geometry import compose
-from maurice_viz.cli.shared.options import columns_of
+from maurice_viz.cli.shared.values import columns_of
 
 
 def as_table(session: Path) -> Path:
@@ -55,12 +55,12 @@ def test_recordings_need_a_library_and_sound_options(small_session):
 
 
 def test_formats_are_listed_and_extras_named(small_session, monkeypatch):
-    listed, told = (json.loads(run("formats", *which, "--json").stdout) for which in ([], [small_session]))
+    listed, contents = (json.loads(run("inspect", *path, "--json").stdout) for path in ([], [small_session]))
     assert [one["name"] for one in listed] == list(all_formats())
-    assert [one["name"] for one in told] == ["session-log"]
-    run("formats", small_session.with_name("nowhere"), expect=1)
+    assert contents["format"] == "session-log"
+    run("inspect", small_session.with_name("nowhere"), expect=1)
     monkeypatch.setattr("maurice_viz.app.inspect.find_spec", lambda name: None)
-    assert "pip install 'maurice-replay[ros]'" in run("formats").stdout
+    assert "pip install 'maurice-replay[ros]'" in run("inspect").stdout
 
 
 def test_brackets_in_names_are_shown_as_they_are(small_session):

@@ -43,7 +43,7 @@ def gap(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_what_it_asks_for_fills_the_gap_and_lowers_the_error(gap, tmp_path):
     table, more, built = tmp_path / "add.csv", tmp_path / "more.log", tmp_path / "library"
-    out, _ = maurice("library", "check", gap, "--poses", table, "-o", tmp_path / "map.png")
+    out, _ = maurice("library", "check", gap, "-o", table, "-o", tmp_path / "map.png")
     assert "in gaps" in out
     assert "add: (" in out
     asked = read_poses(table)
@@ -78,7 +78,7 @@ def test_a_complete_survey_needs_nothing(small_session):
 def test_existing_tables_are_kept_and_bad_ones_are_one_line(gap, tmp_path):
     table = tmp_path / "add.csv"
     table.write_text("x_m,y_m\n1,2\n")
-    assert "exists already" in failure("library", "check", gap, "--poses", table)
+    assert "exists already" in failure("library", "check", gap, "-o", table)
     survey = ("survey", "-o", tmp_path / "out", "--poses", table)
     assert "columns x_m, y_m and heading_deg" in failure(*survey)
     table.write_text("x_m,y_m,heading_deg\n")

@@ -27,7 +27,7 @@ def survey(small_session):
 
 def test_what_it_writes_is_a_configuration_file(small_session, survey, tmp_path):
     out = tmp_path / "tuned.toml"
-    args = [survey, "--session", small_session, "--channels", "color,tiny"]
+    args = [survey, small_session, "--channels", "color,tiny"]
     done = _tune(*args, "-o", out, "--json")
     found = json.loads(done.stdout)
     sensor = configuration_of(None, out, {}, {}).parameters.sensor
@@ -44,8 +44,8 @@ def test_what_it_writes_is_a_configuration_file(small_session, survey, tmp_path)
 
 
 def test_fitted_without_a_session_or_channel(small_session, survey):
-    found = json.loads(_tune(survey, "--session", small_session, "--channels", "hog", "--json").stdout)
-    alone = json.loads(_tune(survey, "--session", small_session, "--json").stdout)
+    found = json.loads(_tune(survey, small_session, "--channels", "hog", "--json").stdout)
+    alone = json.loads(_tune(survey, small_session, "--json").stdout)
     assert found["fitted"]["default"] == pytest.approx(alone["fitted"]["default"])
     assert list(found["weights"]) == ["hog"]
     done = _tune(survey, "--channels", "color,edges")
@@ -59,7 +59,7 @@ def test_a_session_scored_on_may_not_be_fitted_on_under_any_name(small_session, 
     copy = tmp_path / "other-name.log"
     shutil.copy(small_session, copy)
     for scored in (small_session, copy):
-        done = _tune(survey, "--session", small_session, "--score", scored, expect=1)
+        done = _tune(survey, small_session, "--score", scored, expect=1)
         assert done.stderr.startswith(f"maurice-replay: {scored}: is ")
         assert len(done.stderr.splitlines()) == 1
 
@@ -68,7 +68,7 @@ def test_scored_sessions_are_pooled(small_session, survey, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     other = tmp_path / "short.log"
     other.write_text("".join(lines[:13]))
-    args = [survey, "--channels", "color,edges", "--session", small_session, "--score", other, "--json"]
+    args = [survey, small_session, "--channels", "color,edges", "--score", other, "--json"]
     done = _tune(*args)
     found = json.loads(done.stdout)
     assert found["scored_on"] == ["short.log"]
@@ -81,10 +81,10 @@ def test_bad_input_is_one_line(small_session, survey, tmp_path):
     lines = small_session.read_text().splitlines(keepends=True)
     truthless.write_text("".join(line for line in lines if '"truth"' not in line))
     for args, expected in (
-        ([survey, "--session", truthless], "found no picture with a true pose"),
-        ([survey, "--session", tmp_path / "none.log"], "No such file"),
+        ([survey, truthless], "found no picture with a true pose"),
+        ([survey, tmp_path / "none.log"], "No such file"),
         ([survey, "--score", tmp_path / "none.log"], "No such file"),
-        ([survey, "--session", survey], "found a survey log, expected a session log"),
+        ([survey, survey], "found a survey log, expected a session log"),
     ):
         done = _tune(*args, expect=1)
         assert expected in done.stderr

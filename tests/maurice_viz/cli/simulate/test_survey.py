@@ -11,7 +11,7 @@ import pytest
 
 from helpers.commands import failure, run
 from maurice_loaders.session_log.reader import SessionLog
-from maurice_viz.cli.shared.options import read_length
+from maurice_viz.cli.shared.values import read_length
 from maurice_viz.errors import OptionError
 
 SMALL = """
@@ -37,7 +37,7 @@ def world(tmp_path: Path) -> Path:
 
 def test_a_survey_and_a_sheet_of_one_s_own_world(world, tmp_path):
     out, sheet = tmp_path / "out", tmp_path / "sheet.png"
-    args = ["--world", world, "--spacing", "100cm", "--headings", "2", "-o", out, "--contact-sheet", sheet]
+    args = ["--world", world, "--spacing", "100cm", "--headings", "2", "-o", out, "-o", sheet]
     told = json.loads(run("survey", *args, "--json").stdout)
     assert told["references"] == 8
     pictures = list(SessionLog(Path(told["survey"])).survey_pictures())
@@ -66,7 +66,7 @@ def test_words_that_are_no_lengths_are_refused(text):
 
 def test_refusals(world, tmp_path):
     run("survey", expect=2)
-    run("survey", "--contact-sheet", "sheet.bmp", expect=2)
+    run("survey", "-o", "sheet.bmp", expect=2)
     out = ("-o", tmp_path / "x")
     assert "there are office, two-rooms" in failure("survey", "--world", "nowhere", *out)
     world.write_text(SMALL.replace("spacing = 0.5", "spacing = 0.5, clearance = 1.5"), encoding="utf-8")

@@ -99,7 +99,8 @@ def test_every_place_tells_the_same_failures(made: Path) -> None:
     assert event.text.startswith("kidnapped: the robot was carried")
     (saved,) = open_run(kept).manifest.failures or ()
     assert saved == found == mv.replay(kept).runs[0].verdict.failures[0]
-    (row,) = json.loads(run("events", kept, "--kind", "failure", "--json").stdout)["runs"][0]["events"]
+    rows = json.loads(run("inspect", kept, "--json").stdout)["runs"][0]["events"]
+    (row,) = (row for row in rows if row["kind"] == "failure")
     assert row["text"] == event.text
     assert say_cause(found, scale).split(" at ")[0] in mv.diagnose(kept).text
 
@@ -130,7 +131,7 @@ def test_damaged_failures_are_told_in_one_line(made: Path, failures: object, sai
     whole = file.read_text()
     try:
         file.write_text(json.dumps(json.loads(whole) | {"failures": failures}))
-        done = run("events", made / "kept", expect=1)
+        done = run("inspect", made / "kept", expect=1)
     finally:
         file.write_text(whole)
     assert said in done.stderr
@@ -142,7 +143,7 @@ def test_a_run_of_an_earlier_version_says_that_its_failures_are_not_known(made: 
     whole = file.read_text()
     try:
         file.write_text(json.dumps({k: v for k, v in json.loads(whole).items() if k != "failures"}))
-        done = run("events", made / "kept")
+        done = run("inspect", made / "kept")
     finally:
         file.write_text(whole)
     assert f"maurice-replay diagnose {made / 'kept'} finds them" in done.stderr.replace("\n", " ")

@@ -15,7 +15,7 @@ import pytest
 
 from helpers.commands import failure, run, runs_of
 from maurice_loaders.reading.options import ReadingOptions, read_reading
-from maurice_viz.cli.shared.options import reading_of, typed
+from maurice_viz.cli.shared.values import reading_of, typed
 
 
 def in_millimeters(log: Path) -> Path:

@@ -1,4 +1,4 @@
-"""`events` as a person types it."""
+"""The events of saved runs, as `inspect RUN` lists them."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from helpers.commands import maurice, one_line
+import maurice_viz as mv
+from helpers.commands import maurice
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_loaders.errors import InputError
+
+ROUTINE = ("resampled", "floor")
 
 
 def told(log: Path) -> None:
@@ -46,59 +50,44 @@ def runs(made: Path, tmp_path: Path) -> Path:
     return tmp_path
 
 
-def listed(*args: str | Path | int) -> list[dict[str, object]]:
-    (run,) = json.loads(maurice("events", *args, "--json")[0])["runs"]
-    found: list[dict[str, object]] = run["events"]
-    return found
+def listed(run: str | Path, routine: bool = False) -> list[dict[str, object]]:
+    """Return the events of a saved run as JSON: those that a table has too, or all."""
+    (one,) = json.loads(maurice("inspect", run, "--json")[0])["runs"]
+    events: list[dict[str, object]] = one["events"]
+    return events if routine else [event for event in events if event["kind"] not in ROUTINE]
 
 
-def test_events_are_a_table_and_json(runs):
-    out, err = maurice("events", "kept")
+def test_the_events_of_a_saved_run_are_a_table_and_json(runs):
+    out, err = maurice("inspect", "kept")
     assert err == ""
     assert "kleine Fahrt" in out
     assert "time (s)" in out
     assert "the robot was carried away" in out
     assert "resampled" not in out
-    found = listed("kept")
-    assert {"step": 5, "kind": "kidnapped", "text": "the robot was carried away"}.items() <= found[
-        [one["kind"] for one in found].index("kidnapped")
+    events = listed("kept")
+    assert {"step": 5, "kind": "kidnapped", "text": "the robot was carried away"}.items() <= events[
+        [event["kind"] for event in events].index("kidnapped")
     ].items()
-    assert [set(one) for one in found] == [{"step", "last", "time_s", "kind", "text"}] * len(found)
-    assert [one["step"] for one in found] == sorted(int(str(one["step"])) for one in found)
-    out, err = maurice("events", "kept", "--kind", "expanded")
-    assert out == ""
-    assert one_line(err) == "kept: no event of that kind"
-    assert listed("kept", "--kind", "expanded") == []
+    assert [set(event) for event in events] == [{"step", "last", "time_s", "kind", "text"}] * len(events)
+    assert [event["step"] for event in events] == sorted(int(str(event["step"])) for event in events)
+    assert len(listed("kept", routine=True)) > len(events)
 
 
-def test_kinds_choose_in_runs_and_comparisons(runs):
-    chosen = listed("kept", "--kind", "kidnapped", "--kind", "lights-changed")
-    assert [(one["step"], one["kind"]) for one in chosen] == [(5, "kidnapped"), (10, "lights-changed")]
-    resampled = listed("kept", "--kind", "resampled")
-    assert resampled
-    everything = listed("kept", "--all")
-    assert [one for one in everything if one["kind"] == "resampled"] == resampled
-    assert (
-        "there are failure, kidnapped, lights-changed"
-        in maurice("events", "kept", "--kind", "b", expect=2)[1]
-    )
-    out, _ = maurice("events", "both")
+def test_kinds_choose_and_a_comparison_has_the_events_of_each_run(runs):
+    (chosen,) = mv.events("kept", kinds=["kidnapped", "lights-changed"]).runs
+    assert [(event.step, event.kind) for event in chosen.events] == [(5, "kidnapped"), (10, "lights-changed")]
+    (resampled,) = mv.events("kept", kinds=["resampled"]).runs
+    assert [event.step for event in resampled.events] == [
+        event["step"] for event in listed("kept", routine=True) if event["kind"] == "resampled"
+    ]
+    with pytest.raises(InputError, match="there are failure, kidnapped, lights-changed"):
+        mv.events("kept", kinds=["b"])
+    out, _ = maurice("inspect", "both")
     (line,) = [line for line in out.splitlines() if "carried away" in line]
     assert "all" in line, "what happened to both stands once"
-    labels = [run["label"] for run in json.loads(maurice("events", "both", "--json")[0])["runs"]]
+    labels = [run["label"] for run in json.loads(maurice("inspect", "both", "--json")[0])["runs"]]
     assert labels == ["color", "edges"]
-    assert "run" not in maurice("events", "both/color")[0].splitlines()[1].split()
-
-
-@pytest.mark.parametrize(
-    ("args", "status", "said"),
-    [
-        (["nowhere"], 1, "expected a saved run's folder"),
-        (["kept", "--kind", "bump"], 2, "no kind called 'bump'"),
-    ],
-)
-def test_what_is_wrong_is_said(args, status, said, runs):
-    assert said in " ".join(maurice("events", *args, expect=status)[1].split())
+    assert "run" not in maurice("inspect", "both/color")[0].splitlines()[1].split()
 
 
 def test_without_truth_nothing_is_judged(runs, made):
@@ -107,19 +96,19 @@ def test_without_truth_nothing_is_judged(runs, made):
     log.write_text("".join(line for line in lines if '"truth"' not in line))
     maurice(log, "--particles", 50, "--save-run", "blind", "-o", "none")
     assert {"lost", "localized", "recovered", "beyond-three-sigma"}.isdisjoint(
-        str(one["kind"]) for one in listed("blind", "--all")
+        str(one["kind"]) for one in listed("blind", routine=True)
     )
 
 
 def test_a_run_that_ended_early_does_not_cut_the_others_short(runs, made):
-    whole = json.loads(maurice("events", "both", "--all", "--json")[0])["runs"]
+    whole = json.loads(maurice("inspect", "both", "--json")[0])["runs"]
     for table in ("particles", "renewed", "steps"):
         (part,) = (runs / "both" / "edges" / table).glob("*.parquet")
         part.unlink()
     manifest = runs / "both" / "edges" / "manifest.json"
     held = json.loads(manifest.read_text()) | {"state": "writing", "steps": None}
     manifest.write_text(json.dumps(held))
-    cut = json.loads(maurice("events", "both", "--all", "--json")[0])["runs"]
+    cut = json.loads(maurice("inspect", "both", "--json")[0])["runs"]
     assert cut[0] == whole[0]
     assert cut[1] == {"label": "edges", "events": []}
 
@@ -133,8 +122,8 @@ def test_parted_runs_say_so_at_the_second(runs):
     table, first = pl.read_parquet(file), pl.read_parquet(other)
     moved = first["estimate_x_m"] + pl.Series([0.0] * 5 + [1.0] * 9)
     table.with_columns(moved.alias("estimate_x_m"), first["estimate_y_m"]).write_parquet(file)
-    parts = json.loads(maurice("events", "both", "--kind", "parted", "--json")[0])["runs"]
-    (event,) = parts[1]["events"]
-    assert parts[0]["events"] == []
-    assert event["step"] == 7
-    assert event["text"] == "edges and color are 1.00 m apart, since step 6"
+    color, edges = mv.events("both", kinds=["parted"]).runs
+    (event,) = edges.events
+    assert color.events == ()
+    assert event.step == 7
+    assert event.text == "edges and color are 1.00 m apart, since step 6"

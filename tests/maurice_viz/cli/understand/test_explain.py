@@ -59,7 +59,6 @@ def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved):
         (("--at", "1,2"), 2, "--at is X,Y,HEADING in m and degrees"),
         (("--at", "1,2,nan"), 2, "--at is X,Y,HEADING"),
         (("--entry", "1", "--particle", "1"), 2, "exclude each other"),
-        (("--run-label", "color"), 1, "holds no run 'color'; it holds blended"),
         (("-o", "out.jpg"), 2, "'out.jpg' should end in .png"),
     ],
 )
@@ -82,8 +81,8 @@ def test_what_cannot_be_explained(tmp_path, saved, monkeypatch):
 def test_of_a_comparison_one_run_is_chosen(small_session):
     run("compare", small_session, "--particles", 50, "--save-run", "both", "-o", "none")
     words = one_line(ask("both", expect=1)[1])
-    assert "holds the runs color, blended; choose one with --run-label" in words
-    assert ask("both", "--run-label", "color")[0].startswith("color, step 14")
+    assert "holds 2 runs; name one of them: both/color, both/blended" in words
+    assert ask("both/color")[0].startswith("color, step 14")
 
 
 @pytest.mark.skipif(software_driver() is None, reason="pictures need Mesa's software Vulkan driver")

@@ -30,7 +30,7 @@ def shape(file: Path) -> tuple[int, ...]:
         (),
         ("-o", "a.jpg"),
         ("-o", "a.avi"),
-        ("-o", "a.png", "--phases"),
+        ("-o", "a.png", "--phase", "all"),
         ("-o", "a.png", "--from", "2"),
         ("-o", "a.mp4", "--step", "2"),
         ("-o", "a.mp4", "--from", "5", "--to", "2"),

@@ -1,0 +1,167 @@
+"""How typed values are read: settings, lengths, options of reading."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from maurice_loaders.files.text import parse_toml
+from maurice_loaders.reading.options import FIELDS, ReadingOptions, option_value, read_reading
+
+from ...errors import OptionError
+
+
+def settings_of(pairs: Iterable[str] | None) -> dict[str, Any]:
+    """Read `--set KEY=VALUE` pairs; a value may be TOML, such as a table. OptionError for anything else."""
+    settings: dict[str, Any] = {}
+    for pair in pairs or ():
+        key, equals, value = (part.strip() for part in pair.partition("="))
+        if not equals or not key:
+            raise OptionError(f"--set takes KEY=VALUE, such as sensor.sharpness=2; found {pair!r}")
+        if key in settings:
+            raise OptionError(f"--set gives {key} twice; give it once")
+        if key == "sensor.outside":
+            sensors_of([value])
+        settings[key] = value if not value.startswith(("{", "[")) else _toml(pair, value)
+    return settings
+
+
+def sensors_of(names: Iterable[str] | None) -> tuple[str, ...]:
+    """Return sensors of other packages as typed; a `module:Class` may be in the current folder."""
+    sensors = tuple(names or ())
+    if any(":" in name for name in sensors) and "" not in sys.path:
+        sys.path.append("")  # as with `python -m`
+    return sensors
+
+
+def _toml(pair: str, value: str) -> Any:
+    try:
+        return parse_toml(f"value = {value}")["value"]
+    except ValueError as problem:
+        raise OptionError(f"--set {pair}: {problem}") from None
+
+
+def by_suffix(files: Iterable[Path] | None, suffixes: Sequence[str]) -> dict[str, Path]:
+    """Return the files of a repeated -o by their endings. OptionError for others, and for two alike."""
+    outputs: dict[str, Path] = {}
+    for file in files or ():
+        if file.suffix not in suffixes:
+            endings = " or ".join(suffix or "nothing (a folder)" for suffix in suffixes)
+            raise OptionError(f"-o ends in {endings}, found {str(file)!r}")
+        if file.suffix in outputs:
+            raise OptionError(f"-o gives two files that end in {file.suffix}; give one")
+        outputs[file.suffix] = file
+    return outputs
+
+
+METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000.0) -> float:
+    """Read an option's length, such as 18in, 0.6m, 45cm or 1.5ft, in meters. OptionError for other words."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|mm|cm|m)\s*", text)
+    length_m = float(match[1]) * METERS[match[2]] if match else 0.0
+    if not (match and max(least_m, 1e-9) <= length_m <= most_m):
+        limit = f" from {least_m * 100:g} cm" if least_m else " above 0"
+        raise OptionError(f"{name} is a length{limit} like 18in, 45cm, 0.6m or 1.5ft, found {text!r}")
+    return length_m
+
+
+# How a recording is read: from a TOML file or as KEY=VALUE; the keys are those of the file.
+
+KEYS = {name.replace("_rad", "_deg"): name for name in FIELDS}  # as typed: angles in degrees
+USUAL = ReadingOptions()
+
+
+def reading_of(given: Iterable[str] | None, *, keep_going: bool = False) -> ReadingOptions:
+    """Return the options that files and KEY=VALUE pairs set; later ones override earlier ones.
+
+    OptionError for a pair that is not valid, InputError for a file.
+    """
+    options = USUAL
+    for word in given or ():
+        key, equals, value = word.partition("=")
+        if equals and not Path(word).exists():
+            options = _with(options, key.strip(), value.strip())
+        else:
+            read = read_reading(word)
+            changed = {name for name in FIELDS if getattr(read, name) != getattr(USUAL, name)}
+            options = replace(options, **{name: getattr(read, name) for name in changed})
+    return replace(options, keep_going=keep_going or options.keep_going)
+
+
+def typed(options: ReadingOptions) -> list[str]:
+    """Return the options that differ from their defaults, as typed on the command line."""
+    words = []
+    for key, name in KEYS.items():
+        value = getattr(options, name)
+        if value != getattr(USUAL, name):
+            words += ["--reading", f"{key}={_text(name, value)}"]
+    return words
+
+
+def _text(name: str, value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ",".join(f"{role}={column}" for role, column in value.items())
+    return str(value).lower() if isinstance(value, bool) else option_value(name, value)
+
+
+def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
+    name = KEYS.get(key, key if key in FIELDS else None)
+    if name is None:
+        near = difflib.get_close_matches(key, KEYS, n=1)
+        advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(KEYS)}"
+        raise OptionError(f"--reading has no key {key!r}; {advice}")
+    try:
+        parsed = _value(name, value)
+    except ValueError as problem:
+        raise OptionError(f"--reading {key}: expected {problem}, found {value!r}") from None
+    changes: dict[str, Any] = {name: math.radians(parsed) if name != key else parsed}
+    return replace(options, **changes)
+
+
+def _value(name: str, text: str) -> Any:
+    """Return a value as its field holds it. ValueError says what was expected."""
+    usual, meaning = getattr(USUAL, name), FIELDS[name]
+    if meaning.choices and text not in meaning.choices:
+        raise ValueError(f"one of {', '.join(meaning.choices)}")
+    if isinstance(usual, Mapping):
+        return columns_of(text)
+    if usual is None:
+        return Path(text) if name == "table" else text
+    if isinstance(usual, bool):
+        if text not in ("true", "false"):
+            raise ValueError("true or false")
+        return text == "true"
+    return _number(text, usual, meaning.least)
+
+
+def _number(text: str, usual: float, least: float | None) -> float:
+    try:
+        number = int(text) if isinstance(usual, int) else float(text)
+    except ValueError:
+        raise ValueError("a number") from None
+    if not math.isfinite(number) or (least is not None and number < least):
+        raise ValueError("a finite number" + ("" if least is None else f" from {least:g}"))
+    if isinstance(usual, int) and number >= 2**32:
+        raise ValueError("a whole number below 2**32")
+    if usual == 1 and not number:
+        raise ValueError("a number other than 0")
+    return number
+
+
+def columns_of(text: str) -> dict[str, str]:
+    """Read `image=file,heading=yaw:deg`. ValueError for anything else."""
+    columns: dict[str, str] = {}
+    for part in text.split(","):
+        role, equals, column = part.partition("=")
+        if not equals or not role.strip() or not column.strip():
+            raise ValueError("ROLE=COLUMN, with commas between them")
+        columns[role.strip()] = column.strip()
+    return columns
