@@ -1,6 +1,7 @@
 # `make demo` and `make test` need Python 3.11 or newer (with its venv), make and pip; nothing else.
 PYTHON ?= python3
 BIN := .venv/bin
+PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo test test-all check gate bench thesis results studies fuzz stops soak docs release-check clean
 
@@ -9,10 +10,10 @@ demo: .venv/installed
 
 # Without the tests that are marked slow: a few minutes; `.ci/run` calls it.
 test: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m "not slow"
+	$(PYTEST) -m "not slow"
 
 test-all: .venv/installed-dev .venv/installed-docs
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(PYTEST)
 
 # The sdist and the wheel, tried in a fresh environment, and the constraints for every Python: two minutes. CI runs it.
 release-check: .venv/installed-dev
@@ -22,7 +23,7 @@ check: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(PYTEST)
 
 # A simulated drive that the default filter must localize on, with 20 seeds: under a minute; CI runs it (docs/trials.md).
 gate: .venv/installed

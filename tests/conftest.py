@@ -31,6 +31,11 @@ settings.register_profile("anywhere", derandomize=True, deadline=None)
 settings.load_profile("anywhere")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the longest files, so that no process is left alone with one of them at the end."""
+    items.sort(key=lambda item: "pages" not in item.path.parts)
+
+
 @pytest.fixture(autouse=True)
 def _no_test_hangs() -> Iterator[None]:
     """End the process, with where it stood, after a test that does not end: others then go on without it."""

@@ -220,7 +220,7 @@ def test_another_picture_is_not_as_stored(monkeypatch):
 def test_what_is_no_recording_is_an_error_and_no_hang(tmp_path):
     broken = tmp_path / "broken.rrd"
     broken.write_bytes(b"RRF2 but no more")
-    with pytest.raises(InputError), headless_viewer(broken, patience_s=6.0):
+    with pytest.raises(InputError), headless_viewer(broken, patience_s=2.0):
         pass
 
 

@@ -27,6 +27,7 @@ from .runs import RUNS_A_JOB, Job, Row, jobs_of, run_job
 
 LOCAL, DASK = "local", "dask"
 CLUSTER = "pip install 'maurice-replay[cluster]'"
+SCHEDULER_PATIENCE_S = 10.0
 AHEAD = 2  # jobs waiting per worker
 Progress = Callable[[int, int], None]  # runs on disk, runs in all
 Item = TypeVar("Item")
@@ -149,7 +150,7 @@ def _client(scheduler: str | None, workers: int) -> Iterator[Any]:
         raise InputError(None, f"engine dask: found no Dask; {CLUSTER}") from None
     try:
         if scheduler is not None:
-            client = distributed.Client(scheduler, timeout="10s")
+            client = distributed.Client(scheduler, timeout=SCHEDULER_PATIENCE_S)
         else:
             cluster = distributed.LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address=None

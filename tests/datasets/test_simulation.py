@@ -31,10 +31,15 @@ DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" 
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no recorded drives at {DATA}; set MAURICE_DATA")
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture(autouse=True)
-def one_world(world: World, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def one_world(world: World, monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
     """Every arena seed gives the same world, so that it is lit once; surveys are small and cached here."""
-    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("MAURICE_CACHE", str(cache))
     monkeypatch.setattr(simulation, "load_world", lambda name, seed, tier: world)
     monkeypatch.setattr(surveys, "_surveyor_of", lambda _: QUICK)
 
@@ -73,7 +78,8 @@ def test_another_arena_seed_changes_the_survey_and_not_the_drive(tmp_path: Path)
     assert odometry[0] == odometry[1]  # here, where the world is the same
 
 
-def test_the_survey_is_made_once(tmp_path: Path) -> None:
+def test_the_survey_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
     told: list[str] = []
     for name in ("a", "b"):
         plan = replace(SHORT, seed=len(told))
@@ -238,4 +244,4 @@ def test_a_simulation_that_fails_leaves_nothing(tmp_path: Path) -> None:
 
     with pytest.raises(KeyboardInterrupt):
         write_simulation(tmp_path / "out", SHORT, progress=stop)
-    assert {f.name for f in tmp_path.iterdir()} == {"cache"}
+    assert not list(tmp_path.iterdir())

@@ -27,20 +27,6 @@ def python(code: str) -> str:
     return done.stdout.strip()
 
 
-def test_the_python_of_the_readme_runs(small_session, tmp_path, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.chdir(tmp_path)
-    for folder in ("my-demo", "survey"):
-        Path(folder).symlink_to(small_session.parent)
-    readme = Path(__file__).parents[2] / "README.md"
-    blocks = readme.read_text(encoding="utf-8").split("```python\n")[1:]
-    assert blocks
-    for block in blocks:
-        float(python(block.split("```")[0]).splitlines()[-1])  # prints an error in meters
-    assert Path("out.rrd").exists()
-
-
 def test_a_comparison_in_python_gives_the_numbers_of_the_command(small_session, tmp_path, capfd):
     session = ml.open_session(small_session)
     library = ml.open_library(small_session.with_name("survey.log"))

@@ -41,18 +41,28 @@ particles = [20, 80]
 """
 
 
-@pytest.fixture(params=["simulated", "recorded"])
-def trials(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> TrialsFolder:
-    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
-    monkeypatch.chdir(tmp_path)
-    plan = SIMULATED.format(world=write_small_room(tmp_path))
-    if request.param == "recorded":
-        plan = RECORDED
-        write_small_survey(tmp_path)
-        write_small_session(tmp_path)
-    (tmp_path / "mine.toml").write_text(plan)
-    assert run_plan(read_plan(tmp_path / "mine.toml"), tmp_path / "trials", workers=1).failed == 0
-    return TrialsFolder(tmp_path / "trials")
+@pytest.fixture(scope="module", params=["simulated", "recorded"])
+def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write trials into a folder, with the cache that they filled beside them."""
+    folder: Path = tmp_path_factory.mktemp(request.param)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAURICE_CACHE", str(folder / "cache"))
+        patch.chdir(folder)
+        plan = SIMULATED.format(world=write_small_room(folder))
+        if request.param == "recorded":
+            plan = RECORDED
+            write_small_survey(folder)
+            write_small_session(folder)
+        Path("mine.toml").write_text(plan)
+        assert run_plan(read_plan(Path("mine.toml")), folder / "trials", workers=1).failed == 0
+    return folder
+
+
+@pytest.fixture
+def trials(made: Path, monkeypatch: pytest.MonkeyPatch) -> TrialsFolder:
+    monkeypatch.setenv("MAURICE_CACHE", str(made / "cache"))
+    monkeypatch.chdir(made)
+    return TrialsFolder(made / "trials")
 
 
 def test_the_commands_of_every_row_have_its_error(trials: TrialsFolder) -> None:

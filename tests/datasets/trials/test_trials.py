@@ -375,8 +375,11 @@ def test_a_worker_that_is_killed_half_way_loses_nothing(plan_file: Path, tmp_pat
     assert same(read_rows(tmp_path / "here")).equals(same(read_rows(tmp_path / "there")))
 
 
-def test_a_scheduler_that_does_not_answer_is_said_in_one_line(plan_file: Path, tmp_path: Path) -> None:
+def test_a_scheduler_that_does_not_answer_is_said_in_one_line(
+    plan_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr("maurice_datasets.trials.engine.SCHEDULER_PATIENCE_S", 0.5)
     with pytest.raises(InputError, match="does not answer"):
         run_plan(read_plan(plan_file), tmp_path / "out", engine="dask", scheduler="tcp://127.0.0.1:9")
 

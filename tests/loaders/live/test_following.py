@@ -156,7 +156,7 @@ def slowly(lines: list[bytes], pause_s: float) -> Act:
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_stopping_leaves_complete_files(number: int, status: int, inline: list[bytes], library: Path) -> None:
-    with peer(slowly(inline + inline[1:] * 20, 0.05)) as address:
+    with peer(slowly(inline + inline[1:] * 20, 0.02)) as address:
         words = [address, "--library", library, "--capture", "rec", "-o", "a.rrd", "--json"]
         process = subprocess.Popen(
             [*MAIN, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
