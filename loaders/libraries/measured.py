@@ -36,7 +36,7 @@ AT_ONCE = 64  # pictures that are written together
 WAIT_S = 2.0  # for another process that writes
 # Channels that are measured in the time in which a picture's checksum is made, or in twice that: see
 # docs/performance.md. Where only these are in use, nothing is kept.
-CHEAP = frozenset({"color", "smoothed", "cumulative", "color_layout", "color_grid", "moments", "tiny"})
+CHEAP = frozenset({"color", "smoothed", "cumulative", "color_grid", "tiny"})
 SCHEMA = "CREATE TABLE IF NOT EXISTS kept (id INTEGER PRIMARY KEY, name BLOB UNIQUE, held BLOB)"
 
 Found = TypeVar("Found")

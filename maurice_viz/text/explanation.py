@@ -22,7 +22,7 @@ from maurice_mcl.reasons.explanation import (
     PoseOffset,
     StepExplanation,
 )
-from maurice_mcl.sensor.descriptors import chromaticity, color_grid, color_layout, gain_color, hog, tiny
+from maurice_mcl.sensor.descriptors import chromaticity, color_grid, hog, tiny
 from maurice_mcl.sensor.descriptors.channel import BINS, HIGH, LOW, WIDTH
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F64
@@ -77,11 +77,6 @@ def _raster(rows: int, columns: int, numbers: int) -> Name:
     return name
 
 
-def _gain_color(plane: int, first: int, last: int) -> str:
-    width = gain_color.MOST / BINS
-    return f"{COLORS[plane]} {first * width:.1f} to {(last + 1) * width:.1f} times its mean"
-
-
 def _color_grid(plane: int, first: int, last: int) -> str:
     part, color = divmod(plane, len(COLORS))
     width = (HIGH + 1 - LOW) / color_grid.BINS
@@ -92,11 +87,6 @@ def _color_grid(plane: int, first: int, last: int) -> str:
 def _hog(cell: int, first: int, last: int) -> str:
     width = 180 // hog.DIRECTIONS
     return f"edges at {first * width} to {(last + 1) * width} deg in {_place(cell, hog.COLUMNS)}"
-
-
-def _moments(kind: int, first: int, last: int) -> str:
-    what = ("mean", "spread", "skew")[kind]
-    return f"{what} of {' and '.join(COLORS[first : last + 1])}"
 
 
 def _place(cell: int, columns: int) -> str:
@@ -112,19 +102,13 @@ def _span(first: int, last: int) -> str:
 KNOWN: Mapping[str, tuple[int, Planes]] = {
     **{
         channel: (3 * BINS, Planes(3, _levels()))
-        for channel in ("color", "smoothed", "blurred", "cumulative", "edge_color")
+        for channel in ("color", "smoothed", "blurred", "cumulative")
     },
     "edges": (3 * BINS, Planes(3, _levels(" edges of strength"))),
     "chromaticity": (chromaticity.BINS**2, Planes(chromaticity.BINS, _chromaticity)),
-    "gain_color": (3 * BINS, Planes(3, _gain_color)),
     "tiny": (3 * tiny.COLUMNS * tiny.ROWS, Planes(tiny.ROWS, _raster(tiny.ROWS, tiny.COLUMNS, 3))),
-    "color_layout": (
-        2 * color_layout.COLUMNS * color_layout.ROWS,
-        Planes(color_layout.ROWS, _raster(color_layout.ROWS, color_layout.COLUMNS, 2)),
-    ),
     "color_grid": (PARTS * 3 * color_grid.BINS, Planes(PARTS * 3, _color_grid)),
     "hog": (CELLS * hog.DIRECTIONS, Planes(CELLS, _hog)),
-    "moments": (9, Planes(3, _moments)),
 }
 
 

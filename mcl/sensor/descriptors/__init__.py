@@ -2,8 +2,7 @@
 
 - `channel`: what every channel does, and the CMUcam2's histogram
 - `registry`: all channels by name, `CHANNELS`; named sets of them with weights, `FEATURES`
-- colors of the whole picture: `color`, `smoothed`, `blurred`, `cumulative`, `gain_color`, `chromaticity`
-- `moments`: mean, spread and skew of its colors
-- colors by place in the picture: `color_grid`, `color_layout`, `tiny`
-- edges: `edges`, `edge_color`, `hog`
+- colors of the whole picture: `color`, `smoothed`, `blurred`, `cumulative`, `chromaticity`
+- colors by place in the picture: `color_grid`, `tiny`
+- edges: `edges`, `hog`
 """

@@ -20,13 +20,9 @@ from .channel import Channel
 from .chromaticity import Chromaticity
 from .color import Color
 from .color_grid import ColorGrid
-from .color_layout import ColorLayout
 from .cumulative import Cumulative
-from .edge_color import EdgeColor
 from .edges import Edges
-from .gain_color import GainColor
 from .hog import Hog
-from .moments import Moments
 from .smoothed import Smoothed
 from .tiny import Tiny
 
@@ -38,15 +34,11 @@ OURS: tuple[Channel, ...] = (
     Edges(),
     Smoothed(),
     Blurred(),
-    EdgeColor(),
     Cumulative(),
     Chromaticity(),
-    ColorLayout(),
-    GainColor(),
     ColorGrid(),
     Tiny(),
     Hog(),
-    Moments(),
 )
 OUR_NAMES = frozenset(channel.name for channel in OURS)
 
@@ -128,15 +120,11 @@ SCALES: Mapping[str, Mapping[str, float]] = {
     "edges": {"hellinger": 0.0751, "l1": 0.146, "thesis": 0.0236},
     "smoothed": {"hellinger": 0.169, "l1": 0.779, "thesis": 0.0224},
     "blurred": {"hellinger": 0.195, "l1": 0.853, "thesis": 0.00884},
-    "edge_color": {"hellinger": 0.0932, "l1": 0.142, "thesis": 0.0300},
     "cumulative": {"hellinger": 0.267, "l1": 3.35},
     "chromaticity": {"hellinger": 0.00300, "l1": 0.000306, "thesis": 0.00196},
-    "color_layout": {"l1": 0.00357, "hellinger": 0.00441},
-    "gain_color": {"hellinger": 0.133, "l1": 0.578},
     "color_grid": {"l1": 0.000915, "hellinger": 0.00708},
     "tiny": {"l1": 0.00624, "hellinger": 0.00400},
     "hog": {"l1": 0.00257, "hellinger": 0.00590},
-    "moments": {"hellinger": 0.159, "l2": 3.45, "l1": 2.88},
 }
 
 # name -> channel -> weight of its calibrated distance; a single channel needs no entry here

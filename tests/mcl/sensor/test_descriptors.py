@@ -15,7 +15,7 @@ from maurice_mcl.sensor.distances import DISTANCES
 EACH = pytest.mark.parametrize("name", sorted(CHANNELS))
 
 
-SIZES = {"chromaticity": 256, "color_grid": 288, "color_layout": 48, "hog": 108, "moments": 9, "tiny": 324}
+SIZES = {"chromaticity": 256, "color_grid": 288, "hog": 108, "tiny": 324}
 
 
 def _flat(value, shape=(10, 12)):
@@ -74,9 +74,7 @@ def test_every_channel_tells_scenes_apart(name):
     assert np.abs(describe(_scene(seed=6)) - describe(_scene(seed=7))).max() > 1e-3
 
 
-@pytest.mark.parametrize(
-    "name", ["color", "smoothed", "cumulative", "moments", "tiny", "color_layout", "color_grid"]
-)
+@pytest.mark.parametrize("name", ["color", "smoothed", "cumulative", "tiny", "color_grid"])
 def test_the_number_of_pixels_does_not_matter(name):
     """Every pixel doubled both ways: the same picture, whose size divides evenly by every raster."""
     image = np.random.default_rng(8).integers(0, 256, (36, 48, 3), dtype=np.uint8)
@@ -86,10 +84,7 @@ def test_the_number_of_pixels_does_not_matter(name):
 
 
 @pytest.mark.parametrize("gain", [0.7, 1.3, 1.8])
-@pytest.mark.parametrize(
-    ("name", "most"),
-    [("chromaticity", 0.15), ("color_layout", 0.01), ("gain_color", 0.1), ("hog", 0.3), ("tiny", 0.01)],
-)
+@pytest.mark.parametrize(("name", "most"), [("chromaticity", 0.15), ("hog", 0.3), ("tiny", 0.01)])
 def test_more_or_less_light_changes_little(name, most, gain):
     """At a gain above the black level, which rounding to gray levels alone disturbs.
 
@@ -103,7 +98,6 @@ def test_more_or_less_light_changes_little(name, most, gain):
 def test_light_and_flatness():
     image = _scene()
     warm = np.stack([_brighter(image[..., k], g) for k, g in enumerate((1.3, 1.0, 0.8))], axis=2)
-    assert _apart("gain_color", image, warm) < 0.15
     assert _apart("chromaticity", image, warm) > 0.5
     noise = np.random.default_rng(12).normal(0, 12, (144, 176, 3))
     noisy = np.clip(_flat(130, (144, 176)) + noise, 0, 255).astype(np.uint8)
@@ -113,13 +107,13 @@ def test_light_and_flatness():
     assert CHANNELS["hog"].describe(_flat(90)).sum() == 0
 
 
-@pytest.mark.parametrize("name", ["color", "smoothed", "cumulative", "moments", "gain_color", "chromaticity"])
+@pytest.mark.parametrize("name", ["color", "smoothed", "cumulative", "chromaticity"])
 def test_a_histogram_does_not_know_left_from_right(name):
     image = _scene(145, 177)  # every other column, where that is used, are the same ones both ways
     assert _apart(name, image, image[:, ::-1].copy()) < 0.02
 
 
-@pytest.mark.parametrize("name", ["color_grid", "color_layout", "tiny", "hog"])
+@pytest.mark.parametrize("name", ["color_grid", "tiny", "hog"])
 def test_what_has_a_raster_knows_left_from_right(name):
     image = _scene()
     swapped = np.concatenate([image[:, 88:], image[:, :88]], axis=1)
@@ -177,15 +171,7 @@ def test_smoothing_keeps_and_spreads():
     assert smoothed < 0.9 * color
 
 
-def test_moments_and_tiny_by_hand():
-    image = np.zeros((2, 2, 3), np.uint8)
-    image[..., 0] = [[10, 10], [10, 50]]  # mean 20, variance 300, third moment 6000
-    image[..., 1] = 7
-    image[..., 2] = [[255, 255], [255, 0]]
-    third = (3 * 63.75**3 - 191.25**3) / 4
-    expected = [20, 7, 191.25, np.sqrt(300), 0, np.sqrt((3 * 63.75**2 + 191.25**2) / 4)]
-    expected += [np.cbrt(6000) + 256, 256, np.cbrt(third) + 256]
-    assert CHANNELS["moments"].describe(image) == pytest.approx(expected, rel=1e-5)
+def test_tiny_by_hand():
     found = CHANNELS["tiny"].describe(_scene()).astype(float) - 1
     assert found.sum() == pytest.approx(0, abs=1e-4)
     assert np.linalg.norm(found) == pytest.approx(1, rel=1e-5)
@@ -194,31 +180,7 @@ def test_moments_and_tiny_by_hand():
     assert np.linalg.norm(CHANNELS["tiny"].describe(almost_flat) - 1) < 0.5, "noise is not blown up"
 
 
-def test_edge_color_ignores_flat_regions():
-    assert CHANNELS["edge_color"].describe(_flat(90)).sum() == 0
-    image = _flat(50, (40, 80))
-    image[:, 40:] = 150
-    found = CHANNELS["edge_color"].describe(image).reshape(3, 28)
-    assert set(np.flatnonzero(found.sum(axis=0))) == {(50 - 16) // 8, (150 - 16) // 8}
-    wider = np.concatenate([image[:, :1].repeat(40, axis=1), image, image[:, -1:].repeat(40, axis=1)], axis=1)
-    again = CHANNELS["edge_color"].describe(wider).reshape(3, 28)
-    assert again == pytest.approx(found / 2), "twice the pixels, no more of them on an edge"
-    assert 0 < found[0].sum() / 256 < 0.2
-
-
-def test_layouts_by_hand():
-    image = np.full((40, 60, 3), (24 + 50, 24 + 30, 24 + 20), np.uint8)
-    image[:10, :10] = (24 + 10, 24 + 10, 24 + 80)
-    found = CHANNELS["color_layout"].describe(image).reshape(24, 2)
-    assert found[0] == pytest.approx([0.1, 0.1])
-    assert found[1:] == pytest.approx(np.tile([0.5, 0.3], (23, 1)))
-    image = np.full((20, 40, 3), 24 + 50, np.uint8)
-    image[:, 20:] = 24 + 150  # half of the mean, and one and a half of it
-    found = CHANNELS["gain_color"].describe(image).reshape(3, 28)
-    assert found.sum(axis=1) == pytest.approx([256, 256, 256], rel=1e-4)
-    # half: bin 3.5, one and a half: bin 10.5; the blur spreads a few columns between them
-    assert found[:, 1:6].sum(axis=1) == pytest.approx([128] * 3, rel=0.15)
-    assert found[:, 8:13].sum(axis=1) == pytest.approx([128] * 3, rel=0.15)
+def test_chromaticity_by_hand():
     found = CHANNELS["chromaticity"].describe(_scene())
     assert found.sum() == pytest.approx(1, rel=1e-5)
     image = np.full((10, 10, 3), (24 + 50, 24 + 30, 24 + 20), np.uint8)  # r 0.5, g 0.3
