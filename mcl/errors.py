@@ -40,9 +40,9 @@ class InputError(Exception):
 
 
 def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
-    made = kind.__new__(kind, *args)
-    made.args = args
-    return made
+    error = kind.__new__(kind, *args)
+    error.args = args
+    return error
 
 
 # The front page of every package: where names and paths enter.
@@ -105,11 +105,11 @@ def by_parameters(text: str) -> str:
     return _OPTION.sub(_parameter, text)
 
 
-def _parameter(found: re.Match[str]) -> str:
-    key, value, option = found.groups()
+def _parameter(match: re.Match[str]) -> str:
+    key, value, option = match.groups()
     if key is not None:
         return f"reading=ReadingOptions({key}={value})"
-    return found[0] if option is None else f"{PARAMETERS.get(option, option.replace('-', '_'))}="
+    return match[0] if option is None else f"{PARAMETERS.get(option, option.replace('-', '_'))}="
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -24,7 +24,7 @@ from maurice_datasets.trials.drives import Drive
 from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_loaders.files.writing import cache_root
 from maurice_mcl.filter.batch import compared_once
-from maurice_mcl.fitting.belief import FIRST, LEVELS, judge_belief
+from maurice_mcl.fitting.belief import FIRST_UPDATE, LEVELS, judge_belief
 from maurice_mcl.scoring.metrics import Scorer
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values.arrays import F64
@@ -59,7 +59,7 @@ def judged_run(
     for moment, picture in zip(drive.session.moments(), pictures, strict=True):
         state, record = localizer.step(state, moment.frame, Compared(sharpened(picture, sharp), 0.0))
         scorer.add(moment, record)
-        if moment.truth is not None and record.frame.step >= FIRST:
+        if moment.truth is not None and record.frame.step >= FIRST_UPDATE:
             found = judge_belief(record, moment.truth)
             error_m = float(np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])))
             rows.append([found.denser, found.squared_sd, found.nees, error_m])

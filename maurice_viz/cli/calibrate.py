@@ -14,7 +14,7 @@ from maurice_loaders.files.writing import expect_absent
 from maurice_mcl.fitting.motion import Calibration
 from maurice_mcl.fitting.odometry_fit import MotionFit
 from maurice_mcl.fitting.sensor import NoiseFloor
-from maurice_mcl.fitting.statistics import NOT_NORMAL, Fitted, Spread
+from maurice_mcl.fitting.statistics import LEAST_NORMAL_P, Fitted, Spread
 
 from ..app.belief import CalibratedBelief, calibrate_belief
 from ..app.calibrate import (
@@ -230,7 +230,7 @@ def _cells(fitted: Fitted, factor: float, digits: int, unit: str = "") -> tuple[
 def _judged(spread: Spread) -> str:
     if spread.normal_p is None:
         return "all alike" if spread.count > 2 else "too few to test"
-    return f"{'not ' if spread.normal_p < NOT_NORMAL else ''}normal, p {spread.normal_p:.2g}"
+    return f"{'not ' if spread.normal_p < LEAST_NORMAL_P else ''}normal, p {spread.normal_p:.2g}"
 
 
 def _noise_table(floor: NoiseFloor, name: str) -> Table:

@@ -11,7 +11,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from maurice_mcl.library.advice import AMBIGUITY, CONFUSED, GAP, HEADING, LibraryAdvice
+from maurice_mcl.library.advice import AMBIGUITY, CONFUSED_SHARE, GAP, HEADING, LibraryAdvice
 from maurice_mcl.library.quality import CURVE, Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
 from maurice_mcl.values.library import ChannelIndex, Library
@@ -303,7 +303,7 @@ def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage
     table.add_row("retrieval error", _error(similarity, scale))
     share = len(similarity.aliased) / library.size
     table.add_row("aliases", f"{len(similarity.aliased)} of {library.size} entries ({share:.0%})")
-    mean, often = float(similarity.confusion.mean()), int((similarity.confusion > CONFUSED).sum())
+    mean, often = float(similarity.confusion.mean()), int((similarity.confusion > CONFUSED_SHARE).sum())
     table.add_row(
         "confused", f"{mean:.0%} of the likelihood is far away on average; over half for {often} entries"
     )

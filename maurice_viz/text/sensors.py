@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from maurice_mcl.sensor.landmarks.sensor import OTHER_SHAPE, Landmarks
+from maurice_mcl.sensor.landmarks.sensor import SHAPE_TOLERANCE, Landmarks
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.pose_sensor import MovedThing, PoseSensor, Shown
@@ -57,7 +57,7 @@ def say_other_shape(frame: Frame, sensors: Iterable[PoseSensor]) -> str | None:
         if isinstance(sensor, Landmarks):
             camera = sensor.map.fit.camera
             difference = abs(width * camera.height_px - height * camera.width_px)
-            if difference > OTHER_SHAPE * camera.width_px * height:
+            if difference > SHAPE_TOLERANCE * camera.width_px * height:
                 text = f"found pictures of {width} x {height}, and the landmarks are of pictures of "
                 text += f"{camera.width_px} x {camera.height_px}: another shape, so landmarks say nothing"
                 return f"{text}; build the library with this camera, or leave landmarks out"

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values.arrays import ALONE, F32, F64, I32, I64, Bool, dot
+from ..values.arrays import F32, F64, I32, I64, ONE_THREAD_ELEMENTS, Bool, dot
 from ..values.geometry import INCH_M, circular_mean, wrap
 from ..values.radii import USUAL, Radii
 from ..values.records import Belief, EntryLikelihood, Estimate
@@ -292,11 +292,13 @@ def _heading_sd(clouds: Clouds, part: F64, mass: F64, means: F64) -> F64:
 def _dots(a: F64, b: F64 | F32 | Bool) -> F64:
     """Return the scalar products (..., R) of rows (R, N) and (..., R, N), each as `dot` computes it."""
     products: F64
-    if a.shape[-1] <= ALONE:
+    if a.shape[-1] <= ONE_THREAD_ELEMENTS:
         products = np.vecdot(a, b)
     else:
-        ends = range(0, a.shape[-1], ALONE)
-        products = sum(np.vecdot(a[..., k : k + ALONE], b[..., k : k + ALONE]) for k in ends)
+        ends = range(0, a.shape[-1], ONE_THREAD_ELEMENTS)
+        products = sum(
+            np.vecdot(a[..., k : k + ONE_THREAD_ELEMENTS], b[..., k : k + ONE_THREAD_ELEMENTS]) for k in ends
+        )
     return products
 
 

@@ -25,20 +25,20 @@ from ..values.arrays import F64, I32
 from ..values.geometry import INCH_M, circular_mean, wrap
 from ..values.randomness import Domain, stream
 from ..values.records import Belief, StepRecord
-from .statistics import LEVEL, RESAMPLES, Fitted
+from .statistics import RESAMPLES, TAILS, Fitted
 
 LEVELS = (0.5, 0.9, 0.99)
-FIRST = 4  # update from which on it counts: the first three are not scored either
+FIRST_UPDATE = 4  # update from which on it counts: the first three are not scored either
 MOST_POINTS = 512  # of a cloud that a density is made from
-LEAST_M, LEAST_RAD = INCH_M, float(np.deg2rad(1))  # accuracy of the truth, and least width of a cloud
+LEAST_SD_M, LEAST_SD_RAD = INCH_M, float(np.deg2rad(1))  # accuracy of the truth, and least width of a cloud
 EXPONENTS: F64 = np.geomspace(0.05, 4, 45)
-BLOCK = 10  # updates that are drawn together: the next picture's error resembles this one's
+BLOCK_UPDATES = 10  # updates that are drawn together: the next picture's error resembles this one's
 ELLIPSE_SIGMAS = 2.0  # of the ellipse on the map
-COVERED = 0.9  # region whose size the coverage exponent sets right
-NARROWING = 0.8  # a cloud's variance goes as the likelihood's power to the minus 0.8 (docs/lost-signal.md)
+COVERED_SHARE = 0.9  # region whose size the coverage exponent sets right
+NARROWING_POWER = 0.8  # a cloud's variance goes as the likelihood to the minus 0.8 (docs/lost-signal.md)
 MOST_FACTOR = 2.0  # by which a coverage exponent changes the sharpness: beyond, clouds hardly follow it
 OVER_SHARP, OVER_FLAT, FITS, NOT_KNOWN = "over-sharp", "over-flat", "fits", "not known"
-FEW = 5  # drives, or blocks of one: of fewer no interval is given
+FEWEST_CLUSTERS = 5  # drives, or blocks of one: of fewer no interval is given
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ def share_denser(belief: Belief, truth: F64, width_m: float) -> float:
     """
     index, weights = _thinned(belief.weights)
     places = belief.poses[index, :2].astype(np.float64)
-    kernel_m = _kernel(width_m, LEAST_M, weights)
+    kernel_m = _kernel(width_m, LEAST_SD_M, weights)
     x, y = places.T
     between = _bell(x[:, None] - x, kernel_m) * _bell(y[:, None] - y, kernel_m)
     own = 1 - np.minimum(weights, 0.5)
@@ -111,24 +111,24 @@ def _squared(belief: Belief, truth: F64, dimensions: int) -> float:
     middle, _ = circular_mean(belief.poses[:, 2], weights)
     mean_xy = weights @ belief.poses[:, :2].astype(np.float64) + belief.origin
     error = np.array([*(truth[:2] - mean_xy), wrap(truth[2] - middle)])[:dimensions]
-    spread = covariance(belief) + np.diag([LEAST_M**2, LEAST_M**2, LEAST_RAD**2])
+    spread = covariance(belief) + np.diag([LEAST_SD_M**2, LEAST_SD_M**2, LEAST_SD_RAD**2])
     return float(error @ np.linalg.solve(spread[:dimensions, :dimensions], error))
 
 
 def _scores(record: StepRecord, truth: F64, width_m: float) -> F64:
     """Return the log density at the truth (E,) that this picture leaves under every exponent, nats."""
     prior = record.predicted.log_weights
-    told = record.weighted.log_weights - prior
-    known = np.isfinite(told) & np.isfinite(prior)
+    nats = record.weighted.log_weights - prior
+    known = np.isfinite(nats) & np.isfinite(prior)
     if not known.any():
         return np.zeros(len(EXPONENTS))
     poses, weights = record.weighted.poses[known], record.weighted.weights[known]
-    kernel_m = _kernel(width_m, 2 * LEAST_M, weights)
-    turned = _kernel(record.estimate.heading_sd_rad, 4 * LEAST_RAD, weights)
-    apart = truth[:2] - record.weighted.origin - poses[:, :2]
-    away = np.square(apart / kernel_m).sum(axis=1) + np.square(wrap(truth[2] - poses[:, 2]) / turned)
-    logs = prior[known] + EXPONENTS[:, None] * told[known]
-    return np.asarray(_log_sum(logs - away / 2) - _log_sum(logs))
+    kernel_m = _kernel(width_m, 2 * LEAST_SD_M, weights)
+    turned = _kernel(record.estimate.heading_sd_rad, 4 * LEAST_SD_RAD, weights)
+    offset = truth[:2] - record.weighted.origin - poses[:, :2]
+    squared = np.square(offset / kernel_m).sum(axis=1) + np.square(wrap(truth[2] - poses[:, 2]) / turned)
+    logs = prior[known] + EXPONENTS[:, None] * nats[known]
+    return np.asarray(_log_sum(logs - squared / 2) - _log_sum(logs))
 
 
 def _log_sum(logs: F64) -> F64:
@@ -185,7 +185,7 @@ class BeliefJudge:
 
     def add(self, record: StepRecord, truth: F64 | None) -> None:
         """Process the next update of this run."""
-        if truth is not None and record.frame.step >= FIRST:
+        if truth is not None and record.frame.step >= FIRST_UPDATE:
             self._runs[-1].append(judge_belief(record, truth))
 
     def drop(self) -> None:
@@ -195,7 +195,7 @@ class BeliefJudge:
 
     def result(self) -> BeliefCalibration:
         """Return what was found. Raises ValueError without any update."""
-        every = [one for run in self._runs for one in run]
+        every = [update for run in self._runs for update in run]
         if not every:
             raise ValueError("found no update with known truth after the first three, expected some")
         blocks = self._clusters()
@@ -206,8 +206,8 @@ class BeliefJudge:
             _within(float(value), column, len(blocks))
             for value, column in zip(values.mean(axis=0), drawn.T, strict=True)
         ]
-        scores = np.array([sum(one.scores for one in block) for block in blocks])
-        low, high = (1 - LEVEL) / 2, (1 + LEVEL) / 2
+        scores = np.array([sum(update.scores for update in block) for block in blocks])
+        low, high = TAILS
         free = 3 * len(every)
         return BeliefCalibration(
             runs=sum(bool(run) for run in self._runs),
@@ -226,7 +226,7 @@ class BeliefJudge:
         several = len({drive for drive, run in zip(self._drives, self._runs, strict=True) if run}) > 1
         for drive, run in zip(self._drives, self._runs, strict=True):
             for number, update in enumerate(run):
-                drives.setdefault((drive, 0 if several else number // BLOCK), []).append(update)
+                drives.setdefault((drive, 0 if several else number // BLOCK_UPDATES), []).append(update)
         return list(drives.values())
 
 
@@ -234,8 +234,8 @@ def _table(updates: list[JudgedUpdate]) -> F64:
     """Return one row an update: whether each region held the truth, whether the ellipse did, NEES."""
     return np.array(
         [
-            [*(one.denser <= level for level in LEVELS), one.squared_sd <= ELLIPSE_SIGMAS**2, one.nees]
-            for one in updates
+            [*(row.denser <= level for level in LEVELS), row.squared_sd <= ELLIPSE_SIGMAS**2, row.nees]
+            for row in updates
         ],
         np.float64,
     )
@@ -257,9 +257,9 @@ def _within(value: float, drawn: F64 | list[float], clusters: int) -> Fitted:
 
     They are farther out the fewer clusters there are, as Student's are (Hesterberg 2015).
     """
-    if clusters < FEW:
+    if clusters < FEWEST_CLUSTERS:
         return Fitted(value, float("nan"), float("nan"))
-    reach = stdtrit(clusters - 1, (1 - LEVEL) / 2) * np.sqrt(clusters / (clusters - 1))
+    reach = stdtrit(clusters - 1, TAILS[0]) * np.sqrt(clusters / (clusters - 1))
     tail = 100 * float(ndtr(reach))
     low, high = np.percentile(drawn, [tail, 100 - tail])
     return Fitted(value, min(float(low), value), max(float(high), value))
@@ -273,7 +273,7 @@ def _exponent(scores: F64) -> Fitted:
 
 def _coverage_exponent(blocks: Sequence[Sequence[JudgedUpdate]]) -> Fitted:
     """Return the exponent that makes the 90 % regions hold the truth in 90 %, and its bootstrap interval."""
-    denser = [np.array([one.denser for one in block]) for block in blocks]
+    denser = [np.array([update.denser for update in block]) for block in blocks]
     drawn = [_power([denser[number] for number in row]) for row in _choices(len(blocks)).tolist()]
     return _within(_power(denser), drawn, len(blocks))
 
@@ -284,7 +284,7 @@ def _power(denser: Sequence[F64]) -> float:
     The region that did hold the truth in 90 % says by how much the variances are too small: about its middle
     a cloud is nearly normal, and the p region of a normal one has a squared radius of -2 log(1 - p).
     """
-    needed = float(np.quantile(np.concatenate(denser), COVERED))
-    too_small = np.log(max(1 - needed, 1e-9)) / np.log(1 - COVERED)
-    power = max(too_small, 1e-9) ** (-1 / NARROWING)
+    needed = float(np.quantile(np.concatenate(denser), COVERED_SHARE))
+    too_small = np.log(max(1 - needed, 1e-9)) / np.log(1 - COVERED_SHARE)
+    power = max(too_small, 1e-9) ** (-1 / NARROWING_POWER)
     return float(np.clip(power, 1 / MOST_FACTOR, MOST_FACTOR))

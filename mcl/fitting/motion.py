@@ -29,8 +29,8 @@ from ..values.arrays import F64
 from ..values.geometry import wrap_angle
 from .statistics import Fitted, Spread, r_squared, slope, slope_resampled, spread_of, student
 
-FEWEST = 3  # turns, and straights: gain, bias and sd are three constants
-ONE_SIDED = 0.5  # |mean| of measured turns over their root mean square; more cannot tell bias from gain
+FEWEST_TRIALS = 3  # turns, and straights: gain, bias and sd are three constants
+ONE_SIDED_SHARE = 0.5  # |mean| of measured turns over their root mean square; more cannot tell bias from gain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,11 +127,11 @@ class Calibration:
 def calibrate(trials: Trials) -> Calibration:
     """Fit all constants. Raises ValueError, with a message for people, if there are too few trials."""
     turns, straights = len(trials.turns.measured_rad), len(trials.straights.measured_m)
-    if turns < FEWEST or straights < FEWEST:
+    if turns < FEWEST_TRIALS or straights < FEWEST_TRIALS:
         skipped = f" ({trials.left_out} more left out)" if trials.left_out else ""
         raise ValueError(
             f"found {_count(turns, 'turn')} and {_count(straights, 'straight')}{skipped}, "
-            f"expected {FEWEST} or more of each with the truth before and after it"
+            f"expected {FEWEST_TRIALS} or more of each with the truth before and after it"
         )
     turned, went = fit_turns(trials.turns), fit_straights(trials.straights)
     return Calibration(turned, went, fit_drifts(trials.straights), trials.left_out)
@@ -154,7 +154,7 @@ def fit_turns(turns: Turns) -> TurnFit:
         r_squared=r_squared(actual, residual),
         residual=spread,
         sd_if_multiplied_rad=float((actual - measured / gain).std()),
-        one_sided=mean > ONE_SIDED * rms,
+        one_sided=mean > ONE_SIDED_SHARE * rms,
         left_gain=_scale(measured[measured > 0], actual[measured > 0]),
         right_gain=_scale(measured[measured < 0], actual[measured < 0]),
     )
@@ -205,7 +205,7 @@ def _through_origin(measured: F64, actual: F64) -> Fitted:
 
 
 def _scale(measured: F64, actual: F64) -> Fitted | None:
-    return _through_origin(measured, actual) if len(measured) >= FEWEST else None
+    return _through_origin(measured, actual) if len(measured) >= FEWEST_TRIALS else None
 
 
 def _count(number: int, what: str) -> str:

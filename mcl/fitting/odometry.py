@@ -55,8 +55,12 @@ class LinearOdometry:
             a, b = turns_of(motion, OdometryParameters().way_from_m)
             course = before[2] + first
             along = np.array([math.cos(course), math.sin(course), 0.0])
-            one, two, three = (np.outer(u, u) for u in (turning(end, before), along, turning(end, after)))
-            parts += [a**2 * one + b**2 * three, way**2 * (one + three), way**2 * two, (a**2 + b**2) * two]
+            changes = turning(end, before), along, turning(end, after)  # by first turn, way, second turn
+            first_turn, ahead, second_turn = (np.outer(change, change) for change in changes)
+            parts[0] += a**2 * first_turn + b**2 * second_turn
+            parts[1] += way**2 * (first_turn + second_turn)
+            parts[2] += way**2 * ahead
+            parts[3] += (a**2 + b**2) * ahead
         return LinearMotion(end, np.zeros((3, 0)), parts)
 
     def defaults(self) -> tuple[F64, F64]:
@@ -90,8 +94,8 @@ class LinearMaurice:
     def linear(self, segment: MotionSegment, means: F64) -> LinearMotion:
         """Return a segment at some constants (P,) of the mean."""
         least, count = MauriceParameters(), len(self.floors)
-        found = self.floor_of(segment.before[:2], segment.after[:2])
-        floor = self.floors.index(found) if found in self.floors else 0
+        name = self.floor_of(segment.before[:2], segment.after[:2])
+        floor = self.floors.index(name) if name in self.floors else 0
         pose = np.zeros(3)
         turns, ways = list[tuple[F64, float, bool]](), list[tuple[F64, float, F64]]()
         for forward, left, turn in (motion.tolist() for motion in segment.motions):
@@ -154,15 +158,16 @@ class LinearDrive:
 
 def linearized(segments: Sequence[MotionSegment], model: LinearModel, means: F64, place: F64) -> LinearDrive:
     """Return segments at the constants (P,) of a model's mean, with truth of a place (2,) on the robot."""
-    before, after = (np.array([getattr(one, which) for one in segments]) for which in ("before", "after"))
-    before, after = _wheels(before, place), _wheels(after, place)
-    moved = [MotionSegment(a, one.motions, b) for a, one, b in zip(before, segments, after, strict=True)]
+    before = _wheels(np.array([segment.before for segment in segments]), place)
+    after = _wheels(np.array([segment.after for segment in segments]), place)
+    ends_of = zip(before, segments, after, strict=True)
+    moved = [MotionSegment(start, segment.motions, end) for start, segment, end in ends_of]
     linear = [model.linear(segment, means) for segment in moved]
-    ends = np.array([one.mean for one in linear])
-    errors = np.array([motion_between(one.before, one.after) for one in moved]) - ends
+    ends = np.array([motion.mean for motion in linear])
+    errors = np.array([motion_between(segment.before, segment.after) for segment in moved]) - ends
     errors[:, 2] = wrap_angle(errors[:, 2])
-    biases = np.array([np.column_stack([one.biases, _swing(one.mean)]) for one in linear])
-    parts = np.array([np.concatenate([one.parts, _measured(one.mean, place)]) for one in linear])
+    biases = np.array([np.column_stack([motion.biases, _swing(motion.mean)]) for motion in linear])
+    parts = np.array([np.concatenate([motion.parts, _measured(motion.mean, place)]) for motion in linear])
     return LinearDrive(ends, errors, biases, parts)
 
 

@@ -89,13 +89,13 @@ class MotionFit:
     def motion_header(self) -> dict[str, Any]:
         """Return the constants as a session's header holds them under robot.motion."""
         header: dict[str, Any] = {"model": self.model}
-        for one in self.constants:
-            first, _, rest = one.name.partition(".")
+        for constant in self.constants:
+            first, _, rest = constant.name.partition(".")
             floor, _, last = rest.rpartition(".")
             if rest:
-                header.setdefault(first, {}).setdefault(floor, {})[last] = one.value
+                header.setdefault(first, {}).setdefault(floor, {})[last] = constant.value
             else:
-                header[first] = one.value
+                header[first] = constant.value
         return header
 
 
@@ -136,7 +136,7 @@ def with_longer(segments: Sequence[MotionSegment]) -> list[MotionSegment]:
         row.append(segment)
         both.append(segment)
         if len(row) == JOINED:
-            motions = tuple(motion for one in row for motion in one.motions)
+            motions = tuple(motion for part in row for motion in part.motions)
             way_m = sum(float(np.hypot(*motion[:2])) for motion in motions)
             turn_rad = sum(abs(float(motion[2])) for motion in motions)
             if way_m <= JOINED_M and turn_rad <= JOINED_RAD:
@@ -186,10 +186,10 @@ def _design(
 def _with_halves(fit: MotionFit, halves: Sequence[MotionFit]) -> MotionFit:
     """Widen the intervals to hold what either half of the drive tells alone: errors may differ by place."""
     constants = []
-    for one, *others in zip(fit.constants, *(half.constants for half in halves), strict=True):
-        values = [other.fitted.value for other in others if other.told] if one.told else []
-        low, high = min([one.fitted.low, *values]), max([one.fitted.high, *values])
-        constants.append(replace(one, fitted=replace(one.fitted, low=low, high=high)))
+    for constant, *others in zip(fit.constants, *(half.constants for half in halves), strict=True):
+        values = [other.fitted.value for other in others if other.told] if constant.told else []
+        low, high = min([constant.fitted.low, *values]), max([constant.fitted.high, *values])
+        constants.append(replace(constant, fitted=replace(constant.fitted, low=low, high=high)))
     return replace(fit, constants=tuple(constants))
 
 
@@ -208,9 +208,9 @@ def _refuse_absurd(fit: MotionFit) -> None:
     advice = "expected odometry and truth of one drive; `maurice-replay doctor` looks for what is wrong"
     if fit.unexplained > EXPLAINED:
         raise ValueError(f"found odometry that misses the true movements by {fit.unexplained:.0%}, {advice}")
-    for one in fit.constants if fit.model == "odometry" else ():
-        if one.told and one.fitted.value > LARGEST:
-            what = f"found {one.name} {one.fitted.value:.3g}, an error larger than the movement"
+    for constant in fit.constants if fit.model == "odometry" else ():
+        if constant.told and constant.fitted.value > LARGEST:
+            what = f"found {constant.name} {constant.fitted.value:.3g}, an error larger than the movement"
             raise ValueError(f"{what}, {advice}")
 
 

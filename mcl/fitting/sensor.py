@@ -95,7 +95,7 @@ def _peak(color: str, mean: F64, sd: F64) -> Peak:
 
 LEAST_WEIGHT = 0.02  # a channel with less of the sum is dropped
 Progress = Callable[[int, int], None]  # steps done, steps in all
-SEARCH_LOG = 5.0  # natural log of how far scales and weights may move from where the search starts
+SEARCH_LOG_RATIO = 5.0  # natural log of how far scales and weights may move from where the search starts
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,7 +192,8 @@ def fit_scale(samples: Sequence[Sample]) -> tuple[float, float]:
         return -score(samples, np.array([1 / np.exp(log_scale)]))
 
     middle = np.log(typical / 10)
-    best = minimize_scalar(loss, bounds=(middle - SEARCH_LOG, middle + SEARCH_LOG), method="bounded")
+    bounds = middle - SEARCH_LOG_RATIO, middle + SEARCH_LOG_RATIO
+    best = minimize_scalar(loss, bounds=bounds, method="bounded")
     return float(np.exp(best.x)), -float(best.fun)
 
 
@@ -210,7 +211,7 @@ def fit_weights(samples: Sequence[Sample], scales: F64) -> F64:
         return -total / count, -slope * weights / count
 
     start = np.full(len(scales), -np.log(len(scales)))
-    best = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-SEARCH_LOG, 1.5)] * len(scales))
+    best = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=[(-SEARCH_LOG_RATIO, 1.5)] * len(scales))
     weights = np.exp(best.x)
     return np.asarray(np.where(weights < LEAST_WEIGHT * weights.sum(), 0.0, weights))
 

@@ -12,11 +12,12 @@ from scipy.special import chdtri, stdtrit
 from ..values.arrays import F64
 from ..values.randomness import Domain, stream
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
+TAILS = (1 - CONFIDENCE_LEVEL) / 2, (1 + CONFIDENCE_LEVEL) / 2
 RESAMPLES = 2000  # of a bootstrap: enough for the 2.5th and the 97.5th percentile
-MOST_HELD = 1_000_000  # rows of a bootstrap in memory at once
-NOT_NORMAL = 0.01  # below this p the normal interval of an sd is not used
-MOST_TESTED = 5000  # Shapiro and Wilk's p is not accurate for more values
+MOST_ROWS = 1_000_000  # rows of a bootstrap in memory at once
+LEAST_NORMAL_P = 0.01  # below this p the normal interval of an sd is not used
+MOST_TESTED_VALUES = 5000  # Shapiro and Wilk's p is not accurate for more values
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +56,11 @@ def spread_of(values: F64, fitted: int = 1) -> Spread:
     mean = float(values.mean())
     sd = math.sqrt(float(((values - mean) ** 2).sum()) / free)
     p = normality(values)
-    if p is not None and p < NOT_NORMAL:
+    if p is not None and p < LEAST_NORMAL_P:
         wider = math.sqrt(len(values) / free)
         within = _bootstrap(sd, values[:, None], lambda drawn: drawn[:, :, 0].std(axis=1) * wider)
     else:
-        low, high = (float(chdtri(free, tail)) for tail in ((1 + LEVEL) / 2, (1 - LEVEL) / 2))
+        high, low = (float(chdtri(free, tail)) for tail in TAILS)
         within = Fitted(sd, sd * math.sqrt(free / high), sd * math.sqrt(free / low))
     beyond = int((np.abs(values - mean) > 3 * sd).sum()) if p is not None else 0
     return Spread(len(values), student(mean, sd / math.sqrt(len(values)), free), within, p, beyond)
@@ -67,7 +68,7 @@ def spread_of(values: F64, fitted: int = 1) -> Spread:
 
 def student(value: float, error: float, free: int) -> Fitted:
     """Return a value with Student's interval, from its standard error and degrees of freedom."""
-    reach = float(stdtrit(free, (1 + LEVEL) / 2)) * error
+    reach = float(stdtrit(free, TAILS[1])) * error
     return Fitted(value, value - reach, value + reach)
 
 
@@ -77,7 +78,7 @@ def normality(values: F64) -> float | None:
         return None
     from scipy import stats
 
-    return float(stats.shapiro(values[:MOST_TESTED]).pvalue)
+    return float(stats.shapiro(values[:MOST_TESTED_VALUES]).pvalue)
 
 
 def slope(x: F64, y: F64) -> float:
@@ -108,10 +109,10 @@ def r_squared(y: F64, residual: F64) -> float:
 def _bootstrap(value: float, rows: F64, statistic: Callable[[F64], F64]) -> Fitted:
     """Return a value with the percentiles of a statistic of 2000 samples (b, n, k) of rows (n, k)."""
     rng = stream(Domain.CALIBRATE, 0, len(rows))
-    at_once = max(1, MOST_HELD // len(rows))
+    at_once = max(1, MOST_ROWS // len(rows))
     parts = [
         statistic(rows[rng.integers(0, len(rows), (min(at_once, RESAMPLES - done), len(rows)))])
         for done in range(0, RESAMPLES, at_once)
     ]
-    low, high = np.percentile(np.concatenate(parts), [50 * (1 - LEVEL), 50 * (1 + LEVEL)])
+    low, high = np.quantile(np.concatenate(parts), TAILS)
     return Fitted(value, min(float(low), value), max(float(high), value))

@@ -21,11 +21,11 @@ from ..values.map import place_tree
 from .left_out import ONE_PLACE
 from .quality import DIRECTIONS, VIEW_RAD, SelfSimilarity, free_space
 
-CONFUSED = 0.5  # share of the likelihood elsewhere from which on a far place that looks alike counts
+CONFUSED_SHARE = 0.5  # share of the likelihood elsewhere from which on a far place that looks alike counts
 GAP, HEADING, AMBIGUITY = "gap", "heading", "ambiguity"
-FILLED = 0.75  # spacings that a new reference fills: a grid of references reaches 0.71 of its spacing
-LEAST_AREA = 0.1  # spacings squared that a new reference adds at least
-APART = 0.5  # spacings from a new place against ambiguity to any other
+FILLED_SPACINGS = 0.75  # by a new reference: a grid of references reaches 0.71 of its spacing
+LEAST_AREA_SPACINGS = 0.1  # squared, that a new reference adds at least
+APART_SPACINGS = 0.5  # from a new place against ambiguity to any other
 MOST_POINTS = 4000  # of free space that are looked at
 MOST_ADDED = 1000
 MOST_CLEARANCE_M = 0.3  # a place further from walls is free enough
@@ -69,26 +69,27 @@ class LibraryAdvice:
 
     def count(self, why: str) -> int:
         """Return how many references are proposed for one reason."""
-        return sum(one.why == why for one in self.added)
+        return sum(reference.why == why for reference in self.added)
 
 
-def advise(library: Library, found: SelfSimilarity) -> LibraryAdvice:
+def advise(library: Library, similarity: SelfSimilarity) -> LibraryAdvice:
     """Say where a library's places will be confused, and which references to add."""
-    confusions = _confusions(library, found)
-    planned = _Planned.of(library, found.spacing_m)
-    missing = planned.missing(found.places)
+    confusions = _confusions(library, similarity)
+    planned = _Planned.of(library, similarity.spacing_m)
+    missing = planned.missing(similarity.places)
     planned.fill()
-    planned.part(library, [one.entry for one in confusions])
+    planned.part(library, [confusion.entry for confusion in confusions])
     return LibraryAdvice(confusions, missing, tuple(planned.added))
 
 
-def _confusions(library: Library, found: SelfSimilarity) -> tuple[Confusion, ...]:
-    apart_m = np.hypot(*(library.poses[found.alias, :2] - library.poses[:, :2]).T)
-    worst = np.argsort(-np.where(found.margin < 0, found.confusion, 0.0), kind="stable")
+def _confusions(library: Library, similarity: SelfSimilarity) -> tuple[Confusion, ...]:
+    alias, margin, confusion = similarity.alias, similarity.margin, similarity.confusion
+    apart_m = np.hypot(*(library.poses[alias, :2] - library.poses[:, :2]).T)
+    worst = np.argsort(-np.where(margin < 0, confusion, 0.0), kind="stable")
     return tuple(
-        Confusion(k, int(found.alias[k]), float(apart_m[k]), float(found.confusion[k]), int(found.rank[k]))
+        Confusion(k, int(alias[k]), float(apart_m[k]), float(confusion[k]), int(similarity.rank[k]))
         for k in worst.tolist()
-        if found.confusion[k] > CONFUSED and found.margin[k] < 0
+        if confusion[k] > CONFUSED_SHARE and margin[k] < 0
     )
 
 
@@ -160,8 +161,8 @@ class _Planned:
         """Propose references at candidates (K, 2): of these headings (K, DIRECTIONS), or all; best first."""
         if not len(candidates) or not self.lacking.any():
             return
-        least = max(LEAST_AREA * self.spacing_m**2 / self.area_m2, 1.0)
-        near = _near(candidates, self.points, FILLED * self.spacing_m)
+        least = max(LEAST_AREA_SPACINGS * self.spacing_m**2 / self.area_m2, 1.0)
+        near = _near(candidates, self.points, FILLED_SPACINGS * self.spacing_m)
         while len(self.added) < MOST_ADDED:
             gain = near @ self.lacking.astype(np.float64)  # (K, DIRECTIONS)
             if open_headings is not None:
@@ -179,13 +180,13 @@ class _Planned:
     def part(self, library: Library, confused: list[int]) -> None:
         """Propose places beside confused references, as far from all others as there is room."""
         for entry in confused:
-            there = np.vstack([library.poses, *(one.pose[None] for one in self.added)])
-            around = self.standing[np.hypot(*(self.standing - library.poses[entry, :2]).T) <= self.spacing_m]
-            if len(self.added) >= MOST_ADDED or not len(around):
+            there = np.vstack([library.poses, *(reference.pose[None] for reference in self.added)])
+            free = self.standing[np.hypot(*(self.standing - library.poses[entry, :2]).T) <= self.spacing_m]
+            if len(self.added) >= MOST_ADDED or not len(free):
                 continue
-            distance_m = _distance(there, around)
-            if distance_m.max() >= APART * self.spacing_m:
-                self._add(around[distance_m.argmax()], np.ones(DIRECTIONS, bool), AMBIGUITY)
+            distance_m = _distance(there, free)
+            if distance_m.max() >= APART_SPACINGS * self.spacing_m:
+                self._add(free[distance_m.argmax()], np.ones(DIRECTIONS, bool), AMBIGUITY)
 
     def _add(self, place: F64, directions: Bool, why: str) -> None:
         for direction in headings()[directions]:
@@ -197,11 +198,7 @@ def _distance(poses: F64, points: F64) -> F64:
     return np.asarray(place_tree(poses[:, :2]).query(points)[0], np.float64)
 
 
-def _near(some: F64, points: F64, reach_m: float) -> csr_matrix:
-    """Return (K, C): 1 where a point is within reach."""
-    found = [
-        np.asarray(one, np.intp) for one in np.asarray(place_tree(points).query_ball_point(some, reach_m))
-    ]
-    columns = np.concatenate(found) if found else np.zeros(0, np.intp)
-    rows = np.repeat(np.arange(len(found)), [len(one) for one in found])
-    return csr_matrix((np.ones(len(columns)), (rows, columns)), (len(some), len(points)))
+def _near(centers: F64, points: F64, reach_m: float) -> csr_matrix:
+    """Return (K, C): 1 where a point is within reach of a center."""
+    within = place_tree(centers).sparse_distance_matrix(place_tree(points), reach_m, output_type="coo_matrix")
+    return csr_matrix((np.ones(within.nnz), (within.row, within.col)), within.shape)

@@ -22,11 +22,11 @@ from ..values.geometry import rotated, wrap
 from ..values.randomness import Domain, stream
 from .left_out import WIDENINGS
 
-GROUP, GROUPS = 4, 16  # pictures in a row, and how many times that over a drive
+PICTURES_A_GROUP, MOST_GROUPS = 4, 16  # pictures in a row, and how many times that over a drive
 LEAST_PICTURES = 24  # of known place in free space, below which nothing is concluded
-AROUND = 256  # poses that the truth is compared with
+COMPARED_POSES = 256  # poses that the truth is compared with
 HEADING_SD_RAD = float(np.radians(20))  # of those poses
-LEAST_GAIN = 0.05  # nats a picture, below which a sensor is not worth what it misleads
+LEAST_GAIN_NATS = 0.05  # nats a picture, below which a sensor is not worth what it misleads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +49,7 @@ class DriveScore:
     @property
     def is_bad(self) -> bool:
         """Whether enough pictures were compared to say that they are not worth using as they are."""
-        return self.pictures >= LEAST_PICTURES and self.gain < LEAST_GAIN
+        return self.pictures >= LEAST_PICTURES and self.gain < LEAST_GAIN_NATS
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
@@ -57,9 +57,10 @@ class DriveScore:
 
 
 def spread_groups(count: int) -> list[list[int]]:
-    """Return the numbers, from 0, of up to `GROUPS` runs of `GROUP` pictures, spread over `count`."""
-    firsts = np.linspace(0, max(count - GROUP, 0), min(GROUPS, -(-count // GROUP))).round().astype(int)
-    return [list(range(first, min(first + GROUP, count))) for first in firsts.tolist() if first < count]
+    """Return the numbers, from 0, of some runs of pictures in a row, spread over `count`."""
+    size, groups = PICTURES_A_GROUP, min(MOST_GROUPS, -(-count // PICTURES_A_GROUP))
+    firsts = np.linspace(0, max(count - size, 0), groups).round().astype(int)
+    return [list(range(first, min(first + size, count))) for first in firsts.tolist() if first < count]
 
 
 def score_drive(
@@ -79,19 +80,19 @@ def score_drive(
         return np.array([row for row in rows if row is not None and np.isfinite(row[0])])
 
     quick = rows_of(group[0] for group in groups)
-    if len(quick) >= min(len(groups), GROUPS) / 2 and (gain := _mean_gain([quick])) >= LEAST_GAIN:
+    if len(quick) >= min(len(groups), MOST_GROUPS) / 2 and (gain := _mean_gain([quick])) >= LEAST_GAIN_NATS:
         return DriveScore(len(quick), gain)
-    rows = [found for found in map(rows_of, groups) if len(found)]
+    rows = [group for group in map(rows_of, groups) if len(group)]
     pictures = sum(map(len, rows))
     if not pictures:
         return DriveScore(0, np.nan)
-    found = DriveScore(pictures, _mean_gain(rows))
-    if not found.is_bad:
-        return found
+    score = DriveScore(pictures, _mean_gain(rows))
+    if not score.is_bad:
+        return score
     gains = [np.mean([_gain(group.sum(axis=0) / k) for group in rows]) for k in WIDENINGS.tolist()]
     best = int(np.argmax(gains))
-    tells = best < len(gains) - 1 and bool(gains[best] >= LEAST_GAIN * GROUP)
-    return replace(found, widening=float(f"{WIDENINGS[best if tells else -1]:.3g}"), tells=tells)
+    tells = best < len(gains) - 1 and bool(gains[best] >= LEAST_GAIN_NATS * PICTURES_A_GROUP)
+    return replace(score, widening=float(f"{WIDENINGS[best if tells else -1]:.3g}"), tells=tells)
 
 
 def _mean_gain(groups: Sequence[F64]) -> float:
@@ -100,8 +101,9 @@ def _mean_gain(groups: Sequence[F64]) -> float:
 
 
 def _offsets(right_m: float) -> F64:
-    """Return poses (AROUND, 3) about the origin, which is the first of them."""
-    offsets = stream(Domain.COMPARE, 0).standard_normal((AROUND, 3)) * [right_m, right_m, HEADING_SD_RAD]
+    """Return poses (COMPARED_POSES, 3) about the origin, which is the first of them."""
+    sd = [right_m, right_m, HEADING_SD_RAD]
+    offsets = stream(Domain.COMPARE, 0).standard_normal((COMPARED_POSES, 3)) * sd
     offsets[0] = 0
     return np.asarray(offsets, np.float64)
 

@@ -26,7 +26,7 @@ from .left_out import Index, LeftOutTable
 
 DIRECTIONS = 8  # tested at each place
 VIEW_RAD = np.pi / 4  # a reference turned further shows another view
-LEAST_GAP = 0.5  # times the reach squared: smaller gaps are not reported
+LEAST_GAP_REACHES = 0.5  # times the reach squared: smaller gaps are not reported
 MOST_GAPS = 8  # listed
 
 
@@ -111,7 +111,7 @@ def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float
         deepest = inside[distance[inside].argmax()]
         x, y = points[deepest].tolist()
         gaps.append(Gap(x, y, float(len(inside) * cell_m2), float(distance[deepest])))
-    worth = [gap for gap in gaps if gap.area_m2 >= LEAST_GAP * reach_m**2]
+    worth = [gap for gap in gaps if gap.area_m2 >= LEAST_GAP_REACHES * reach_m**2]
     return tuple(sorted(worth, key=lambda gap: -gap.area_m2)[:MOST_GAPS])
 
 

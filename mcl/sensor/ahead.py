@@ -52,16 +52,16 @@ def measured(
 ) -> tuple[dict[str, F32], dict[str, float]]:
     """Return what channels measure in a picture (H, W, 3) RGB, and the seconds that each took."""
     names, began = tuple(dict.fromkeys(channels)), perf_counter()
-    found = {} if known is None else known.find(image, names)
+    descriptors = {} if known is None else known.find(image, names)
     took_s = dict.fromkeys(names, (perf_counter() - began) / max(len(names), 1))
-    missing = [name for name in names if name not in found]
+    missing = [name for name in names if name not in descriptors]
     for name in missing:
         began = perf_counter()
-        found[name] = CHANNELS[name].describe(image)
+        descriptors[name] = CHANNELS[name].describe(image)
         took_s[name] += perf_counter() - began
     if known is not None and missing:
-        known.keep(image, {name: found[name] for name in missing})
-    return found, took_s
+        known.keep(image, {name: descriptors[name] for name in missing})
+    return descriptors, took_s
 
 
 def compared(
@@ -71,7 +71,7 @@ def compared(
     names = [name for sensor in sensors for name in sensor.weights]
     descriptors, took_s = measured(frame.image, names, known)
     readings: dict[int, _Reading] = {}
-    found = []
+    results = []
     for sensor in sensors:
         shared = 0.0
         for one in sensor.sensors.values():
@@ -86,8 +86,8 @@ def compared(
         )
         comparison.prepare()
         took = perf_counter() - began + shared + sum(took_s[name] for name in sensor.weights)
-        found.append(Compared(comparison, took))
-    return tuple(found)
+        results.append(Compared(comparison, took))
+    return tuple(results)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,9 +123,9 @@ def compared_ahead(
     worker = ThreadPoolExecutor(1)
     try:
         waiting = deque(worker.submit(take) for _ in range(PICTURES_AHEAD))
-        while (found := waiting.popleft().result()) is not None:
+        while (result := waiting.popleft().result()) is not None:
             waiting.append(worker.submit(take))
-            yield found
+            yield result
     finally:
         worker.shutdown(cancel_futures=True)
         if known is not None:

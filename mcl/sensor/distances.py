@@ -15,8 +15,8 @@ from ..values.library import Centered, ChannelIndex
 
 Distance = Callable[[F32, ChannelIndex], F32]
 
-BLOCK = 1 << 16  # numbers, 256 kB: fits into a core's cache
-CANCELS = 0.02  # squared difference over lengths, below which float32 products lose the fifth digit
+BLOCK_NUMBERS = 1 << 16  # 256 kB: fits into a core's cache
+CANCELLATION_RATIO = 0.02  # squared difference over lengths: below, products lose the fifth digit
 
 
 def thesis(sample: F32, index: ChannelIndex) -> F32:
@@ -25,10 +25,10 @@ def thesis(sample: F32, index: ChannelIndex) -> F32:
     inverse = np.zeros_like(index.relevance)
     inverse[relevant] = 1 / index.relevance[relevant]
 
-    def over_floor(apart: F32) -> F32:
-        np.abs(apart, out=apart)
-        apart -= index.noise_floor
-        return np.maximum(apart, 0, out=apart)
+    def over_floor(gap: F32) -> F32:
+        np.abs(gap, out=gap)
+        gap -= index.noise_floor
+        return np.maximum(gap, 0, out=gap)
 
     return _by_blocks(over_floor, sample, index.references, inverse / np.float32(len(sample)))
 
@@ -41,14 +41,14 @@ def relevance_only(sample: F32, index: ChannelIndex) -> F32:
 
 def floor_only(sample: F32, index: ChannelIndex) -> F32:
     """The thesis's distance with every bin of equal weight, to see the effect of relevance."""
-    apart = np.abs(index.references - sample) - index.noise_floor
-    return np.asarray(np.maximum(apart, 0).mean(axis=1), np.float32)
+    over = np.abs(index.references - sample) - index.noise_floor
+    return np.asarray(np.maximum(over, 0).mean(axis=1), np.float32)
 
 
 def l1(sample: F32, index: ChannelIndex) -> F32:
     """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
     equal = np.full(len(sample), 1 / max(len(sample), 1), np.float32)
-    return _by_blocks(lambda apart: np.abs(apart, out=apart), sample, index.references, equal)
+    return _by_blocks(lambda gap: np.abs(gap, out=gap), sample, index.references, equal)
 
 
 def l2(sample: F32, index: ChannelIndex) -> F32:
@@ -59,8 +59,8 @@ def l2(sample: F32, index: ChannelIndex) -> F32:
 def chi2(sample: F32, index: ChannelIndex) -> F32:
     """Mean of (s - r)^2 / (s + r): differences count more where there is little (Rubner et al. 2000)."""
     both = index.references + sample
-    apart = np.square(index.references - sample)
-    share = np.divide(apart, both, out=np.zeros_like(apart), where=both > 0)
+    squared = np.square(index.references - sample)
+    share = np.divide(squared, both, out=np.zeros_like(squared), where=both > 0)
     return np.asarray(share.mean(axis=1), np.float32)
 
 
@@ -78,7 +78,7 @@ def _by_products(sample: F32, references: Centered) -> F32:
     own = sample - references.middle
     lengths = references.squared + own @ own
     squared = lengths - 2 * (references.rows @ own)
-    near = np.flatnonzero(squared < CANCELS * lengths)
+    near = np.flatnonzero(squared < CANCELLATION_RATIO * lengths)
     squared[near] = np.square(references.rows[near] - own).sum(axis=1)
     return np.asarray(np.sqrt(squared / np.float32(max(len(sample), 1))), np.float32)
 
@@ -89,11 +89,11 @@ def _by_blocks(size_of: Callable[[F32], F32], sample: F32, references: F32, weig
     `size_of` may work in place. The weighted sum is a product, twice as fast as numpy's mean.
     """
     count, size = references.shape
-    rows = max(BLOCK // max(size, 1), 1)
-    result, apart = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
+    rows = max(BLOCK_NUMBERS // max(size, 1), 1)
+    result, gap = np.empty(count, np.float32), np.empty((min(rows, count), size), np.float32)
     for first in range(0, count, rows):
         block = references[first : first + rows]
-        some = size_of(np.subtract(block, sample, out=apart[: len(block)]))
+        some = size_of(np.subtract(block, sample, out=gap[: len(block)]))
         np.matmul(some, weights, out=result[first : first + rows])
     return result
 

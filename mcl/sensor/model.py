@@ -26,7 +26,7 @@ from .references import ReferenceLookup
 # Fusion: several channels to one distance.
 
 # A smaller spread over the library, as a share of the distance, is rounding.
-LEAST_SPREAD = 1e-5
+LEAST_RELATIVE_SPREAD = 1e-5
 # Some entry is always the worst, with quality 0, however good it is: it must not rule a pose out forever.
 LEAST_QUALITY = 1e-3
 
@@ -67,7 +67,7 @@ def calibrated(distances: F32, weights: F64, scales: F64, quality: Quality = rel
 def weighted_sum(distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality) -> Blended:
     """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5)."""
     spread = distances.std(axis=1, dtype=np.float64)
-    tells = spread > LEAST_SPREAD * distances.max(axis=1)
+    tells = spread > LEAST_RELATIVE_SPREAD * distances.max(axis=1)
     scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)
     total = np.asarray(scale @ distances, np.float32)
     if len(distances) == 1:  # one channel keeps its own unit, which an absolute quality needs
@@ -193,19 +193,20 @@ class SensorModel:
         self, descriptors: Mapping[str, F32], readings: Mapping[str, Any] | None = None
     ) -> Comparison:
         """Compare with all L entries and the virtual references; nothing here depends on the particles."""
-        found = self._compare_channels(descriptors)
+        comparison = self._compare_channels(descriptors)
         if not readings:
-            return found
+            return comparison
         sensed = tuple(self._sense(name, reading) for name, reading in readings.items())
-        nats = sum((np.float32(one.weight) * one.cost for one in sensed), np.zeros_like(found.cost))
-        cost = found.cost + nats
+        costs = [np.float32(part.weight) * part.cost for part in sensed]
+        nats = sum(costs, np.zeros_like(comparison.cost))
+        cost = comparison.cost + nats
         return replace(
-            found,
+            comparison,
             cost=cost,
             quality=relative_quality(cost),
-            log_likelihood=found.log_likelihood - np.float32(self.parameters.sharpness) * nats,
+            log_likelihood=comparison.log_likelihood - np.float32(self.parameters.sharpness) * nats,
             sensed=sensed,
-            of_channels=found.log_likelihood,
+            of_channels=comparison.log_likelihood,
         )
 
     def _sense(self, name: str, reading: Any) -> Sensed:
@@ -248,20 +249,21 @@ class SensorModel:
 
         Pose sensors need no reference: what does not agree with them has their floor, wherever it is.
         """
-        entries, found, known = self.references.look(comparison.of_references, poses, self.library.origin)
+        origin = self.library.origin
+        entries, log_likelihood, known = self.references.look(comparison.of_references, poses, origin)
         sensed = self.sense_at(comparison, poses)
         if sensed is not None:
-            found = found + np.float32(self.parameters.sharpness) * sensed
-        return Sighting(comparison, entries, found, sensed, known)
+            log_likelihood = log_likelihood + np.float32(self.parameters.sharpness) * sensed
+        return Sighting(comparison, entries, log_likelihood, sensed, known)
 
     def sense_at(self, comparison: Comparison, poses: F32) -> F32 | None:
         """Return the nats (N,) of all pose sensors at poses (N, 3); None if none of them said anything."""
         origin = self.library.origin
-        found = [
-            np.float32(one.weight) * one.sensor.log_likelihood(one.reading, poses, origin)
-            for one in comparison.sensed
+        nats = [
+            np.float32(sensed.weight) * sensed.sensor.log_likelihood(sensed.reading, poses, origin)
+            for sensed in comparison.sensed
         ]
-        return np.sum(found, axis=0, dtype=np.float32) if found else None
+        return np.sum(nats, axis=0, dtype=np.float32) if nats else None
 
 
 def _no_channels(entries: int) -> Comparison:

@@ -24,15 +24,15 @@ from ..values.setting_rules import number, truth, whole
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
 
-MOST_TURNED = np.radians(60)  # between two headings at one place: views that still overlap
-REACH, FAR = 2.5, 3.0  # spacings from a place: as far as its references speak, and where they no longer do
+OVERLAP_RAD = np.radians(60)  # between two headings at one place: views that still overlap
+REACH_SPACINGS, SILENT_SPACINGS = 2.5, 3.0  # from a place: its references speak, and no longer do
 LEAST_REACH_M = 18 * INCH_M  # at least: the spacing that the scales of the channels were fitted with
-ENOUGH = 0.25  # share of the places around a pose that speak for it alone, without those that do not
+ENOUGH_PLACES_SHARE = 0.25  # of the places around a pose that speak for it without the others
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
 SAME_PLACE_M = 0.001
-NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn
+VISIBLE_NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn
 
 
 class ReferenceLookup(Protocol):
@@ -72,12 +72,12 @@ def knowing_nothing(log_likelihood: F32) -> np.float32:
     return np.float32(top + np.log(np.exp(log_likelihood - top).mean(dtype=np.float64)))
 
 
-def _mixed(found: F32, known: F32 | None, log_likelihood: F32) -> F32:
+def _mixed(values: F32, known: F32 | None, log_likelihood: F32) -> F32:
     """Return log-likelihoods (N,) where references say how far they are known, 0 to 1; nothing else gains."""
     if known is None:
-        return found
-    mixed = known * found + (1 - known) * knowing_nothing(log_likelihood)
-    return np.asarray(np.where(known < 1, mixed, found), np.float32)  # outside, -inf, is known
+        return values
+    mixed = known * values + (1 - known) * knowing_nothing(log_likelihood)
+    return np.asarray(np.where(known < 1, mixed, values), np.float32)  # outside, -inf, is known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,20 +155,20 @@ def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
     places, place_of_entry = distinct_places(poses[:, :2])
     grid = make_grid(arena, places)
     entry_of = np.full((len(places) + 1, HEADING_BINS), -1, np.int32)
-    apart = np.zeros((len(places) + 1, HEADING_BINS))  # of the last row: outside, where nothing is faded
+    turned = np.zeros((len(places) + 1, HEADING_BINS))  # of the last row: outside, where nothing is faded
     for place in range(len(places)):
         here = np.flatnonzero(place_of_entry == place)
-        entry_of[place], apart[place] = _by_heading(here, poses[:, 2])
+        entry_of[place], turned[place] = _by_heading(here, poses[:, 2])
     place_of_cell = np.append(_place_of_cell(grid, places, arena.walls), np.int32(-1))
-    faced = _faded(apart, MOST_TURNED / 2, MOST_TURNED)
+    faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     reached = _faded(_to_place(grid, places, place_of_cell), *_reach(places))
     return NearestReference(grid, places, place_of_cell, entry_of, faced, reached)
 
 
 def _reach(places: F64) -> tuple[float, float]:
     """Return how far in meters places (P, 2) speak for poses around them, and where they no longer do."""
-    spacing_m = max(spacing(places), LEAST_REACH_M / REACH)
-    return REACH * spacing_m, FAR * spacing_m
+    spacing_m = max(spacing(places), LEAST_REACH_M / REACH_SPACINGS)
+    return REACH_SPACINGS * spacing_m, SILENT_SPACINGS * spacing_m
 
 
 def _to_place(grid: Grid, places: F64, place_of_cell: I32) -> F64:
@@ -196,15 +196,15 @@ def distinct_places(xy: F64) -> tuple[F64, I32]:
 def _by_heading(entries: NDArray[np.intp], headings: F64) -> tuple[I32, F64]:
     """Return the entry of nearest heading for every heading bin, the first of equals, and how far it is."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
-    apart = np.abs(wrap_angle(centers[:, None] - headings[entries]))
-    return np.asarray(entries[apart.argmin(axis=1)], np.int32), np.asarray(apart.min(axis=1), np.float64)
+    turned = np.abs(wrap_angle(centers[:, None] - headings[entries]))
+    return np.asarray(entries[turned.argmin(axis=1)], np.int32), np.asarray(turned.min(axis=1), np.float64)
 
 
 def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
     """Return the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
     centers, tree = grid.centers(), place_tree(places)
     place = np.full(len(centers), -1, np.int32)
-    for k in (min(most, len(places)) for most in NEIGHBORS):
+    for k in (min(most, len(places)) for most in VISIBLE_NEIGHBORS):
         left = np.flatnonzero(grid.free.ravel() & (place < 0))
         nearest = tree.query(centers[left], k=k)[1].reshape(len(left), k)
         place[left] = _first_seen(centers[left], nearest, places, walls)
@@ -236,7 +236,7 @@ def _grow(place: I32, free: Bool) -> I32:
 
 # Interpolation: a particle is weighted by several entries around it.
 
-NO_WEIGHT = 1e-9  # a cell with a smaller kernel sum uses its nearest place instead
+LEAST_KERNEL_SUM = 1e-9  # a cell with a smaller kernel sum uses its nearest place instead
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,10 +294,10 @@ class InterpolatedReference:
     def at_headings(self, log_likelihood: F32) -> F32:
         """Return the log-likelihood (P * HEADING_BINS,) at every place and heading."""
         values = log_likelihood.take(self.before.ravel())
-        apart = log_likelihood.take(self.after.ravel())
-        apart -= values
-        apart *= self.share.ravel()
-        values += apart
+        step = log_likelihood.take(self.after.ravel())
+        step -= values
+        step *= self.share.ravel()
+        values += step
         return values
 
     def among_places(self, value_at: Callable[[I32], F32], cell: I32, heading: I32) -> tuple[F32, F32 | None]:
@@ -325,7 +325,7 @@ class InterpolatedReference:
         if self.faced is None:
             known += 1
         total /= np.where(known > 0, known, np.float32(1))
-        known = np.minimum(known / np.float32(ENOUGH), 1)
+        known = np.minimum(known / np.float32(ENOUGH_PLACES_SHARE), 1)
         if self.nearest.reached is not None:
             known *= self.nearest.reached.take(cell)
         known[outside] = 1
@@ -334,14 +334,14 @@ class InterpolatedReference:
     def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> tuple[F32, F32 | None]:
         def value_at(at: I32) -> F32:
             value = log_likelihood.take(self.before.take(at))
-            apart = log_likelihood.take(self.after.take(at))
-            apart -= value
-            apart *= self.share.take(at)
-            value += apart
+            step = log_likelihood.take(self.after.take(at))
+            step -= value
+            step *= self.share.take(at)
+            value += step
             return value
 
-        found, known = self.among_places(value_at, cell, heading)
-        return _mixed(found, known, log_likelihood), known
+        values, known = self.among_places(value_at, cell, heading)
+        return _mixed(values, known, log_likelihood), known
 
 
 def interpolated_reference(
@@ -351,8 +351,8 @@ def interpolated_reference(
     parameters = parameters or InterpolationParameters()
     places, place_of_reference = distinct_places(poses[:, :2])
     at, weights = _kernel(nearest, places, arena, parameters)
-    before, after, share, apart = _neighbors(len(places), place_of_reference, poses)
-    faced = _faded(apart, MOST_TURNED / 2, MOST_TURNED)
+    before, after, share, turned = _neighbors(len(places), place_of_reference, poses)
+    faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     return InterpolatedReference(nearest, at, weights, before, after, share, faced)
 
 
@@ -369,7 +369,7 @@ def _kernel(
         weight[:, k] *= ~crosses(centers, places[place[:, k]], arena.walls)
     heaviest = np.argsort(-weight, axis=1, kind="stable")[:, :count]
     place, weight = (np.take_along_axis(a, heaviest, axis=1) for a in (place, weight))
-    alone = weight.sum(axis=1) < NO_WEIGHT
+    alone = weight.sum(axis=1) < LEAST_KERNEL_SUM
     surveyed = nearest.places[np.maximum(nearest.place_of_cell[:-1][alone], 0)]
     place[alone] = np.asarray(tree.query(surveyed)[1])[:, None]
     weight[alone] = 1
@@ -385,7 +385,7 @@ def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I3
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
     before = np.empty((count, HEADING_BINS), np.int32)
     after, share = before.copy(), np.empty((count, HEADING_BINS), np.float32)
-    apart = np.empty((count, HEADING_BINS))
+    nearest = np.empty((count, HEADING_BINS))
     by_place = np.argsort(place_of_reference, kind="stable")
     first = np.searchsorted(place_of_reference[by_place], np.arange(count + 1))
     for place in range(count):
@@ -394,6 +394,6 @@ def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I3
         ahead, behind = turned.argmin(axis=1), turned.argmax(axis=1)
         to, back = turned.min(axis=1), 2 * np.pi - turned.max(axis=1)
         before[place], after[place] = here[behind], here[ahead]
-        share[place] = np.where(to + back > 2 * MOST_TURNED, back > to, back / (to + back))
-        apart[place] = np.minimum(to, back)
-    return before, after, share, apart
+        share[place] = np.where(to + back > 2 * OVERLAP_RAD, back > to, back / (to + back))
+        nearest[place] = np.minimum(to, back)
+    return before, after, share, nearest

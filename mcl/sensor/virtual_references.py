@@ -16,11 +16,11 @@ from ..values.arrays import F64, I32
 from ..values.geometry import wrap
 from ..values.library import ChannelIndex
 from ..values.map import Arena, crosses, place_tree, spacing
-from .references import MOST_TURNED, SAME_PLACE_M, distinct_places
+from .references import OVERLAP_RAD, SAME_PLACE_M, distinct_places
 
-VIRTUAL_NEIGHBORS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
-MOST_JOINED = 4  # places with a common middle
-SAME_HEADING = np.radians(15)  # of two places: views that show the same scene
+JOINED_SPACINGS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
+MOST_JOINED_PLACES = 4  # places with a common middle
+SAME_VIEW_RAD = np.radians(15)  # of two places: views that show the same scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,7 +67,7 @@ def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
         entries = entries[np.argsort(poses[entries, 2] % (2 * np.pi), kind="stable")]
         following = np.roll(entries, -1)
         gap = (poses[following, 2] - poses[entries, 2]) % (2 * np.pi)
-        overlap = (gap > 0) & (gap <= MOST_TURNED)
+        overlap = (gap > 0) & (gap <= OVERLAP_RAD)
         pairs.append(np.column_stack([entries, following])[overlap])
     return np.concatenate(pairs)
 
@@ -75,14 +75,14 @@ def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
 def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
     """Return groups of places with a common middle: two along a grid's line, four around a cell's center."""
     tree = place_tree(places)
-    pairs = tree.query_pairs(VIRTUAL_NEIGHBORS * spacing(places), output_type="ndarray").reshape(-1, 2)
+    pairs = tree.query_pairs(JOINED_SPACINGS * spacing(places), output_type="ndarray").reshape(-1, 2)
     pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
     pairs = pairs[np.lexsort(pairs.T[::-1])]
     middle = np.round(places[pairs].mean(axis=1) / SAME_PLACE_M).astype(np.int64)
     groups: dict[tuple[int, int], list[int]] = {}
     for (x, y), pair in zip(middle.tolist(), pairs.tolist(), strict=True):
         groups.setdefault((x, y), []).extend(pair)
-    return [group[:MOST_JOINED] for group in groups.values()]
+    return [group[:MOST_JOINED_PLACES] for group in groups.values()]
 
 
 def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.intp]]) -> NDArray[np.int64]:
@@ -90,9 +90,9 @@ def _joined(views: NDArray[np.int64], headings: F64, members: list[NDArray[np.in
     first = members[0]
     chosen, alike = [first], np.ones(len(first), bool)
     for other in members[1:]:
-        apart = np.abs(wrap(headings[first][:, None] - headings[other]))
-        nearest = apart.argmin(axis=1)
-        alike &= apart[np.arange(len(first)), nearest] <= SAME_HEADING
+        turned = np.abs(wrap(headings[first][:, None] - headings[other]))
+        nearest = turned.argmin(axis=1)
+        alike &= turned[np.arange(len(first)), nearest] <= SAME_VIEW_RAD
         chosen.append(other[nearest])
     entries = np.concatenate([views[view[alike]] for view in chosen], axis=1)
     return entries[:, np.arange(8) % entries.shape[1]]

@@ -19,25 +19,25 @@ import numpy as np
 from ..values.arrays import F32, F64, U8, Bool
 from ..values.geometry import wrap, wrap_angle
 
-FEATURES_OF_PICTURE = 500
-CONTRAST, EDGE = 0.01, 20  # of SIFT: many weak points, as pictures are small and walls bare
-RATIO = 0.85  # of the distances to the best and the second best match
+MOST_KEYPOINTS = 500
+SIFT_CONTRAST, SIFT_EDGE = 0.01, 20  # of SIFT: many weak points, as pictures are small and walls bare
+RATIO_TEST = 0.85  # of the distances to the best and the second best match
 FEWEST_MATCHES, FEWEST_AGREEING = 8, 10
-LEAST_AGREEING = 0.45  # share of the matches
-NEAR_PX = 2.5  # from the epipolar line: a match agrees
-MOST_COST = 3.0  # of one match, in nats
+LEAST_AGREEING_SHARE = 0.45  # share of the matches
+EPIPOLAR_PX = 2.5  # from the epipolar line: a match agrees
+MOST_MATCH_NATS = 3.0  # of one match, in nats
 SIDEWAYS_RAD = float(np.radians(8))  # sd of the direction of travel of a robot that does not turn
-BACKWARD_COST = 3.0
+BACKWARD_NATS = 3.0
 TURN_STEP_RAD, WAY_STEP_RAD = float(np.radians(2)), float(np.radians(5))  # of the grid
-STARTS = 4  # places of the grid that are refined
+REFINED_STARTS = 4  # places of the grid that are refined
 ROUNDS_PX = (4, 4, 2, 2, 1, 1, 1, 1, 1, 1)  # spread that residuals are taken to have, round by round
 # Of a robot that moved by 0.1 m, 27 % of the matches at most (95 %) are within 2 px of one turn in place.
-FEWEST_TURNED, LEAST_TURNED, TURNED_PX = 3, 0.3, 2.0
-MOVED_PX = 3.0  # that a rotation leaves in the median of all matches: the pair tells of the camera's tilt
+FEWEST_TURNED, LEAST_TURNED_SHARE, TURNED_PX = 3, 0.3, 2.0
+PARALLAX_PX = 3.0  # that a rotation leaves in the median of all matches: the pair tells of the camera's tilt
 TILTS_RAD: F64 = np.radians(np.arange(-24.0, 24.1, 4.0))
 TILT_PAIRS, TILT_MATCHES = 8, 60  # with the most matches: the camera's tilt is fitted to these
 STEPS_OF_HEIGHT: F64 = np.geomspace(0.1, 8.0, 80)  # lengths tried, in camera heights
-FEWEST_ON_FLOOR, CLEAR = 3.0, 1.0  # matches that agree about a length, weighted; more than about most others
+FEWEST_ON_FLOOR, CLEAR_MARGIN = 3.0, 1.0  # weighted matches for a length; more than for most others
 # What a rotation leaves of a robot that stands or turns in place, in the median of its matches: 1.0 px (90 %
 # below 1.9), 0.0 px outward (90 % within 0.3). A step of 0.3 m leaves 6 px (95 % above 3), 5 px outward.
 STANDING_PX, STANDING_OUTWARD_PX = 2.2, 0.6
@@ -91,7 +91,7 @@ def picture_points(image: U8, fov_rad: float) -> PicturePoints:
     """
     height, width = image.shape[:2]
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-    sift = cv2.SIFT.create(FEATURES_OF_PICTURE, 3, CONTRAST, EDGE)
+    sift = cv2.SIFT.create(MOST_KEYPOINTS, 3, SIFT_CONTRAST, SIFT_EDGE)
     points, looks = sift.detectAndCompute(gray, None)
     focal = width / 2 / np.tan(fov_rad / 2)
     if looks is None or not len(points):
@@ -108,20 +108,20 @@ def match_points(before: PicturePoints, after: PicturePoints) -> MatchedPoints:
     alike = before.looks @ after.looks.T
     best, back = alike.argmax(axis=1), alike.argmax(axis=0)
     top = -np.partition(-alike, 1, axis=1)[:, :2]
-    apart = np.sqrt(np.maximum(2 - 2 * top, 0))
-    kept = (apart[:, 0] < RATIO * apart[:, 1]) & (back[best] == np.arange(len(best)))
+    distances = np.sqrt(np.maximum(2 - 2 * top, 0))
+    kept = (distances[:, 0] < RATIO_TEST * distances[:, 1]) & (back[best] == np.arange(len(best)))
     return MatchedPoints(before.rays[kept], after.rays[best[kept]], before.pixel)
 
 
 def relative_motion(matched: MatchedPoints, height_m: float | None = None) -> RelativeMotion | None:
     """Return the movement between two pictures; None where too few matches agree. Rays are level."""
-    count, found = len(matched.before), _epipolar(matched)
-    if found is None:
+    count, epipolar = len(matched.before), _epipolar(matched)
+    if epipolar is None:
         turn = _turn_by_few(matched)
         return None if turn is None else RelativeMotion(turn, 0.0, 0.0)
-    _, direction, turn = found
+    _, direction, turn = epipolar
     agreeing = _agreeing(matched, direction, turn)
-    if agreeing.sum() < max(FEWEST_AGREEING, LEAST_AGREEING * count):
+    if agreeing.sum() < max(FEWEST_AGREEING, LEAST_AGREEING_SHARE * count):
         in_place = _turn_by_few(matched)
         return None if in_place is None else RelativeMotion(in_place, 0.0, 0.0)
     in_place = _turn_in_place(matched, agreeing)
@@ -135,7 +135,7 @@ def _epipolar(matched: MatchedPoints) -> tuple[float, float, float] | None:
     """Return the cost in nats, direction and turn that fit best; None for fewer than eight matches."""
     if len(matched.before) < FEWEST_MATCHES:
         return None
-    return min((_refined(matched, start) for start in _starts(matched)), key=lambda one: one[0])
+    return min((_refined(matched, start) for start in _starts(matched)), key=lambda fit: fit[0])
 
 
 def camera_tilt(pairs: Sequence[MatchedPoints]) -> float:
@@ -144,8 +144,8 @@ def camera_tilt(pairs: Sequence[MatchedPoints]) -> float:
     The robot should have moved between the two of a pair (`tells_tilt`). Zero where no pair has enough
     matches.
     """
-    most = sorted(pairs, key=lambda one: -len(one.before))[:TILT_PAIRS]
-    chosen = [one for one in most if len(one.before) >= FEWEST_AGREEING]
+    most = sorted(pairs, key=lambda pair: -len(pair.before))[:TILT_PAIRS]
+    chosen = [pair for pair in most if len(pair.before) >= FEWEST_AGREEING]
     if not chosen:
         return 0.0
     costs = np.array([_total_cost(chosen, tilt) for tilt in TILTS_RAD.tolist()])
@@ -159,8 +159,8 @@ def camera_tilt(pairs: Sequence[MatchedPoints]) -> float:
 
 
 def _total_cost(pairs: Sequence[MatchedPoints], tilt_rad: float) -> float:
-    found = (_epipolar(one.first(TILT_MATCHES).tilted(tilt_rad)) for one in pairs)
-    return sum(one[0] for one in found if one is not None)
+    fits = (_epipolar(pair.first(TILT_MATCHES).tilted(tilt_rad)) for pair in pairs)
+    return sum(fit[0] for fit in fits if fit is not None)
 
 
 def _tilted(rays: F64, tilt_rad: float) -> F64:
@@ -195,8 +195,8 @@ def _cost(matched: MatchedPoints, direction: F64, turn: F64, spread: float) -> F
     """Return what movements (...,) cost in nats."""
     off = _off(matched, direction[..., None], turn[..., None]) / spread
     sideways, variance, backward = _sideways(direction, turn)
-    fits = np.minimum(off**2 / 2, MOST_COST).sum(axis=-1)
-    return np.asarray(fits + sideways**2 / (2 * variance) + BACKWARD_COST * backward)
+    fits = np.minimum(off**2 / 2, MOST_MATCH_NATS).sum(axis=-1)
+    return np.asarray(fits + sideways**2 / (2 * variance) + BACKWARD_NATS * backward)
 
 
 def _starts(matched: MatchedPoints) -> list[tuple[float, float]]:
@@ -204,14 +204,14 @@ def _starts(matched: MatchedPoints) -> list[tuple[float, float]]:
     widest = sum(float(np.arctan(np.abs(rays[:, 0]).max())) for rays in (matched.before, matched.after))
     turns = np.arange(-widest, widest + TURN_STEP_RAD, TURN_STEP_RAD)
     directions = np.arange(-np.pi, np.pi, WAY_STEP_RAD)
-    direction, turn = (one.ravel() for one in np.meshgrid(directions, turns, indexing="ij"))
+    direction, turn = (axis.ravel() for axis in np.meshgrid(directions, turns, indexing="ij"))
     cost = _cost(matched, direction, turn, 4 * matched.pixel)
     starts = list[tuple[float, float]]()
     for k in np.argsort(cost)[:400].tolist():
         p, t = float(direction[k]), float(turn[k])
         if all(abs(wrap_angle(p - a)) > 0.2 or abs(t - b) > 0.1 for a, b in starts):
             starts.append((p, t))
-        if len(starts) == STARTS:
+        if len(starts) == REFINED_STARTS:
             break
     return starts
 
@@ -236,7 +236,7 @@ def _refined(matched: MatchedPoints, start: tuple[float, float]) -> tuple[float,
 
 
 def _agreeing(matched: MatchedPoints, direction: float, turn: float) -> Bool:
-    return np.abs(_off(matched, np.array(direction), np.array(turn))) < NEAR_PX * matched.pixel
+    return np.abs(_off(matched, np.array(direction), np.array(turn))) < EPIPOLAR_PX * matched.pixel
 
 
 def _ahead(matched: MatchedPoints, direction: float, turn: float) -> Bool:
@@ -271,7 +271,7 @@ def tells_tilt(matched: MatchedPoints) -> bool:
     if len(matched.before) < FEWEST_AGREEING:
         return False
     left = np.linalg.norm(rotation_residuals(matched)[2], axis=1)
-    return bool(np.median(left) > MOVED_PX * matched.pixel)
+    return bool(np.median(left) > PARALLAX_PX * matched.pixel)
 
 
 def _unit(rays: F64) -> F64:
@@ -312,7 +312,7 @@ def _turn_by_few(matched: MatchedPoints) -> float | None:
     up = matched.before[:, 1] * np.cos(before) / np.cos(before - turns) - matched.after[:, 1]
     agree = (np.hypot(aside, up) < TURNED_PX * matched.pixel).sum(axis=1)
     best = int(agree.argmax())
-    believed = agree[best] >= max(FEWEST_TURNED, LEAST_TURNED * len(before))
+    believed = agree[best] >= max(FEWEST_TURNED, LEAST_TURNED_SHARE * len(before))
     return float(turns[best, 0]) if believed else None
 
 
@@ -330,5 +330,5 @@ def _step_by_floor(matched: MatchedPoints, direction: float, turn: float) -> flo
     squared = ((beside / after - l2) ** 2 + (-1 / after - u2) ** 2) / (2 * matched.pixel) ** 2
     agree = np.where(there, np.exp(-squared / 2), 0).sum(axis=1)
     best = int(agree.argmax())
-    clear = agree[best] - np.median(agree) >= CLEAR
+    clear = agree[best] - np.median(agree) >= CLEAR_MARGIN
     return float(STEPS_OF_HEIGHT[best]) if agree[best] >= FEWEST_ON_FLOOR and clear else 0.0

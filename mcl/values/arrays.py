@@ -20,7 +20,7 @@ U32 = NDArray[np.uint32]
 U64 = NDArray[np.uint64]
 Bool = NDArray[np.bool_]
 
-ALONE = 8192  # elements up to which every BLAS computes a scalar product on one thread
+ONE_THREAD_ELEMENTS = 8192  # elements up to which every BLAS computes a scalar product on one thread
 
 
 def dot(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -28,6 +28,7 @@ def dot(a: NDArray[Any], b: NDArray[Any]) -> float:
 
     A BLAS splits long vectors among its threads, and the order of the sum decides the last bit.
     """
-    if len(a) <= ALONE:
+    if len(a) <= ONE_THREAD_ELEMENTS:
         return float(a @ b)
-    return float(sum(a[k : k + ALONE] @ b[k : k + ALONE] for k in range(0, len(a), ALONE)))
+    parts = (slice(k, k + ONE_THREAD_ELEMENTS) for k in range(0, len(a), ONE_THREAD_ELEMENTS))
+    return float(sum(a[part] @ b[part] for part in parts))

@@ -100,8 +100,8 @@ def circular_mean(angle_rad: NDArray[Any], weight: NDArray[Any]) -> tuple[float,
     The deviation is sqrt(-2 ln R) of the mean resultant length R (Mardia and Jupp 2.3.4); weights need no sum
     of 1.
     """
-    held = np.asarray(weight, np.float64)
-    return circular_mean_of(angle_rad, np.sin(angle_rad), np.cos(angle_rad), held, float(held.sum()))
+    weights = np.asarray(weight, np.float64)
+    return circular_mean_of(angle_rad, np.sin(angle_rad), np.cos(angle_rad), weights, float(weights.sum()))
 
 
 def circular_mean_of(

@@ -93,10 +93,10 @@ def spacing(places: F64) -> float:
 # The map as a raster: what is free, and which floor is there.
 
 CELLS_PER_SPACING = 18  # an 18 in grid of places gives 1 in cells
-FINEST_M = INCH_M
+LEAST_CELL_M = INCH_M
 MOST_CELLS = 1_000_000
-SAMPLES_A_CELL = 16  # points tried along a wall
-ROUNDING = 1e-6  # of a cell, so that points on a border do not depend on the last bit
+WALL_SAMPLES_A_CELL = 16  # points tried along a wall
+ROUNDING_CELLS = 1e-6  # of a cell, so that points on a border do not depend on the last bit
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -143,9 +143,9 @@ def make_grid(arena: Arena, places: F64) -> Grid:
     cell = _cell_size(arena, places)
     x_min, y_min, x_max, y_max = arena.bounds
     anchor = places[0]
-    corner = anchor - cell * np.ceil((anchor - (x_min, y_min)) / cell - ROUNDING)
-    columns = int(np.ceil((x_max - corner[0]) / cell - ROUNDING))
-    rows = int(np.ceil((y_max - corner[1]) / cell - ROUNDING))
+    corner = anchor - cell * np.ceil((anchor - (x_min, y_min)) / cell - ROUNDING_CELLS)
+    columns = int(np.ceil((x_max - corner[0]) / cell - ROUNDING_CELLS))
+    rows = int(np.ceil((y_max - corner[1]) / cell - ROUNDING_CELLS))
     names = ("", *dict.fromkeys(region.name for region in arena.floors))
     floor, blocked, walled = (np.zeros((rows, columns), np.uint8) for _ in range(3))
     for region in arena.floors:
@@ -161,8 +161,8 @@ def make_grid(arena: Arena, places: F64) -> Grid:
 def _cell_size(arena: Arena, places: F64) -> float:
     width, depth = arena.size_m
     coarsest = math.sqrt(width * depth / MOST_CELLS)
-    usual = spacing(places) / CELLS_PER_SPACING if len(places) > 1 else FINEST_M
-    return max(usual, FINEST_M, coarsest)
+    usual = spacing(places) / CELLS_PER_SPACING if len(places) > 1 else LEAST_CELL_M
+    return max(usual, LEAST_CELL_M, coarsest)
 
 
 def _fill(raster: U8, region: Region, corner: F64, cell: float, value: int) -> None:
@@ -173,8 +173,8 @@ def _fill(raster: U8, region: Region, corner: F64, cell: float, value: int) -> N
 
 def _line(raster: U8, wall: F64, corner: F64, cell: float) -> None:
     """Set every cell that the wall runs through, so that no cell lies on both sides of it."""
-    start, end = (wall.reshape(2, 2) - corner) / cell + ROUNDING
-    points = np.linspace(start, end, int(SAMPLES_A_CELL * np.abs(end - start).max()) + 2)
+    start, end = (wall.reshape(2, 2) - corner) / cell + ROUNDING_CELLS
+    points = np.linspace(start, end, int(WALL_SAMPLES_A_CELL * np.abs(end - start).max()) + 2)
     columns, rows = np.floor(points).astype(int).T
     inside = (columns >= 0) & (columns < raster.shape[1]) & (rows >= 0) & (rows < raster.shape[0])
     raster[rows[inside], columns[inside]] = 1
@@ -185,15 +185,15 @@ def _reachable(walled: U8, places: F64, corner: F64, cell: float) -> Bool:
     _, islands = cv2.connectedComponents(np.asarray(walled == 0, np.uint8), connectivity=4)
     rows, columns = walled.shape
     where = np.floor((places - corner) / cell).astype(int)
-    held = where[(where >= 0).all(axis=1) & (where < (columns, rows)).all(axis=1)]
-    wanted = np.unique(islands[held[:, 1], held[:, 0]])
+    inside = where[(where >= 0).all(axis=1) & (where < (columns, rows)).all(axis=1)]
+    wanted = np.unique(islands[inside[:, 1], inside[:, 0]])
     wanted = wanted[wanted > 0]
     return np.isin(islands, wanted) if len(wanted) else np.ones(walled.shape, bool)
 
 
 # Lines of sight.
 
-MOST_PAIRS = 2**13  # of segments and walls at a time: a core's own cache holds them
+PAIRS_AT_ONCE = 2**13  # of segments and walls at a time: a core's own cache holds them
 
 
 def crosses(start: F64, end: F64, walls: F64) -> Bool:
@@ -204,14 +204,14 @@ def crosses(start: F64, end: F64, walls: F64) -> Bool:
     hit = np.zeros(len(start), bool)
     if not len(walls):
         return hit
-    block = max(MOST_PAIRS // len(walls), 1)
+    block = max(PAIRS_AT_ONCE // len(walls), 1)
     wall_start, wall_end = walls.T[:2], walls.T[2:]  # (2, W)
     for first in range(0, len(start), block):
         some = slice(first, first + block)
         a, b = start[some].T[:, :, None], end[some].T[:, :, None]  # (2, n, 1)
-        apart = _side(wall_start, wall_end, a) * _side(wall_start, wall_end, b) < 0
+        either_side = _side(wall_start, wall_end, a) * _side(wall_start, wall_end, b) < 0
         straddles = _side(a, b, wall_start) * _side(a, b, wall_end) <= 0
-        hit[some] = (apart & straddles).any(axis=1)
+        hit[some] = (either_side & straddles).any(axis=1)
     return hit
 
 

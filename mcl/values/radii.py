@@ -14,10 +14,10 @@ from .library import Library
 from .setting_rules import radius
 
 NAMES = ("confidence_m", "right_m", "cluster_m", "lost_m")  # from the smallest to the largest
-OF_RIGHT = {"confidence_m": 2 / 3, "right_m": 1.0, "cluster_m": 4 / 3, "lost_m": 2.0}
+SHARES_OF_RIGHT = {"confidence_m": 2 / 3, "right_m": 1.0, "cluster_m": 4 / 3, "lost_m": 2.0}
 
-LEAST_M = INCH_M  # the accuracy of a true pose: nothing is judged more strictly
-LEAST_OF_MAP, MOST_OF_MAP = 1 / 200, 1 / 8  # of the map's side, the square root of its area
+LEAST_RIGHT_M = INCH_M  # the accuracy of a true pose: nothing is judged more strictly
+LEAST_SHARE_OF_SIDE, MOST_SHARE_OF_SIDE = 1 / 200, 1 / 8  # of the map's side, the square root of its area
 SAME_WAY_RAD = math.radians(46)  # a neighbor's heading may differ by one of eight steps
 ONE_PLACE = 0.75  # of the least radius: nearer entries are at one place
 MOST_ENTRIES = 1000  # that the spacing is taken from
@@ -57,21 +57,21 @@ def radii_of(library: Library, given: RadiiParameters | None = None) -> Radii:
     usual_m = _spacing(library, least_m) or USUAL.right_m
     # inches to two places, so that radii do not depend on the last bits of surveyed poses
     right_in = round(min(max(usual_m, least_m), most_m) / INCH_M, 2)
-    found = Radii(
+    radii = Radii(
         2 * right_in / 3 * INCH_M, right_in * INCH_M, 4 * right_in / 3 * INCH_M, 2 * right_in * INCH_M
     )
     if given.right_m:
-        found = Radii(**{name: share * given.right_m for name, share in OF_RIGHT.items()})
+        radii = Radii(**{name: share * given.right_m for name, share in SHARES_OF_RIGHT.items()})
     named = {name: getattr(given, name) for name in NAMES}
-    found = replace(found, **{name: value for name, value in named.items() if value})
-    return replace(found, right_m=min(found.right_m, found.lost_m))
+    radii = replace(radii, **{name: value for name, value in named.items() if value})
+    return replace(radii, right_m=min(radii.right_m, radii.lost_m))
 
 
 def bounds_of(size_m: tuple[float, float]) -> tuple[float, float]:
     """Return the least and the largest radius within which an estimate is right, on a map of this size."""
     side_m = math.sqrt(size_m[0] * size_m[1])
-    least_m = max(LEAST_M, LEAST_OF_MAP * side_m)
-    return least_m, max(least_m, MOST_OF_MAP * side_m)
+    least_m = max(LEAST_RIGHT_M, LEAST_SHARE_OF_SIDE * side_m)
+    return least_m, max(least_m, MOST_SHARE_OF_SIDE * side_m)
 
 
 def fitted_m(usual_m: float, xy: F64) -> float:

@@ -90,8 +90,8 @@ def address_words(
     This is `numpy.random.SeedSequence`, which mixes one address at a time, on arrays (O'Neill 2015).
     """
     others = [purpose] if child is None else [purpose, child]
-    parts = [[[domain]], np.reshape(seeds, (-1, 1)), np.reshape(steps, (1, -1)), *([[one]] for one in others)]
-    words = [np.asarray(part, np.uint32) for part in parts]
+    parts = [domain, np.reshape(seeds, (-1, 1)), np.reshape(steps, (1, -1)), *others]
+    words = [np.atleast_2d(np.asarray(part, np.uint32)) for part in parts]
     multipliers = _multipliers(0x43B0D7E5, 0x931E8875)
     pool = [_hashed(word, multipliers) for word in words[:POOL]]
     for source, into in permutations(range(POOL), 2):
@@ -99,8 +99,8 @@ def address_words(
     for word in words[POOL:]:
         pool = [_mixed(part, _hashed(word, multipliers)) for part in pool]
     multipliers = _multipliers(0x8B51F9DD, 0x58F38DED)
-    made = np.stack([_hashed(pool[k % POOL], multipliers) for k in range(2 * POOL)], axis=-1)
-    return made.view(np.uint64)
+    mixed_words = np.stack([_hashed(pool[k % POOL], multipliers) for k in range(2 * POOL)], axis=-1)
+    return mixed_words.view(np.uint64)
 
 
 def _multipliers(first: int, factor: int) -> Iterator[tuple[np.uint32, np.uint32]]:

@@ -153,7 +153,8 @@ class Comparison:
         """
         if not self.sensed or self.of_channels is None:
             return self
-        cost = np.maximum(self.cost - sum(one.weight * one.cost for one in self.sensed), np.float32(0))
+        nats = sum(part.weight * part.cost for part in self.sensed)
+        cost = np.maximum(self.cost - nats, np.float32(0))
         quality = 1 - cost / max(float(cost.max(initial=0.0)), 1e-9)
         return replace(
             self,

@@ -83,17 +83,18 @@ def _load(point: EntryPoint) -> Channel:
 def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
     """Measure a picture with a channel, maybe third-party. ValueError for an invalid result."""
     try:
-        found = channel.describe(image)
+        descriptor = channel.describe(image)
     except Exception as problem:  # third-party code
         raise ValueError(f"channel {channel.name!r} raised {type(problem).__name__}: {problem}") from problem
-    if not isinstance(found, np.ndarray) or found.dtype != np.float32 or found.ndim != 1:
-        shape = f"{found.dtype} {found.shape}" if isinstance(found, np.ndarray) else type(found).__name__
-        raise ValueError(f"channel {channel.name!r} gave {shape}, expected float32 of one dimension")
-    if size is not None and len(found) != size:
-        raise ValueError(f"channel {channel.name!r} gave {len(found)} numbers after {size}")
-    if not (np.isfinite(found).all() and (found >= 0).all()):
+    if not isinstance(descriptor, np.ndarray) or descriptor.dtype != np.float32 or descriptor.ndim != 1:
+        kind = type(descriptor).__name__
+        what = f"{descriptor.dtype} {descriptor.shape}" if isinstance(descriptor, np.ndarray) else kind
+        raise ValueError(f"channel {channel.name!r} gave {what}, expected float32 of one dimension")
+    if size is not None and len(descriptor) != size:
+        raise ValueError(f"channel {channel.name!r} gave {len(descriptor)} numbers after {size}")
+    if not (np.isfinite(descriptor).all() and (descriptor >= 0).all()):
         raise ValueError(f"channel {channel.name!r} gave a negative or no finite number")
-    return found
+    return descriptor
 
 
 LOADED = load_channels(entry_points(group=GROUP))

@@ -34,7 +34,7 @@ Progress = Callable[[int, int, str], None]
 ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
 LEAST_REFERENCES = 8
 MOST_REFERENCES = 1500  # the adjustment takes the cube of them
-BY_CHANCE = 0.2  # of matches seen from two sides: 0.3 to 0.5 agree with right poses, 0.08 to 0.25 with others
+CHANCE_SHARE = 0.2  # of matches seen from two sides: 0.3 to 0.5 agree with right poses, 0.08 to 0.25 else
 LEAST_LANDMARKS = 50
 MOST_LANDMARKS = 8000
 FARTHEST_SD_M = 0.25  # of a landmark along the line of sight: worse ones say little and are dropped
@@ -96,21 +96,21 @@ def build_landmarks(
     """
     used = spread_out(library.poses, MOST_REFERENCES)
     keypoints, size = _keypoints(used, read, progress or (lambda done, total, what: None))
-    found = landmarks_of(keypoints, size or (0, 0), library.poses[used], camera)
-    if isinstance(found, NoLandmarks):
-        return found
+    landmarks = landmarks_of(keypoints, size or (0, 0), library.poses[used], camera)
+    if isinstance(landmarks, NoLandmarks):
+        return landmarks
     poses = library.poses.astype(np.float64)
-    poses[used] = found.poses
-    view_of = found.view_of.copy()
+    poses[used] = landmarks.poses
+    view_of = landmarks.view_of.copy()
     view_of[:, 0] = used[view_of[:, 0]]
-    return Landmarks(replace(found, poses=poses, view_of=view_of))
+    return Landmarks(replace(landmarks, poses=poses, view_of=view_of))
 
 
 def landmarks_of(
     keypoints: Sequence[Keypoints], size: tuple[int, int], poses: F64, camera: Camera | None
 ) -> LandmarkSet | NoLandmarks:
     """Find landmarks from the keypoints of references at poses (L, 3), in pictures of a size (H, W)."""
-    usable = sum(len(one.pixels) > 0 for one in keypoints)
+    usable = sum(len(points.pixels) > 0 for points in keypoints)
     if usable < LEAST_REFERENCES:
         wanted = f"expected {LEAST_REFERENCES} or more in pictures of one size"
         return NoLandmarks(f"found {usable} references with keypoints, {wanted}")
@@ -122,23 +122,23 @@ def landmarks_of(
         )
     known = is_focal_known(camera)
     start = first_guess(nominal, known, *matched.views)
-    if (share := matched.agreement(start)) < BY_CHANCE:
+    if (share := matched.agreement(start)) < CHANCE_SHARE:
         found_share = f"found that {share:.0%} of the matches seen from two sides agree"
         return NoLandmarks(f"{found_share}, as by chance: check the references' poses")
-    found = _found(matched, start, nominal, camera)
-    if known or (isinstance(found, LandmarkSet) and is_usual(found.fit.camera)):
-        return found
+    landmarks = _found(matched, start, nominal, camera)
+    if known or (isinstance(landmarks, LandmarkSet) and is_usual(landmarks.fit.camera)):
+        return landmarks
     usual = with_usual_lens(camera)
     nominal = nominal_camera(usual, size[1], size[0])
     return _assumed(_found(matched, first_guess(nominal, True, *matched.views), nominal, usual))
 
 
-def _assumed(found: LandmarkSet | NoLandmarks) -> LandmarkSet | NoLandmarks:
+def _assumed(landmarks: LandmarkSet | NoLandmarks) -> LandmarkSet | NoLandmarks:
     """Say of landmarks that their focal length was not measured at all."""
-    if isinstance(found, NoLandmarks):
-        return found
-    sd = np.array([FOCAL_SD_USUAL, *found.fit.sd[1:]])
-    return replace(found, fit=CameraFit(found.fit.camera, sd, focal_known=False, focal_assumed=True))
+    if isinstance(landmarks, NoLandmarks):
+        return landmarks
+    sd = np.array([FOCAL_SD_USUAL, *landmarks.fit.sd[1:]])
+    return replace(landmarks, fit=CameraFit(landmarks.fit.camera, sd, focal_known=False, focal_assumed=True))
 
 
 def _found(
@@ -162,15 +162,15 @@ def _keypoints(
     used: NDArray[np.intp], read: Callable[[int], U8 | None], progress: Progress
 ) -> tuple[list[Keypoints], tuple[int, int] | None]:
     """Return the keypoints of some references, none where its picture is missing or of another size."""
-    found, size, none = [], None, keypoints_of(np.zeros((8, 8, 3), np.uint8))
+    keypoints, size, none = [], None, keypoints_of(np.zeros((8, 8, 3), np.uint8))
     for done, number in enumerate(used.tolist(), 1):
         image = read(number)
         if image is not None and size is None:
             size = image.shape[0], image.shape[1]
         fits = image is not None and image.shape[:2] == size
-        found.append(keypoints_of(image) if fits and image is not None else none)
+        keypoints.append(keypoints_of(image) if fits and image is not None else none)
         progress(done, len(used), "landmarks")
-    return found, size
+    return keypoints, size
 
 
 def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]) -> _Matched:
@@ -182,9 +182,9 @@ def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]
 
 
 def _together(keypoints: Sequence[Keypoints]) -> _Seen:
-    counts = np.array([len(one.pixels) for one in keypoints], np.intp)
-    pixels = np.concatenate([one.pixels for one in keypoints]).astype(np.float64)
-    descriptors = np.concatenate([one.descriptors for one in keypoints])
+    counts = np.array([len(points.pixels) for points in keypoints], np.intp)
+    pixels = np.concatenate([points.pixels for points in keypoints]).astype(np.float64)
+    descriptors = np.concatenate([points.descriptors for points in keypoints])
     return _Seen(pixels, descriptors, counts, np.repeat(np.arange(len(counts)), counts))
 
 
@@ -233,7 +233,7 @@ def _landmark_set(bundle: Bundle, views: Views, records: Records, fit: CameraFit
     could: I32 = np.maximum(records.could_see, records.seen)
     number = np.full(len(bundle.points), -1, np.int32)
     number[kept] = np.arange(len(kept))
-    held = views.only(number[views.point] >= 0)
+    kept_views = views.only(number[views.point] >= 0)
     return LandmarkSet(
         fit=fit,
         points=bundle.points[kept],
@@ -248,8 +248,8 @@ def _landmark_set(bundle: Bundle, views: Views, records: Records, fit: CameraFit
         poses=bundle.poses,
         pixel_sd=pixel_sd,
         agreement_px=np.percentile(error, [50, 75, 90]),
-        view_of=np.column_stack([held.reference, number[held.point]]).astype(np.int32),
-        view_px=held.pixels.astype(np.float32),
+        view_of=np.column_stack([kept_views.reference, number[kept_views.point]]).astype(np.int32),
+        view_px=kept_views.pixels.astype(np.float32),
     )
 
 

@@ -16,7 +16,7 @@ from scipy import sparse
 from ...values.arrays import F64, Bool
 from .camera import Linearized, PinholeCamera, directions, linearize
 
-STEPS = 6
+ADJUSTMENT_STEPS = 6
 SOFT_PX = 1.5  # residuals beyond it count less and less (Cauchy)
 DAMPING = 1e-5
 FARTHEST_STEP_M = 1.0
@@ -80,7 +80,7 @@ def triangulate(camera: PinholeCamera, poses: F64, views: Views, count: int) -> 
 
 
 def adjust(
-    bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance, steps: int = STEPS
+    bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance, steps: int = ADJUSTMENT_STEPS
 ) -> tuple[Bundle, F64]:
     """Adjust points, poses and camera until views agree; return them with the camera's covariance (3, 3).
 

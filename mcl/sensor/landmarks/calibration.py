@@ -15,9 +15,9 @@ from .matching import disagreement
 
 VIEWS_DEG = (35, 42, 50, 58, 67, 77, 88, 100, 112)  # horizontal views that are tried
 TILTS_DEG = tuple(range(-24, 25, 4))
-FINER = (0.5, 0.25)  # parts of those steps that are tried around the best
+FINER_STEPS = (0.5, 0.25)  # parts of those steps that are tried around the best
 AGREE_PX = 4.0  # two views that disagree by less count for a camera
-MOST = 20_000  # matches that are looked at
+MOST_MATCHES = 20_000  # matches that are looked at
 FOCAL_SD, FOCAL_SD_KNOWN = 0.5, 0.003  # of the log of the focal length, as stated or not
 USUAL_VIEW_RAD, FOCAL_SD_USUAL = float(np.radians(60)), 0.15  # of most webcams and depth cameras
 FOCAL_WIDTHS = (0.4, 4.0)  # of a fitted focal length: views of 103 to 14 degrees
@@ -64,7 +64,7 @@ def first_guess(
 
     `edges` are matches (E, 4) and `pixels` where they are in either picture (E, 2).
     """
-    some = np.linspace(0, len(edges) - 1, min(MOST, len(edges))).astype(np.intp)
+    some = np.linspace(0, len(edges) - 1, min(MOST_MATCHES, len(edges))).astype(np.intp)
     ends = (edges[some, 0], edges[some, 2])
     pixels = (pixels[0][some], pixels[1][some])
 
@@ -77,10 +77,10 @@ def first_guess(
     tilts = [float(v) for v in np.radians(TILTS_DEG)]
     best = max(((focal, tilt) for focal in focals for tilt in tilts), key=agreeing)
     focal_step, tilt_step = 0.2 * (not focal_known), tilts[1] - tilts[0]
-    for part in FINER:
+    for part in FINER_STEPS:
         sides = (-1, 0, 1)
-        around = {
+        nearby = {
             (best[0] + a * part * focal_step, best[1] + b * part * tilt_step) for a in sides for b in sides
         }
-        best = max(sorted(around), key=agreeing)
+        best = max(sorted(nearby), key=agreeing)
     return nominal.with_values(np.array([*best, 0.0]))

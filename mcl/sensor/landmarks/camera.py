@@ -17,7 +17,7 @@ NEAREST_M = 0.05  # a point nearer than this to the plane of the lens, or behind
 NOWHERE_PX = np.float32(1e4)  # the pixel of such a point: far outside of any picture
 # A distortion below zero folds what is far from the axis back into the picture: r (1 + k r^2) falls again
 # where 1 + k r^2 is below this. The distortion was fitted within the picture and says nothing of there.
-FOLDS = 2 / 3
+LEAST_BENT = 2 / 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def project(camera: PinholeCamera, poses: F32, points: F32) -> tuple[F32, F32]:
     down *= scale
     if camera.distortion:
         bent = np.float32(camera.distortion / camera.focal_px**2) * (right * right + down * down) + 1
-        seen &= bent > FOLDS
+        seen &= bent > LEAST_BENT
         right *= bent
         down *= bent
     right += np.float32(camera.middle[0])
@@ -159,7 +159,7 @@ def linearize_poses(camera: PinholeCamera, poses: F64, points: F64) -> tuple[F64
         in_x, in_y = dr - x * cp * da, (sp - y * cp) * da
         by_pose[:, 0, :, column] = by_x * in_x + mixed * in_y
         by_pose[:, 1, :, column] = mixed * in_x + by_y * in_y
-    return pixels, by_pose, (depth > NEAREST_M) & (bent > FOLDS)
+    return pixels, by_pose, (depth > NEAREST_M) & (bent > LEAST_BENT)
 
 
 def directions(camera: PinholeCamera, pixels: F64) -> tuple[F64, F64]:

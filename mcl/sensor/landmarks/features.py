@@ -11,11 +11,11 @@ import numpy as np
 
 from ...values.arrays import F32, U8
 
-MOST = 220  # keypoints of one picture
-CONTRAST = 0.02  # SIFT's threshold, of a picture whose contrast was made equal
-MIDDLE, DEVIATION = 128.0, 45.0  # of the brightness that keypoints are sought in
-FLATTEST = 4.0  # a standard deviation of brightness below this holds nothing but noise
-LENGTH = 128  # of a descriptor
+MOST_KEYPOINTS = 220  # keypoints of one picture
+SIFT_CONTRAST = 0.02  # SIFT's threshold, of a picture whose contrast was made equal
+BRIGHTNESS_MEAN, BRIGHTNESS_SD = 128.0, 45.0  # of the brightness that keypoints are sought in
+LEAST_BRIGHTNESS_SD = 4.0  # a standard deviation of brightness below this holds nothing but noise
+DESCRIPTOR_LENGTH = 128  # of a descriptor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +29,8 @@ class Keypoints:
 @lru_cache(maxsize=1)
 def _sift() -> Any:
     # the stubs of OpenCV lack enable_precise_upscale
-    return cast(Any, cv2).SIFT_create(nfeatures=MOST, contrastThreshold=CONTRAST, enable_precise_upscale=True)
+    sift: Any = cast(Any, cv2).SIFT_create
+    return sift(nfeatures=MOST_KEYPOINTS, contrastThreshold=SIFT_CONTRAST, enable_precise_upscale=True)
 
 
 def keypoints_of(image: U8) -> Keypoints:
@@ -43,14 +44,14 @@ def keypoints_of(image: U8) -> Keypoints:
     """
     gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     deviation = float(gray.std())
-    if deviation < FLATTEST:
-        return Keypoints(np.zeros((0, 2), np.float32), np.zeros((0, LENGTH), np.float32))
-    equal = (gray - gray.mean()) * (DEVIATION / deviation) + MIDDLE
-    found, described = _sift().detectAndCompute(np.clip(equal, 0, 255).astype(np.uint8), None)
-    if described is None or not len(found):
-        return Keypoints(np.zeros((0, 2), np.float32), np.zeros((0, LENGTH), np.float32))
-    strongest = np.argsort([-one.response for one in found], kind="stable")[:MOST]
-    pixels = np.array([found[k].pt for k in strongest], np.float32).reshape(-1, 2)
+    if deviation < LEAST_BRIGHTNESS_SD:
+        return Keypoints(np.zeros((0, 2), np.float32), np.zeros((0, DESCRIPTOR_LENGTH), np.float32))
+    equal = (gray - gray.mean()) * (BRIGHTNESS_SD / deviation) + BRIGHTNESS_MEAN
+    points, described = _sift().detectAndCompute(np.clip(equal, 0, 255).astype(np.uint8), None)
+    if described is None or not len(points):
+        return Keypoints(np.zeros((0, 2), np.float32), np.zeros((0, DESCRIPTOR_LENGTH), np.float32))
+    strongest = np.argsort([-point.response for point in points], kind="stable")[:MOST_KEYPOINTS]
+    pixels = np.array([points[k].pt for k in strongest], np.float32).reshape(-1, 2)
     return Keypoints(pixels, root_descriptors(np.asarray(described, np.float32)[strongest]))
 
 

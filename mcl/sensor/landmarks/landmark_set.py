@@ -67,14 +67,14 @@ class LandmarkSet:
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Return everything as arrays, for a file; descriptors are half as long there."""
         camera = self.fit.camera
-        held = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "fit"}
-        held["descriptors"] = self.descriptors.astype(np.float16)
-        held["pixel_sd"] = np.array(self.pixel_sd)
-        held["camera"] = np.array([getattr(camera, field.name) for field in fields(camera)], np.float64)
-        held["camera_sd"] = self.fit.sd
-        held["focal_known"] = np.array(self.fit.focal_known)
-        held["focal_assumed"] = np.array(self.fit.focal_assumed)
-        return held
+        arrays = {field.name: getattr(self, field.name) for field in fields(self) if field.name != "fit"}
+        arrays["descriptors"] = self.descriptors.astype(np.float16)
+        arrays["pixel_sd"] = np.array(self.pixel_sd)
+        arrays["camera"] = np.array([getattr(camera, field.name) for field in fields(camera)], np.float64)
+        arrays["camera_sd"] = self.fit.sd
+        arrays["focal_known"] = np.array(self.fit.focal_known)
+        arrays["focal_assumed"] = np.array(self.fit.focal_assumed)
+        return arrays
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> LandmarkSet:
@@ -88,12 +88,12 @@ class LandmarkSet:
         camera = PinholeCamera(int(width), int(height), *others)
         focal = bool(arrays["focal_known"]), bool(arrays["focal_assumed"])
         fit = CameraFit(camera, np.asarray(arrays["camera_sd"], np.float64), *focal)
-        held: dict[str, Any] = {name: np.asarray(arrays[name]) for name in names}
-        held["descriptors"] = held["descriptors"].astype(np.float32)
-        held["pixel_sd"] = float(held["pixel_sd"])
-        rows = {name: len(held[name]) for name in names if name not in OTHER_ROWS}
+        values: dict[str, Any] = {name: np.asarray(arrays[name]) for name in names}
+        values["descriptors"] = values["descriptors"].astype(np.float32)
+        values["pixel_sd"] = float(values["pixel_sd"])
+        rows = {name: len(values[name]) for name in names if name not in OTHER_ROWS}
         odd = [name for name, count in rows.items() if count != rows["points"]]
         if odd:
             found = f"{rows[odd[0]]} rows of {odd[0]!r}"
             raise ValueError(f"found {found}, expected {rows['points']}; build the library again")
-        return cls(fit, **held)
+        return cls(fit, **values)

@@ -15,17 +15,17 @@ from .features import Keypoints
 
 Ends = tuple[NDArray[np.intp], NDArray[np.intp]]  # (E,) each: numbers of two references
 
-NEIGHBORS = 12  # of a reference: those whose views overlap most with its own
-LEAST_OVERLAP = 0.15
+OVERLAPPING_REFERENCES = 12  # of a reference: those whose views overlap most with its own
+LEAST_OVERLAP_SHARE = 0.15
 FAN_RAD = np.radians([-20.0, -10.0, 0.0, 10.0, 20.0])  # sample points of a view, from its middle
 FAN_SPACINGS = (1.5, 3.0, 6.0)  # how far away they are, in spacings of the library
 HALF_VIEW_RAD = float(np.radians(28))  # of a camera whose view is not known: half of it
-TURNED_RAD = float(np.radians(75))  # SIFT does not recognize things seen from further around
-RATIO = 0.85  # of the second distance that the first has to stay under
-FARTHEST = 0.75  # distance of descriptors of one thing; two of length one are at most 2 apart
+MOST_TURNED_RAD = float(np.radians(75))  # SIFT does not recognize things seen from further around
+RATIO_TEST = 0.85  # of the second distance that the first has to stay under
+MOST_DESCRIPTOR_DISTANCE = 0.75  # distance of descriptors of one thing; two of length one are at most 2 apart
 AGREES_PX = 9.0  # by which two views of one thing may disagree in height before anything is adjusted
 NEAREST_M, FARTHEST_M = 0.1, 15.0  # of a thing from the camera
-LEAST_ANGLE_RAD = float(np.radians(1.0))  # between two views of a thing
+LEAST_PARALLAX_RAD = float(np.radians(1.0))  # between two views of a thing
 
 
 def spread_out(poses: F64, most: int) -> NDArray[np.intp]:
@@ -63,14 +63,14 @@ def overlapping(poses: F64, yaw_rad: float, half_view_rad: float = HALF_VIEW_RAD
     pairs = []
     for i in range(places):
         near = np.flatnonzero(np.hypot(*(poses[:, :2] - poses[i, :2]).T) < ranges[-1])
-        near = near[(np.abs(wrap(headings[near] - headings[i])) < TURNED_RAD) & (near != i)]
+        near = near[(np.abs(wrap(headings[near] - headings[i])) < MOST_TURNED_RAD) & (near != i)]
         way = fan[i] - poses[near, None, :2]
         bearing = wrap(np.arctan2(way[..., 1], way[..., 0]) - headings[near, None])
         range_m = np.hypot(way[..., 0], way[..., 1])
         seen = (np.abs(bearing) < half_view_rad) & (range_m > 0.3 * apart_m) & (range_m < 1.3 * ranges[-1])
         share = seen.mean(axis=1)
-        best = np.argsort(-share, kind="stable")[:NEIGHBORS]
-        pairs += [(min(i, j), max(i, j)) for j in near[best[share[best] >= LEAST_OVERLAP]]]
+        best = np.argsort(-share, kind="stable")[:OVERLAPPING_REFERENCES]
+        pairs += [(min(i, j), max(i, j)) for j in near[best[share[best] >= LEAST_OVERLAP_SHARE]]]
     return np.array(sorted(set(pairs)), np.intp).reshape(-1, 2)
 
 
@@ -91,7 +91,7 @@ def pairwise(keypoints: Sequence[Keypoints], pairs: NDArray[np.intp]) -> tuple[N
     return np.concatenate(edges), np.concatenate(distances)
 
 
-def mutual(product: F32, ratio: float = RATIO) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
+def mutual(product: F32, ratio: float = RATIO_TEST) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
     """Match by products (A, B) of descriptors: each the other's nearest and clearly nearer than the next.
 
     Returns the numbers of both and their distances.
@@ -103,7 +103,7 @@ def mutual(product: F32, ratio: float = RATIO) -> tuple[NDArray[np.intp], NDArra
     near = np.sqrt(np.maximum(2 - 2 * rows[line, there], 0))
     rows[line, there] = -1
     following = np.sqrt(np.maximum(2 - 2 * rows.max(axis=1, initial=-1), 1e-9))
-    kept = (near < ratio * following) & (near < FARTHEST)
+    kept = (near < ratio * following) & (near < MOST_DESCRIPTOR_DISTANCE)
     return here[kept], there[kept], near[kept].astype(np.float32)
 
 
@@ -126,7 +126,7 @@ def disagreement(camera: PinholeCamera, poses: F64, pixels: tuple[F64, F64], end
         range_m.append((way[:, 0] * s - way[:, 1] * c) / safe)
     apart_m = np.abs(range_m[0] * slope[0] - range_m[1] * slope[1])
     low, high = np.minimum(*range_m), np.maximum(*range_m)
-    nowhere = (low < NEAREST_M) | (high > FARTHEST_M) | (np.abs(across) < np.sin(LEAST_ANGLE_RAD))
+    nowhere = (low < NEAREST_M) | (high > FARTHEST_M) | (np.abs(across) < np.sin(LEAST_PARALLAX_RAD))
     return np.where(nowhere, np.inf, camera.focal_px * apart_m / np.maximum(high, NEAREST_M))
 
 
@@ -140,7 +140,7 @@ def tracks_of(edges: NDArray[np.intp], distances: F32, counts: NDArray[np.intp])
     total, owner = int(start[-1]), np.repeat(np.arange(len(counts)), counts)
     first, second = start[edges[:, 0]] + edges[:, 1], start[edges[:, 2]] + edges[:, 3]
     parent = list(range(total))
-    held: dict[int, set[int]] = {}
+    owners: dict[int, set[int]] = {}
 
     def root(k: int) -> int:
         while parent[k] != k:
@@ -152,12 +152,12 @@ def tracks_of(edges: NDArray[np.intp], distances: F32, counts: NDArray[np.intp])
         a, b = root(int(first[e])), root(int(second[e]))
         if a == b:
             continue
-        in_a, in_b = held.get(a) or {int(owner[a])}, held.get(b) or {int(owner[b])}
+        in_a, in_b = owners.get(a) or {int(owner[a])}, owners.get(b) or {int(owner[b])}
         if in_a & in_b:
             continue
         parent[b] = a
-        held[a] = in_a | in_b
-        held.pop(b, None)
+        owners[a] = in_a | in_b
+        owners.pop(b, None)
     track = np.full(total, -1, np.intp)
     roots = np.array([root(k) for k in range(total)], np.intp) if total else np.zeros(0, np.intp)
     _, number, size = np.unique(roots, return_inverse=True, return_counts=True)

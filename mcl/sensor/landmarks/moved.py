@@ -13,13 +13,13 @@ from ...values.arrays import F32, F64, Bool
 from ...values.pose_sensor import MovedThing
 from .camera import PinholeCamera, project
 
-FARTHEST_M, STEP_M = 1.2, 0.04  # of shifts that are tried, along each axis
-NEAREST_M = 0.12  # a smaller shift is an error of the pose
+MOST_SHIFT_M, SHIFT_STEP_M = 1.2, 0.04  # of shifts that are tried, along each axis
+LEAST_SHIFT_M = 0.12  # a smaller shift is an error of the pose
 TOLERANCE_PX = 4.0
-ACROSS_M = 1.0  # a thing is not larger than this on either side of its middle
-LEAST, LEAST_RIGHT = 5, 3.0  # matches, and the expected number of right ones among them
-ALIKE_M = 0.15  # shifts of one thing that turned
-MOST = 3  # things
+THING_RADIUS_M = 1.0  # a thing is not larger than this on either side of its middle
+LEAST_MATCHES, LEAST_RIGHT_MATCHES = 5, 3.0  # matches, and the expected number of right ones among them
+SAME_SHIFT_M = 0.15  # shifts of one thing that turned
+MOST_THINGS = 3  # things
 
 
 def moved_things(
@@ -29,32 +29,32 @@ def moved_things(
 
     `chance` (K,) is that of a match to be right, before anything is known of the pose.
     """
-    left, found = np.ones(len(points), np.bool_), list[MovedThing]()
+    left, things = np.ones(len(points), np.bool_), list[MovedThing]()
     fits = _fits(camera, points, pixels, pose)
-    while left.sum() >= LEAST and len(found) < MOST:
+    while left.sum() >= LEAST_MATCHES and len(things) < MOST_THINGS:
         chosen, shift = _largest(fits & left, points, chance)
-        if chosen.sum() < LEAST or chance[chosen].sum() < LEAST_RIGHT:
+        if chosen.sum() < LEAST_MATCHES or chance[chosen].sum() < LEAST_RIGHT_MATCHES:
             break
-        found = _joined(found, MovedThing(points[chosen, :2], shift))
+        things = _joined(things, MovedThing(points[chosen, :2], shift))
         left &= ~chosen
-    return tuple(found)
+    return tuple(things)
 
 
-def _joined(found: list[MovedThing], new: MovedThing) -> list[MovedThing]:
+def _joined(things: list[MovedThing], new: MovedThing) -> list[MovedThing]:
     """Add a group, to one that it is a part of: a thing that turned moved its parts differently."""
-    for k, one in enumerate(found):
-        near = np.hypot(*(one.places.mean(axis=0) - new.places.mean(axis=0))) < ACROSS_M
-        if near and np.hypot(*(one.shift_m - new.shift_m)) < ALIKE_M:
-            both = MovedThing(np.concatenate([one.places, new.places]), one.shift_m)
-            return [*found[:k], both, *found[k + 1 :]]
-    return [*found, new]
+    for k, thing in enumerate(things):
+        near = np.hypot(*(thing.places.mean(axis=0) - new.places.mean(axis=0))) < THING_RADIUS_M
+        if near and np.hypot(*(thing.shift_m - new.shift_m)) < SAME_SHIFT_M:
+            both = MovedThing(np.concatenate([thing.places, new.places]), thing.shift_m)
+            return [*things[:k], both, *things[k + 1 :]]
+    return [*things, new]
 
 
 def _shifts() -> F64:
-    along = np.arange(-FARTHEST_M, FARTHEST_M + STEP_M / 2, STEP_M)
+    along = np.arange(-MOST_SHIFT_M, MOST_SHIFT_M + SHIFT_STEP_M / 2, SHIFT_STEP_M)
     shifts = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     length = np.hypot(*shifts.T)
-    return np.asarray(shifts[(length >= NEAREST_M) & (length <= FARTHEST_M)])
+    return np.asarray(shifts[(length >= LEAST_SHIFT_M) & (length <= MOST_SHIFT_M)])
 
 
 SHIFTS = _shifts()  # (S, 2)
@@ -74,7 +74,7 @@ def _largest(fits: Bool, points: F64, chance: F32) -> tuple[Bool, F64]:
     likely = fits @ chance
     best, most = np.zeros(len(points), np.bool_), 0.0
     for k in np.argsort(-likely, kind="stable"):
-        if likely[k] <= most or likely[k] < LEAST_RIGHT:
+        if likely[k] <= most or likely[k] < LEAST_RIGHT_MATCHES:
             break
         members = fits[k] & _together(points, np.flatnonzero(fits[k]))
         if chance[members].sum() > most:
@@ -86,6 +86,6 @@ def _largest(fits: Bool, points: F64, chance: F32) -> tuple[Bool, F64]:
 
 def _together(points: F64, which: NDArray[np.intp]) -> Bool:
     """Tell which points (P,) are near the member that has most of the others near it."""
-    apart = np.hypot(*(points[which, None, :2] - points[None, which, :2]).T)
-    middle = which[int((apart < ACROSS_M).sum(axis=0).argmax())]
-    return np.asarray(np.hypot(*(points[:, :2] - points[middle, :2]).T) < ACROSS_M)
+    distance_m = np.hypot(*(points[which, None, :2] - points[None, which, :2]).T)
+    middle = which[int((distance_m < THING_RADIUS_M).sum(axis=0).argmax())]
+    return np.asarray(np.hypot(*(points[:, :2] - points[middle, :2]).T) < THING_RADIUS_M)

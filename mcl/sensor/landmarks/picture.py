@@ -127,24 +127,24 @@ class Judged:
         words += f", {np.median(off[agrees]):.1f} px off in the median" if count else ""
         usual = " (in a picture with little to see most matches are wrong)"
         words += f"{usual}." if self.proposal is not None and 2 * count < total else "."
-        said = [f"{nats:.1f} nats at the {name}" for name, nats in self.nats.items()]
-        words += f" Log-likelihood: {', '.join(said)} (0 if all agreed)." if said else ""
+        likelihoods = [f"{nats:.1f} nats at the {name}" for name, nats in self.nats.items()]
+        words += f" Log-likelihood: {', '.join(likelihoods)} (0 if all agreed)." if likelihoods else ""
         if self.proposal is None:
             return f"{words} By themselves they do not tell where the robot is.", ()
         number = int(self.proposal.weights.argmax())
         best, alone = self.proposal.poses[number], self.proposal.of_one_thing
         turned = abs(float(np.degrees(np.angle(np.exp(1j * (best[2] - estimate[2]))))))
-        apart = float(np.hypot(*(best[:2] - estimate[:2])))
+        distance_m = float(np.hypot(*(best[:2] - estimate[:2])))
         others = len(self.proposal.poses) - 1
         also = f", or at one of {others} other places" if others else ""
         words += f" By themselves they put the robot {{}} and {turned:.1f} deg from the estimate{also}."
         if alone is not None and alone[number]:
             words += f" Only {self._thing_at(best)} says so, and it may have been moved."
-        return words, (apart,)
+        return words, (distance_m,)
 
     def _thing_at(self, pose: F64) -> str:
         """Name the obstacle with the most landmarks that agree with a pose (3,)."""
         _, off = self.errors_at(pose)
-        held = self.thing[(off < AGREES_PX) & (self.thing >= 0)]
-        name = self.names[int(np.bincount(held).argmax())] if len(held) else ""
+        things = self.thing[(off < AGREES_PX) & (self.thing >= 0)]
+        name = self.names[int(np.bincount(things).argmax())] if len(things) else ""
         return f"the {name}" if name else "one obstacle"

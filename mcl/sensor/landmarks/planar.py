@@ -16,14 +16,14 @@ from ...values.arrays import F32, F64
 from ...values.geometry import wrap
 from .camera import PinholeCamera, directions, linearize_poses, project
 
-HYPOTHESES = 400
+MOST_HYPOTHESES = 400
 WIDE_PX = 4.0  # standard deviation that hypotheses are scored with, and refinement begins with
-REFINED = 8  # hypotheses, at most: those that are
-WORSE = 20.0  # nats below the best, or fewer
-STEPS = 8
-OFF_SCALE = 0.35  # by which c^2 + s^2 of a hypothesis may differ from one
+MOST_REFINED = 8  # hypotheses that are refined: those that are at most ...
+REFINED_NATS = 20.0  # ... so far below the best
+REFINEMENT_STEPS = 8
+SCALE_TOLERANCE = 0.35  # by which c^2 + s^2 of a hypothesis may differ from one
 FARTHEST_STEP = 0.5  # meters or radians, of one step of refinement
-APART_M, APART_RAD = 0.15, 0.15  # modes nearer to each other are one
+MODE_RADIUS_M, MODE_RADIUS_RAD = 0.15, 0.15  # modes nearer to each other are one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,11 +63,11 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int 
         return []
     score = scores(camera, matched, hypotheses, area_px)
     order = np.argsort(-score, kind="stable")
-    order = order[score[order] > score.max() - WORSE]
-    chosen = hypotheses[order[_apart(hypotheses[order], REFINED)]]
-    found = sorted(refined(camera, matched, chosen, area_px), key=lambda mode: -mode.score)
-    kept = _apart(np.stack([mode.pose for mode in found]), most)
-    return [replace(found[k], pose=found[k].pose + origin) for k in kept]
+    order = order[score[order] > score.max() - REFINED_NATS]
+    chosen = hypotheses[order[_apart(hypotheses[order], MOST_REFINED)]]
+    modes = sorted(refined(camera, matched, chosen, area_px), key=lambda mode: -mode.score)
+    kept = _apart(np.stack([mode.pose for mode in modes]), most)
+    return [replace(modes[k], pose=modes[k].pose + origin) for k in kept]
 
 
 def _apart(poses: F64, most: int) -> list[int]:
@@ -77,13 +77,13 @@ def _apart(poses: F64, most: int) -> list[int]:
     while left.any() and len(kept) < most:
         k = int(left.argmax())
         kept.append(k)
-        far = np.hypot(*(poses[:, :2] - poses[k, :2]).T) > APART_M
-        left &= far | (np.abs(wrap(poses[:, 2] - poses[k, 2])) > APART_RAD)
+        far = np.hypot(*(poses[:, :2] - poses[k, :2]).T) > MODE_RADIUS_M
+        left &= far | (np.abs(wrap(poses[:, 2] - poses[k, 2])) > MODE_RADIUS_RAD)
         left[k] = False
     return kept
 
 
-def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = HYPOTHESES) -> F64:
+def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = MOST_HYPOTHESES) -> F64:
     """Return poses (H, 3) of pairs of matches, drawn by their chance of being right; always the same."""
     first, second = _pairs(matched.inlier, count)
     angle, slope = directions(camera, matched.pixels)
@@ -98,7 +98,7 @@ def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = HYPOTHES
     solvable = np.abs(np.linalg.det(left)) > 1e-9
     solved = np.linalg.solve(left[solvable], right[solvable][:, :, None])[:, :, 0]
     scale = np.hypot(solved[:, 0], solved[:, 1])
-    sane = np.abs(scale - 1) < OFF_SCALE
+    sane = np.abs(scale - 1) < SCALE_TOLERANCE
     heading = np.arctan2(solved[sane, 1], solved[sane, 0])
     a, b = solved[sane, 2], solved[sane, 3]
     ch, sh = np.cos(heading), np.sin(heading)
@@ -135,7 +135,7 @@ def scores(camera: PinholeCamera, matched: Matched, poses: F64, area_px: float) 
 
 def refined(camera: PinholeCamera, matched: Matched, poses: F64, area_px: float) -> list[Mode]:
     """Refine poses (H, 3) by expectation and maximization, from wide residuals to the true ones."""
-    for step in range(STEPS):
+    for step in range(REFINEMENT_STEPS):
         sd = np.hypot(matched.sd_px, WIDE_PX * 0.5**step)
         agreed = _agreement(camera, matched, poses, sd, area_px)
         change = np.linalg.solve(agreed.information, agreed.pull[:, :, None])[:, :, 0]

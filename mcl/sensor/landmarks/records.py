@@ -12,8 +12,8 @@ from ...values.geometry import wrap
 from .bundle import Bundle, Views
 from .camera import project
 
-NEARER, FARTHER = 0.6, 1.6  # times the distances from which it was seen, it is sought
-AROUND_RAD = float(np.radians(35.0))  # beyond the directions from which it was seen, it is sought
+SOUGHT_NEARER, SOUGHT_FARTHER = 0.6, 1.6  # times the distances from which it was seen, it is sought
+SOUGHT_ASIDE_RAD = float(np.radians(35.0))  # beyond the directions from which it was seen, it is sought
 MARGIN_PX = 4.0  # nearer to the border of a picture a keypoint has no descriptor
 
 
@@ -34,8 +34,8 @@ class Records:
         way = places[:, None, :] - points[None, :, :2]
         range_m = np.hypot(way[..., 0], way[..., 1])
         turned = np.abs(wrap(np.arctan2(way[..., 1], way[..., 0]) - self.facing_rad))
-        near = (range_m > NEARER * self.nearest_m) & (range_m < FARTHER * self.farthest_m)
-        return np.asarray(near & (turned < self.spread_rad + AROUND_RAD))
+        near = (range_m > SOUGHT_NEARER * self.nearest_m) & (range_m < SOUGHT_FARTHER * self.farthest_m)
+        return np.asarray(near & (turned < self.spread_rad + SOUGHT_ASIDE_RAD))
 
 
 def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:

@@ -29,17 +29,17 @@ from .picture import BESIDE, PICTURE, Judged
 from .planar import Matched, Mode, modes_of
 from .things import besides_one_thing, things_of
 
-OTHER_SHAPE = 0.01  # of its width over its height: a picture of another camera
-RATIO = 0.95  # of the second distance that the first has to stay under
-ELSEWHERE_M = 0.2  # a second landmark nearer to the first than this is the same thing
+SHAPE_TOLERANCE = 0.01  # of its width over its height: a picture of another camera
+MOST_RATIO = 0.95  # of the second distance that the first has to stay under
+SAME_THING_M = 0.2  # a second landmark nearer to the first than this is the same thing
 # ratios of the two distances, and the share of right matches at them, on drives in fitting arenas
-RATIOS, RIGHT = (0.55, 0.65, 0.75, 0.85, 0.92, 0.95), (0.97, 0.85, 0.62, 0.27, 0.1, 0.07)
-INDEPENDENT = 4.0  # right matches that count in full: more share their errors; fitted on the same drives
+RATIOS, RIGHT_SHARES = (0.55, 0.65, 0.75, 0.85, 0.92, 0.95), (0.97, 0.85, 0.62, 0.27, 0.1, 0.07)
+INDEPENDENT_MATCHES = 4.0  # right ones that count in full: more share their errors; fitted on these drives
 LEAST_MATCHES = 4
-LEAST_SCORE = 20.0  # nats of a proposal above no agreement at all
+LEAST_SCORE_NATS = 20.0  # nats of a proposal above no agreement at all
 LEAST_INLIERS = 3.5  # right matches of a proposal: two agree by construction
-LEAST_BESIDES = 2.0  # of them that are not on one thing alone: it may have been moved
-COMPETES = 6.0  # nats below the best that another proposal may be
+LEAST_MATCHES_BESIDES = 2.0  # of them that are not on one thing alone: it may have been moved
+COMPETING_NATS = 6.0  # nats below the best that another proposal may be
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +96,7 @@ class Landmarks:
         width, height = self.map.fit.camera.width_px, self.map.fit.camera.height_px
         if image.shape[:2] == (height, width):
             return image
-        if abs(image.shape[1] * height - image.shape[0] * width) > OTHER_SHAPE * width * image.shape[0]:
+        if abs(image.shape[1] * height - image.shape[0] * width) > SHAPE_TOLERANCE * width * image.shape[0]:
             return None
         finer = cv2.INTER_AREA if image.shape[1] > width else cv2.INTER_LINEAR
         return np.asarray(cv2.resize(image, (width, height), interpolation=finer), np.uint8)
@@ -108,19 +108,19 @@ class Landmarks:
         product = keypoints.descriptors @ self.map.descriptors.T
         rows, best = np.arange(len(product)), product.argmax(axis=1)
         nearest = product[rows, best]
-        for row, same in enumerate(self._places.query_ball_point(self.map.points[best], ELSEWHERE_M)):
+        for row, same in enumerate(self._places.query_ball_point(self.map.points[best], SAME_THING_M)):
             product[row, same] = -np.inf
         following = product.max(axis=1)
         following[np.isinf(following)] = 1  # nothing is elsewhere: no test, no match
         near, far = (np.sqrt(np.maximum(2 - 2 * v, 1e-9)) for v in (nearest, following))
         ratio = near / far
-        kept = np.flatnonzero(ratio < RATIO)
+        kept = np.flatnonzero(ratio < MOST_RATIO)
         # one keypoint a landmark: the nearest
         kept = kept[np.argsort(near[kept], kind="stable")]
         kept = np.sort(kept[np.unique(best[kept], return_index=True)[1]])
         if len(kept) < LEAST_MATCHES:
             return None
-        inlier = np.interp(ratio[kept], RATIOS, RIGHT).astype(np.float32)
+        inlier = np.interp(ratio[kept], RATIOS, RIGHT_SHARES).astype(np.float32)
         return LandmarkReading(image, keypoints, kept, best[kept], inlier)
 
     def log_likelihood(
@@ -153,11 +153,11 @@ class Landmarks:
         Poses that one thing alone speaks for are marked: if that thing was moved, the robot was not.
         """
         modes = [mode for mode in self.modes(reading) if _convinces(mode)]
-        modes = [mode for mode in modes if mode.score > modes[0].score - COMPETES]
+        modes = [mode for mode in modes if mode.score > modes[0].score - COMPETING_NATS]
         if not modes:
             return None
         thing = self._thing[reading.landmark]
-        alone = np.array([besides_one_thing(mode.right, thing) < LEAST_BESIDES for mode in modes])
+        alone = np.array([besides_one_thing(mode.right, thing) < LEAST_MATCHES_BESIDES for mode in modes])
         score = np.array([mode.score for mode in modes]) * self._share(reading)
         weights = np.exp(score - score.max())
         covariances = np.stack([mode.covariance for mode in modes]) / self._share(reading)
@@ -199,7 +199,7 @@ class Landmarks:
 
     def _share(self, reading: LandmarkReading) -> float:
         """Return what share of the matches' nats counts: many of them share their errors."""
-        return INDEPENDENT / max(INDEPENDENT, float(reading.inlier.sum()))
+        return INDEPENDENT_MATCHES / max(INDEPENDENT_MATCHES, float(reading.inlier.sum()))
 
     def _faced(self, reading: LandmarkReading, poses: F32, points: F32) -> F32:
         """Return 1 where a pose is on the side of a landmark that it was seen from, else 0: (N, K)."""
@@ -235,4 +235,4 @@ class Landmarks:
 
 
 def _convinces(mode: Mode) -> bool:
-    return mode.score > LEAST_SCORE and mode.inliers > LEAST_INLIERS
+    return mode.score > LEAST_SCORE_NATS and mode.inliers > LEAST_INLIERS

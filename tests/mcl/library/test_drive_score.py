@@ -9,7 +9,13 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.examples import picture_at
-from maurice_mcl.library.drive_score import GROUP, GROUPS, DrivePicture, score_drive, spread_groups
+from maurice_mcl.library.drive_score import (
+    MOST_GROUPS,
+    PICTURES_A_GROUP,
+    DrivePicture,
+    score_drive,
+    spread_groups,
+)
 
 RIGHT_M = 0.4
 
@@ -20,9 +26,9 @@ def _groups(sees, count=64):
     poses = np.column_stack(
         [rng.uniform(0.3, 0.9, count), rng.uniform(0.8, 1.3, count), rng.uniform(-3, 3, count)]
     )
-    poses = np.repeat(poses[::GROUP], GROUP, axis=0)
+    poses = np.repeat(poses[::PICTURES_A_GROUP], PICTURES_A_GROUP, axis=0)
     pictures = [DrivePicture(lambda pose=pose: picture_at(sees(pose)), pose) for pose in poses]
-    return [pictures[k : k + GROUP] for k in range(0, count, GROUP)]
+    return [pictures[k : k + PICTURES_A_GROUP] for k in range(0, count, PICTURES_A_GROUP)]
 
 
 def _sensor(sharpness=1.0):
@@ -32,7 +38,7 @@ def _sensor(sharpness=1.0):
 
 def test_pictures_that_fit_their_places_are_left_alone_by_a_quarter_of_them():
     found = score_drive(_sensor(), _groups(lambda pose: pose), RIGHT_M)
-    assert found.pictures == GROUPS
+    assert found.pictures == MOST_GROUPS
     assert found.gain > 0.3
     assert (found.widening, found.tells, found.is_bad) == (1, True, False)
 
@@ -41,7 +47,7 @@ def test_scales_that_are_too_sharp_are_widened_until_the_pictures_help():
     groups = _groups(lambda pose: pose)
     found = score_drive(_sensor(3.0), groups, RIGHT_M)
     assert found.is_bad
-    assert found.pictures == GROUP * GROUPS
+    assert found.pictures == PICTURES_A_GROUP * MOST_GROUPS
     assert found.gain < 0
     again = score_drive(_sensor(3.0 / found.widening), groups, RIGHT_M)
     assert again.gain > 0
@@ -77,7 +83,7 @@ def test_a_truth_outside_of_free_space_does_not_count():
 def test_groups_are_spread_over_the_drive_and_hold_only_its_pictures(count):
     groups = spread_groups(count)
     numbers = [number for group in groups for number in group]
-    assert len(groups) <= GROUPS
+    assert len(groups) <= MOST_GROUPS
     assert all(np.diff(group).tolist() == [1] * (len(group) - 1) for group in groups)
     assert set(numbers) <= set(range(count))
     assert not count or (numbers[0], numbers[-1]) == (0, count - 1)

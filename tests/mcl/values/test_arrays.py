@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from maurice_mcl.values.arrays import ALONE, dot
+from maurice_mcl.values.arrays import ONE_THREAD_ELEMENTS, dot
 
 PRINT = """
 import numpy as np
@@ -22,7 +22,9 @@ for n in (100, 8192, 8193, 60_000, 500_000):
 """
 
 
-@pytest.mark.parametrize("n", [0, 1, ALONE, ALONE + 1, 3 * ALONE + 5])
+@pytest.mark.parametrize(
+    "n", [0, 1, ONE_THREAD_ELEMENTS, ONE_THREAD_ELEMENTS + 1, 3 * ONE_THREAD_ELEMENTS + 5]
+)
 def test_it_is_the_sum_of_products(n):
     rng = np.random.default_rng(n)
     a, b = rng.random(n), rng.normal(size=n)
