@@ -242,6 +242,12 @@ def test_a_class_name_has_one_meaning():
     assert {name: files for name, files in defined.items() if len(files) > 1} == {}
 
 
+def test_tests_mirror_the_packages():
+    for folder in FOLDERS:
+        for file in (ROOT / "tests" / folder).rglob("*.py"):
+            assert (ROOT / file.parent.relative_to(ROOT / "tests")).is_dir(), file
+
+
 def test_clean_removes_what_git_ignores():
     recipe = (ROOT / "Makefile").read_text(encoding="utf-8").partition("\nclean:\n")[2].split()
     for line in (ROOT / ".gitignore").read_text(encoding="utf-8").split():

@@ -85,7 +85,7 @@ def test_library_check_compares_the_pictures_of_a_drive(small_session):
     assert {"gain", "widening", "tells", "is_bad"} <= set(drive)
 
 
-OLIN = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "olin"
+OLIN = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "olin"
 SPOTS = ((9, 10, 11, 12, 13, 14, 15), (28, 29, 30, 31, 32), (54, 60, 61, 62, 63, 64))  # runs surveyed
 
 

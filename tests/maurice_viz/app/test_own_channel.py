@@ -14,7 +14,7 @@ from helpers.commands import process, runs_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, SCALES
 from maurice_mcl.sensor.distances import DISTANCES
 
-ROOT = Path(__file__).parents[2] / "docs"
+ROOT = Path(__file__).parents[3] / "docs"
 DOCS = (ROOT / "sensors.md").read_text()
 EXAMPLE = ROOT / "examples" / "mychannel"
 SOURCE = (EXAMPLE / "mychannel.py").read_text()

@@ -21,7 +21,7 @@ from maurice_loaders.files.text import toml_value
 from maurice_mcl.config.parameters import PRESETS, RULES, Layer, configure, defaults
 from maurice_viz.cli.app import app
 
-DOCS = Path(__file__).parents[4] / "docs" / "configuration.md"
+DOCS = Path(__file__).parents[3] / "docs" / "configuration.md"
 RUNNER = CliRunner()
 
 

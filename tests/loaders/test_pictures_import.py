@@ -203,7 +203,7 @@ def test_senseless_options(source: Path, tmp_path: Path, change: dict[str, float
         import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, **change))
 
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 OLIN = (ROOT / os.environ.get("MAURICE_DATA", "../shared/data")).resolve() / "olin"
 
 

@@ -18,7 +18,7 @@ from maurice_mcl.examples import tiny_library, tiny_session
 from maurice_mcl.filter.localizer import run as run_filter
 from maurice_mcl.sensor.outside import load_sensor, package_of
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "docs" / "examples" / "beacon"
 FILTER = ["-o", "none", "--particles", "100"]
 

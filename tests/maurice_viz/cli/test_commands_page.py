@@ -13,7 +13,7 @@ import pytest
 from helpers.json_outputs import SLOW, WORDS, keys_of, output_of, sample, samples_on, write_material
 from maurice_viz.cli.app import COMMANDS, load
 
-PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+PAGE = Path(__file__).parents[3] / "docs" / "commands.md"
 AGAIN = "run .venv/bin/python docs/make_commands.py"
 
 
