@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from .reports.trials_report import trials_report as trials_report
     from .running.output import OutputOptions as OutputOptions
     from .running.run import RunScores as RunScores
-    from .running.saved import verify as verify
+    from .running.verify import verify as verify
 
 _WHERE = {
     "Listener": ".listener",
@@ -99,7 +99,7 @@ _WHERE = {
     "traces": ".notebook",
     "trials_report": ".reports.trials_report",
     "tune": ".app.library",
-    "verify": ".running.saved",
+    "verify": ".running.verify",
     "what_if": ".app.what_if",
 }
 __all__ = list(_WHERE)

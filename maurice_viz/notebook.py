@@ -93,8 +93,8 @@ def results(run: Place) -> pl.DataFrame:
         1
     """
     rows = [
-        to_json(_collected(one).results, Scale(units_named(one.manifest.display_units)))["runs"][0]
-        for one in open_runs(Path(run))
+        to_json(_collected(saved).results, Scale(units_named(saved.manifest.display_units)))["runs"][0]
+        for saved in open_runs(Path(run))
     ]
     known = [{key: value for key, value in row.items() if key != "odometry_alone"} for row in rows]
     return pl.DataFrame([_flat(row) for row in known], infer_schema_length=None)
@@ -110,7 +110,7 @@ def traces(run: Place) -> pl.DataFrame:
         >>> mv.traces("my-run").height
         14
     """
-    return pl.concat([_traces(one) for one in open_runs(Path(run))])
+    return pl.concat([_traces(saved) for saved in open_runs(Path(run))])
 
 
 def expect_widget() -> None:

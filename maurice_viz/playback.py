@@ -143,7 +143,8 @@ class ResultCollector:
             self._signals[label].add(record)
             self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
-        return {label: one.see(steps[one.first], steps[label]) for label, one in self._pairings.items()}
+        pairings = self._pairings.items()
+        return {label: pairing.see(steps[pairing.first], steps[label]) for label, pairing in pairings}
 
     def verdicts(self) -> dict[str, RunVerdict]:
         """Return what happened to each run, up to now."""

@@ -169,7 +169,7 @@ def _write_demo(folder: Path, story: str, *, force: bool, json_output: bool) -> 
 
 def verify(run: opt.Run, json_output: opt.Json = False) -> None:
     """Filter a saved run again; exit status 0 if every step is the same bit by bit, else 1."""
-    from ..running.saved import verify as verify_run
+    from ..running.verify import verify as verify_run
 
     with listening() as listener:
         verdicts = verify_run(run, listener=listener)

@@ -49,18 +49,18 @@ def place_heat(image: U8, maps: Sequence[U8]) -> None:
     side = min(height - 2, (width - 4 * (len(maps) - 1)) // len(maps))
     left = (width - len(maps) * side - 4 * (len(maps) - 1)) // 2
     top = (height - side) // 2
-    for k, one in enumerate(maps):
+    for k, heat_map in enumerate(maps):
         at = left + k * (side + 4)
-        image[top : top + side, at : at + side] = _square(one, side)
+        image[top : top + side, at : at + side] = _square(heat_map, side)
 
 
 def titled_heat(maps: Sequence[U8], titles: tuple[str, ...], below: str) -> U8:
     """Draw heat maps side by side (H, W), each under its title, over a line about their axes."""
     ground, first = _titled(titles, below)
     image = ground.copy()
-    for k, one in enumerate(maps):
+    for k, heat_map in enumerate(maps):
         left = first + k * (HEAT_PX + GAP_PX)
-        image[TITLE_PX : TITLE_PX + HEAT_PX, left : left + HEAT_PX] = _square(one, HEAT_PX)
+        image[TITLE_PX : TITLE_PX + HEAT_PX, left : left + HEAT_PX] = _square(heat_map, HEAT_PX)
     return image
 
 

@@ -52,11 +52,11 @@ def scale_of(entries: Sequence[EntryExplanation]) -> ChartScale:
     """Return the scale of the charts of some references at one update."""
     by_channel = list(zip(*(entry.channels for entry in entries), strict=True))
     spans, costs = [], []
-    for found in by_channel:
-        both = np.concatenate([part for c in found for part in (c.sample, c.reference)])
+    for channels in by_channel:
+        both = np.concatenate([part for c in channels for part in (c.sample, c.reference)])
         low = min(float(both.min()), 0.0)
         spans.append((low, max(float(both.max()), low + SMALLEST)))
-        costs.append(max(SMALLEST, *(float(c.nats.max()) for c in found)))
+        costs.append(max(SMALLEST, *(float(c.nats.max()) for c in channels)))
     nats = max(sum(c.loses for c in entry.channels) for entry in entries)
     return ChartScale(max(nats, 1.0), tuple(spans), tuple(costs))
 
@@ -128,9 +128,9 @@ def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, 
         ink = BAR_INKS[number % len(BAR_INKS)]
         image[low:high, round(at) : round(after)] = ink
         label = f"{channel.channel} {channel.loses:.1f}"
-        for said in (label, channel.channel):
-            if _width(said, 0.9 * text) < after - at - 4:
-                write(image, said, at + 3, high - 0.6 * text, 0.9 * text, ink)
+        for words in (label, channel.channel):
+            if _width(words, 0.9 * text) < after - at - 4:
+                write(image, words, at + 3, high - 0.6 * text, 0.9 * text, ink)
                 break
         at = after
     total = sum(channel.loses for channel in entry.channels)
@@ -147,8 +147,8 @@ def _with_axis(channels: tuple[tuple[str, int], ...], size: tuple[int, int], mos
     for mark in marks:
         x = 4 + mark / most * (end - 4)
         image[high + 2 : high + 6, round(x) : round(x) + 1] = PALE_INK
-        said = f"{mark:g} nats" if mark == marks[-1] else f"{mark:g}"
-        write(image, said, max(x - 0.4 * text, 0), high + 7 + 0.9 * text, 0.85 * text, TEXT_INK)
+        words = f"{mark:g} nats" if mark == marks[-1] else f"{mark:g}"
+        write(image, words, max(x - 0.4 * text, 0), high + 7 + 0.9 * text, 0.85 * text, TEXT_INK)
     return image
 
 
@@ -263,11 +263,11 @@ def draw_chart_key(size: tuple[int, int] = CHART_PX) -> U8:
         ("the reference", REFERENCE, round(1.2 * text)),
         ("nats of each element", BAR, round(1.2 * text)),
     )
-    for k, (said, color, thick) in enumerate(lines):
+    for k, (words, color, thick) in enumerate(lines):
         middle = under + round((1.5 + 2.2 * k) * text)
         image[middle - thick // 2 : middle + (thick + 1) // 2, 4 : round(4 + 2.5 * text)] = color
-        put_text(image, said, 4 + 3.2 * text, middle + text / 2, text, PALE)
+        put_text(image, words, 4 + 3.2 * text, middle + text / 2, text, PALE)
     notes = ("1 nat: 2.7 times less likely", "all columns on one scale")
-    for k, said in enumerate(notes):
-        put_text(image, said, 4, under + (8.6 + 1.8 * k) * text, text, PALE)
+    for k, words in enumerate(notes):
+        put_text(image, words, 4, under + (8.6 + 1.8 * k) * text, text, PALE)
     return image

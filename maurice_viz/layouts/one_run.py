@@ -108,8 +108,9 @@ def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
     blocks = [_of_sensor(run, name) for name in run.sensors]
     right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
     views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
-    known = {} if run.sensor is None else run.sensor.sensors
-    views += [sensor_space_view(paths, scene, name) for name, one in known.items() if in_space(one)]
+    sensors = {} if run.sensor is None else run.sensor.sensors
+    in_3d = [name for name, sensor in sensors.items() if in_space(sensor)]
+    views += [sensor_space_view(paths, scene, name) for name in in_3d]
     left = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
     distances = single_plots(paths, scene)[0]
     column = rrb.Vertical(left, distances, row_shares=[2.6, 1])

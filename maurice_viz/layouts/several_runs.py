@@ -75,7 +75,7 @@ def _wide_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.Tabs]:
     distances = shared.distance_plots(runs, scene)
     if not scene.has_truth:
         shares = plot_of_runs(lines.CONFIDENCE, "Confidence (share)", runs, 1.1)
-        return [rrb.Tabs(one) for one in (_spread(runs, scene), *(distances or [shares]))]
+        return [rrb.Tabs(plot) for plot in (_spread(runs, scene), *(distances or [shares]))]
     position, heading = shared.difference_plots(runs, scene)
     differences = [position, *distances, heading]
     return [

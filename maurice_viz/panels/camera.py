@@ -146,14 +146,14 @@ class HistogramsPanel(Panel):
                 continue
             self._place_bands(rec, channel, "bands", bins, usual)
             self._place_bands(rec, channel, "difference_bands", bins, most)
-            one = len(bands_of(bins)) / bins
+            bin_width = len(bands_of(bins)) / bins
             for kind, color, offset, width in (
                 ("reference", REFERENCE, *REFERENCE_BAR),
                 ("sample", SAMPLE, *SAMPLE_BAR),
                 ("difference", BAR, 0.0, 1.0),
             ):
-                path, lefts = self._paths.histogram(channel, kind), (np.arange(bins) + offset) * one
-                place_bars(rec, path, color, lefts, np.full(bins, width * one))
+                path, lefts = self._paths.histogram(channel, kind), (np.arange(bins) + offset) * bin_width
+                place_bars(rec, path, color, lefts, np.full(bins, width * bin_width))
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         comparison = update.record.sighting.comparison

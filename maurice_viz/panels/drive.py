@@ -84,14 +84,14 @@ def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
     """Read a drive once. The path by odometry is placed so that it meets the first true pose."""
     own, measured, true = np.zeros(3), SimplifiedPath(MOST), SimplifiedPath(MOST)
     begins, count, events, moves = info.start, 0, 0, False
-    for one in known:
-        count, events, moves = count + 1, events + len(one.events), moves or len(one.motions) > 0
-        for motion in one.motions:
+    for moment in known:
+        count, events, moves = count + 1, events + len(moment.events), moves or len(moment.motions) > 0
+        for motion in moment.motions:
             own = compose(own, motion)
         measured.add(own)
-        if one.truth is not None:
-            true.add(one.truth)
-            begins = compose(one.truth, inverse(own)) if begins is None else begins
+        if moment.truth is not None:
+            true.add(moment.truth)
+            begins = compose(moment.truth, inverse(own)) if begins is None else begins
     if not moves:
         return DrivePaths(count, events, False, begins, np.zeros((0, 2)), true.poses()[:, :2])
     begins = np.zeros(3) if begins is None else begins

@@ -246,8 +246,8 @@ class EventsPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._status.prepare(rec)
-        for one in filter(None, (self._noticed, self._log)):
-            one.lane.prepare(rec, marks=True)
+        for marks in filter(None, (self._noticed, self._log)):
+            marks.lane.prepare(rec, marks=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         moment = update.moment
@@ -259,11 +259,11 @@ class EventsPanel(Panel):
             self._log.draw(rec, moment, [name_of(event) for event in shown])
 
     def diagnosed(self, rec: rr.RecordingStream, failures: Sequence[Failure]) -> None:
-        for one in failures:
-            name, episode = f"{CAUSE}{one.kind}", one.episode
+        for failure in failures:
+            name, episode = f"{CAUSE}{failure.kind}", failure.episode
             self._status.rename(rec, episode.first, episode.last, states.LOST, name)
             self._status.rename(rec, episode.first, episode.last, states.PROBABLY_LOST, name)
-            self._noticed.mark(one.first, name)
+            self._noticed.mark(failure.first, name)
 
     def finish(self, rec: rr.RecordingStream) -> None:
         self._noticed.finish(rec)

@@ -98,8 +98,8 @@ def shares(belief: Belief) -> F64:
 
 def outline(belief: Belief) -> F32:
     """Return the outline (3 SECTORS, 2) as drawn, y down; the longest sector reaches the rim."""
-    held = shares(belief)
-    reach = np.sqrt(held / held.max())
+    weights = shares(belief)
+    reach = np.sqrt(weights / weights.max())
     radius = np.column_stack([np.zeros(SECTORS), reach, reach]).ravel()
     points = radius[:, None] * _ALONG
     return np.concatenate([points, points[:1]]).astype(np.float32)

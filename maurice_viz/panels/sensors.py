@@ -97,10 +97,10 @@ class SensorsPanel(Panel):
         poses: dict[str, F64] = {"estimate": update.record.estimate.pose}
         if update.moment.truth is not None:
             poses["truth"] = update.moment.truth
-        read = {one.name: one for one in update.record.sighting.comparison.sensed}
+        readings = {reading.name: reading for reading in update.record.sighting.comparison.sensed}
         for name in self._sensors:
             nothing = f"{name.capitalize()}: nothing in this frame."
-            self._draw(rec, name, read[name].shown(poses) if name in read else Shown(nothing))
+            self._draw(rec, name, readings[name].shown(poses) if name in readings else Shown(nothing))
 
     def clear(self, rec: rr.RecordingStream) -> None:
         for name, marks in self._marks.items():
@@ -118,9 +118,9 @@ class SensorsPanel(Panel):
             draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, QUALITY))
         marks: dict[str, tuple[ShownMarks, F32]] = {}
         for mark in shown.marks:
-            one = self._inside(mark) if mark.view == ON_MAP else mark
-            place = self._paths.sensor(name, slug(one.view), slug(one.name))
-            marks[place] = one, self._drawn(one)
+            shown_marks = self._inside(mark) if mark.view == ON_MAP else mark
+            place = self._paths.sensor(name, slug(shown_marks.view), slug(shown_marks.name))
+            marks[place] = shown_marks, self._drawn(shown_marks)
         self._marks[name].draw(rec, marks)
 
     def _image(self, picture: U8 | Beside) -> U8:
@@ -173,12 +173,12 @@ class DrawnMarks:
             if path not in marks:
                 archetype, values, values_of = KINDS[kind]
                 rec.log(path, row_of(archetype, **{values: values_of(NO_MARKS[kind])}))
-        for path, (one, strips) in marks.items():
+        for path, (shown_marks, strips) in marks.items():
             kind = self._kinds[path] = strips.shape[1] == 1, strips.shape[2] == 2
-            size = STROKE if not kind[0] else POINT if one.of is None else SMALL
-            look = {"colors": colors_of(self._colors(one)), "radii": ui_points_of([size])}
+            size = STROKE if not kind[0] else POINT if shown_marks.of is None else SMALL
+            look = {"colors": colors_of(self._colors(shown_marks)), "radii": ui_points_of([size])}
             if kind[1]:
-                look["draw_order"] = floats_of([30.0 if one.of is None else 40.0])
+                look["draw_order"] = floats_of([30.0 if shown_marks.of is None else 40.0])
             archetype, values, values_of = KINDS[kind]
             rec.log(path, row_of(archetype, **{values: values_of(strips)}, **look))
 
@@ -215,8 +215,8 @@ def draw_room(rec: rr.RecordingStream, path: str, arena: Arena, scale: Scale) ->
     """Log walls and obstacles in space, static, in display units and y pointing away."""
     strips = [np.column_stack([w.reshape(2, 2), [0, 0]]) for w in arena.walls]
     colors = [WALL] * len(strips)
-    for one in arena.obstacles:
-        ring = np.concatenate([one.polygon, one.polygon[:1]])
+    for obstacle in arena.obstacles:
+        ring = np.concatenate([obstacle.polygon, obstacle.polygon[:1]])
         strips += [np.column_stack([ring, np.full(len(ring), z)]) for z in (0.0, OBSTACLE_M)]
         colors += [OBSTACLE] * 2
     radii = rr.components.Radius.ui_points(STROKE)

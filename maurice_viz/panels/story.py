@@ -134,10 +134,11 @@ class VerdictDrawing:
         """Log the verdict, and the step to look at."""
         step = decisive_step(verdicts)
         self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {step}**.")
-        failed = {
-            label: [failure_json(one, self._scale) for one in run.failures] for label, run in verdicts.items()
+        failures = {
+            label: [failure_json(failure, self._scale) for failure in verdict.failures]
+            for label, verdict in verdicts.items()
         }
-        self._rec.log(VERDICT, rr.AnyValues(decisive_step=step, failures=json.dumps(failed)), static=True)
+        self._rec.log(VERDICT, rr.AnyValues(decisive_step=step, failures=json.dumps(failures)), static=True)
         if not self._live:
             self._log_tour(verdicts)
 

@@ -148,14 +148,14 @@ class TracesPanel(Panel):
 
     def _extents(self) -> dict[str, tuple[float, float]]:
         """Return the least and largest value of each plot, where its lines of events end."""
-        found = {quantity: (self._least[quantity], most) for quantity, most in self._most.items()}
+        extents = {quantity: (self._least[quantity], most) for quantity, most in self._most.items()}
         for quantity, steps in LABELED_STEPS.items():
-            if quantity in found:
-                found[quantity] = 0.0, round_top(found[quantity][1], steps)
-        if POSITION_ERROR in found:  # its plot also has the spread and the limits
+            if quantity in extents:
+                extents[quantity] = 0.0, round_top(extents[quantity][1], steps)
+        if POSITION_ERROR in extents:  # its plot also has the spread and the limits
             limits = [limit for _, limit, _ in self._limits()]
-            found[POSITION_ERROR] = 0.0, max(found[POSITION_ERROR][1], self._most[SPREAD], *limits)
-        return found | {quantity: (0.0, top) for quantity, top in SHARES.items()}
+            extents[POSITION_ERROR] = 0.0, max(extents[POSITION_ERROR][1], self._most[SPREAD], *limits)
+        return extents | {quantity: (0.0, top) for quantity, top in SHARES.items()}
 
     def _note(self, quantity: str, *values: float) -> None:
         """Remember the extent of a plot."""

@@ -1,6 +1,18 @@
 """From what a user names to runs that are filtered, scored, saved and drawn. The commands are in `app`.
 
-`open` and `run_spec` prepare session, library and filters; `output` says where is drawn; `run` goes through
-the updates; `drive` draws a drive that no filter of ours runs on; `saved` and `saved_steps` keep runs and
-restore them.
+The walk of a replay, from the command to a dot on the screen:
+
+1. `cli/replay.py` parses the command line and calls `app/replay.py`, as a program of Python would.
+2. `run_spec.py` says what run is asked for, `open.py` opens session and library and builds a filter.
+3. `playback.py` (of the package) steps all filters through the session; `run.py` goes through these
+   updates: it scores each, saves it (`saved.py`), and has it drawn.
+4. `output.py` opens a file, a viewer or a browser's page to draw to (`viewer/`), laid out by `layouts/`.
+5. `panels/observer.py` gives each update to the panels of its run, in the order of `panels/registry.py`.
+6. A panel, such as that of the cloud in `panels/belief.py`, logs rows: `style.py` scales meters to the
+   screen, `entities.py` says under which path they stand and on which timeline, `drawing/arrow.py` makes
+   Arrow data of them.
+
+Beside them: `drive.py` draws drives that no filter of ours runs on, `drive_check.py` asks whether a drive's
+pictures agree with the library, `saved_steps.py` restores the steps of saved runs, `verify.py` filters a
+saved run again. Nothing here prints, and nothing here decides how something looks or what words say.
 """

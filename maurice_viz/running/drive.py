@@ -40,7 +40,7 @@ from ..listener import SILENT, Listener
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
 from ..scene import RunView, Scene
 from .open import remark_skipped
-from .output import NEXT_KEYS, OutputOptions, opened
+from .output import NEXT_KEYS, Drawn, OutputOptions, opened
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen
 
@@ -71,7 +71,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     drive = replace(drive, advice=f"**{MISSING}.** {advice}")
     drawn = _drawn_of(session, ways.moments, listener)
     total = ways.moments if drawn is session else MOST_DRAWN
-    written: list[Path] = []
+    target = Drawn()
 
     def counted() -> Iterator[Moment]:
         for number, moment in enumerate(drawn.moments()):
@@ -79,9 +79,8 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
             yield moment
 
     stopped: KeyboardInterrupt | None = None
-    with opened(
-        output, session.info.name, drive_blueprint(drive), listener, keys=f"{NEXT_KEYS}.", written=written
-    ) as rec:
+    layout, keys = drive_blueprint(drive), f"{NEXT_KEYS}."
+    with opened(target, output, session.info.name, layout, listener, keys=keys) as rec:
         try:
             draw_drive(rec, drive, counted())
         except KeyboardInterrupt as stop:
@@ -90,7 +89,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     listener.remark(f"{MISSING}, so only the drive itself is shown. {advice}")
     if stopped is not None:
         raise type(stopped)("the recording is complete up to that point")
-    return written[0] if written else None
+    return target.file
 
 
 def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]:
@@ -286,8 +285,8 @@ def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
         return [None]
     names: list[str | None] = [name.strip() for name in options.localizer_topic.split(",")]
     if not all(names) or len(set(names)) < len(names) or len(names) > MOST_RUNS:
-        found = f"found --reading localizer_topic={options.localizer_topic}"
-        raise InputError(path, f"{found}, expected one to {MOST_RUNS} topics, with commas between them")
+        got = f"found --reading localizer_topic={options.localizer_topic}"
+        raise InputError(path, f"{got}, expected one to {MOST_RUNS} topics, with commas between them")
     return names
 
 
@@ -301,34 +300,40 @@ def together(recorded: Sequence[AsRecorded]) -> Iterator[Mapping[str, tuple[Mome
     """Yield the updates of the first localizer for which every other has one within 0.5 s."""
     first, *others = recorded
     origin = map_of(first.localizer, first.overview).origin
-    beside = [Nearest(one.localizer.updates(one.findings)) for one in others]
+    nearest = [Nearest(other.localizer.updates(other.findings)) for other in others]
     number = 0
     for update in first.localizer.updates(first.findings):
-        near = [update, *(found for one in beside if (found := one.at(update.t_s)) is not None)]
-        if len(near) == len(recorded):
+        in_time = [other.at(update.t_s) for other in nearest]
+        updates = [update, *(other for other in in_time if other is not None)]
+        if len(updates) == len(recorded):
             number += 1
             frame = first.frame(update, number)
-            pairs = zip(recorded, near, strict=True)
-            yield {one.label: one.step(frame, found, origin) for one, found in pairs}
+            pairs = zip(recorded, updates, strict=True)
+            yield {localizer.label: localizer.step(frame, own, origin) for localizer, own in pairs}
+
+
+def view_of(recorded: AsRecorded) -> RunView:
+    """Return how a recorded localizer is shown."""
+    return RunView(recorded.label, (), None, recorded.overview.most_particles, radii=recorded.radii)
 
 
 def playback_together(recorded: Sequence[AsRecorded], listener: Listener = SILENT) -> Playback:
     """Prepare recorded localizers for `play`, on one map that holds them all."""
     if len(recorded) == 1:
         return playback_as_recorded(recorded[0], listener)
-    corners = np.array([one.overview.arena.bounds for one in recorded]).reshape(-1, 2)
+    corners = np.array([localizer.overview.arena.bounds for localizer in recorded]).reshape(-1, 2)
     first = recorded[0]
     arena = first.overview.arena
     if not len(arena.walls):
         arena = open_arena(np.stack([corners.min(axis=0), corners.max(axis=0)]), 0.0)
-    for one in recorded:
-        one.overview = replace(one.overview, arena=arena)
+    for localizer in recorded:
+        localizer.overview = replace(localizer.overview, arena=arena)
     playing = playback_as_recorded(first, listener)
-    views = [RunView(one.label, (), None, one.overview.most_particles, radii=one.radii) for one in recorded]
+    views = [view_of(localizer) for localizer in recorded]
 
     def remarks(_: object) -> None:
-        for one in recorded:
-            _remark(one, listener, first=one is first)
+        for localizer in recorded:
+            _remark(localizer, listener, first=localizer is first)
 
     return Playback(together(recorded), playing.total, views, playing.scene, remarks)
 
@@ -337,11 +342,12 @@ def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> P
     """Prepare a recorded localizer for `play`."""
     seen = recorded.overview
     library = map_of(recorded.localizer, seen)
-    drawn = RunView(recorded.label, (), None, seen.most_particles, radii=recorded.radii)
     scene = Scene(
         recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
     )
-    return Playback(recorded.updates(), seen.updates, [drawn], scene, lambda _: _remark(recorded, listener))
+    return Playback(
+        recorded.updates(), seen.updates, [view_of(recorded)], scene, lambda _: _remark(recorded, listener)
+    )
 
 
 def _remark(recorded: AsRecorded, listener: Listener, *, first: bool = True) -> None:

@@ -43,8 +43,8 @@ def score_of(localizer: Localizer, groups: Sequence[Sequence[DrivePicture]]) -> 
     sensor = localizer.sensor
     if not sensor.weights or sensor.parameters.sharpness == 0 or not groups:
         return None
-    found = score_drive(sensor, groups, localizer.radii.right_m, known_descriptors())
-    return found if found.pictures else None
+    score = score_drive(sensor, groups, localizer.radii.right_m, known_descriptors())
+    return score if score.pictures else None
 
 
 def score_feature(library: Library, weights: Mapping[str, float], session: RecordedSession) -> DriveScore:
@@ -53,9 +53,12 @@ def score_feature(library: Library, weights: Mapping[str, float], session: Recor
     configuration = configure([Layer("feature", {"sensor.weights": dict(weights)})])
     parameters = adapted(configuration, library, reference)[0].parameters
     localizer = build_localizer(library, None, parameters, reference=reference)
-    new = [[one for one in group if not _is_in(library, one.truth)] for group in drive_pictures(session)]
-    found = score_of(localizer, [group for group in new if group])
-    return DriveScore(0, np.nan) if found is None else found
+    groups = [
+        [picture for picture in group if not _is_in(library, picture.truth)]
+        for group in drive_pictures(session)
+    ]
+    score = score_of(localizer, [group for group in groups if group])
+    return DriveScore(0, np.nan) if score is None else score
 
 
 def _is_in(library: Library, pose: F64) -> bool:
@@ -73,23 +76,24 @@ def suited(
     Only where nobody has chosen them, for likelihoods that have scales, and for a known start: a search for
     the robot needs what a picture says about places far away, which this does not judge.
     """
-    found = score_of(localizer, groups)
-    if found is None or not found.is_bad:
+    score = score_of(localizer, groups)
+    if score is None or not score.is_bad:
         return configuration, localizer, ()
     sensor = localizer.sensor.parameters
     ours = ("default", f"library {localizer.library.name}")
-    chosen = any(one.key in SCALES and one.origin not in ours for one in configuration.settings)
+    chosen = any(setting.key in SCALES and setting.origin not in ours for setting in configuration.settings)
     has_scales = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
     changes = has_scales and not chosen and start is not None
-    text = tuple(say_drive(localizer.library.name, localizer.sensor.weights, found, changed=changes))
+    text = tuple(say_drive(localizer.library.name, localizer.sensor.weights, score, changed=changes))
     if not changes:
         return configuration, localizer, text
-    scales = {name: scale * found.widening for name, scale in sensor.scales.items()}
-    values: dict[str, Any] = {"sensor.widening": sensor.widening * found.widening, "sensor.scales": scales}
+    scales = {name: scale * score.widening for name, scale in sensor.scales.items()}
+    values: dict[str, Any] = {"sensor.widening": sensor.widening * score.widening, "sensor.scales": scales}
     widened = replace(sensor, widening=values["sensor.widening"], scales=scales)
+    origin = "the drive's pictures"
     settings = tuple(
-        Setting(one.key, values[one.key], "the drive's pictures") if one.key in values else one
-        for one in configuration.settings
+        Setting(setting.key, values[setting.key], origin) if setting.key in values else setting
+        for setting in configuration.settings
     )
     parameters = replace(configuration.parameters, sensor=widened)
     localizer = replace(localizer, sensor=replace(localizer.sensor, parameters=widened))

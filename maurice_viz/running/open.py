@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -20,7 +21,7 @@ from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
-from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.sensor.references import NearestReference, nearest_reference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
@@ -69,8 +70,8 @@ def start_pose(
         return None
     if start == "tracking":
         if info.start is None:
-            found = 'found no "start" pose in a header'
-            raise InputError(log, f"{found}; give --start truth, X,Y,HEADING or global")
+            missing = 'found no "start" pose in a header'
+            raise InputError(log, f"{missing}; give --start truth, X,Y,HEADING or global")
         return info.start
     if start == "truth":
         pose = first_truth()
@@ -104,12 +105,12 @@ def open_session(source: str | Path | AnySession, reading: ReadingOptions, liste
     if not path.exists():
         raise InputError(path, "there is no such file or folder; check the path")
     if is_saved(path):
-        its = open_runs(path)[0].manifest.session.path
-        raise InputError(path, f"found a saved run, expected a recording; its session is {its}")
-    one = chosen(path, reading)
-    session = open_any(path, replace(reading, format=one.name))
-    if one.name != NATIVE:
-        listener.remark(f"{path}: read as {one.name}, {one.what}")
+        session_path = open_runs(path)[0].manifest.session.path
+        raise InputError(path, f"found a saved run, expected a recording; its session is {session_path}")
+    form = chosen(path, reading)
+    session = open_any(path, replace(reading, format=form.name))
+    if form.name != NATIVE:
+        listener.remark(f"{path}: read as {form.name}, {form.what}")
     for text in session.told if isinstance(session, RecordedSession) else ():
         listener.remark(text)
     if session.kind != "session":
@@ -166,41 +167,91 @@ def make_runs(
     session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
-    configurations = [one.configuration() for one in specs]
+    configurations = [spec.configuration() for spec in specs]
     library = landmarked(configurations, session.info, library, listener)
-    configurations = _available(configurations, session, library, listener)
     reference = nearest_reference(library.poses, library.arena)
     if not reference.grid.free.any():
-        found = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
-        raise InputError(session.path, f"{found}; fix the map in the survey's header")
-    configurations = _adapted(configurations, library, reference, listener)
-    starts: list[F64 | None] = []
-    for spec in specs:
-        if starts and spec.start is specs[0].start:
-            starts.append(starts[0])
-            continue
-        starts.append(start_pose(spec.start, session.info, session.path, lambda: _first_truth(session)))
-        if starts[-1] is not None:
-            _check_start(session, library, reference, starts[-1], listener)
+        full = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
+        raise InputError(session.path, f"{full}; fix the map in the survey's header")
+    warn, pictures = once(listener.warning), cache(partial(_pictures_of, session))
+    configurations = [_fitted(given, session, library, reference, warn) for given in configurations]
+    starts = [_start(spec, session, library, reference, warn) for spec in specs]
+    labels = unique_labels([_label(*pair, library) for pair in zip(specs, configurations, strict=True)])
+    runs = []
+    for spec, configuration, start, label in zip(specs, configurations, starts, labels, strict=True):
+        try:
+            localizer = build_localizer(
+                library, session, configuration.parameters, reference=reference, seed=spec.seed
+            )
+        except ValueError as problem:  # bad motion parameters, in the configuration or in the header
+            file = motion_file(spec.settings)
+            raise InputError(file or session.path, str(problem), None if file else 1) from None
+        groups = pictures() if localizer.sensor.weights else []
+        configuration, localizer, texts = suited(configuration, localizer, start, groups)
+        for text in texts:
+            warn(text)
+        runs.append(FilterRun(label, localizer, start, to_toml(configuration)))
+    return runs
+
+
+def once(tell: Callable[[str], None]) -> Callable[[str], None]:
+    """Return what passes on every text once: several runs often have the same to tell."""
+    seen = set[str]()
+
+    def tell_once(text: str) -> None:
+        if text not in seen:
+            seen.add(text)
+            tell(text)
+
+    return tell_once
+
+
+def _fitted(
+    configuration: Configuration,
+    session: SourcedSession,
+    library: Library,
+    reference: NearestReference,
+    warn: Callable[[str], None],
+) -> Configuration:
+    """Fit a configuration to a library: the pose sensors that it holds, and scales after its places."""
     try:
-        localizers = [
-            build_localizer(library, session, one.parameters, reference=reference, seed=spec.seed)
-            for one, spec in zip(configurations, specs, strict=True)
-        ]
-    except ValueError as problem:  # bad motion parameters, in the configuration or in the header
-        file = next(filter(None, (motion_file(spec.settings) for spec in specs)), None)
-        raise InputError(file or session.path, str(problem), None if file else 1) from None
-    configurations, localizers = _suited(session, configurations, localizers, starts, listener)
-    labels = unique_labels([_label(*one, library) for one in zip(specs, configurations, strict=True)])
-    parts = zip(labels, localizers, starts, configurations, strict=True)
-    return [FilterRun(label, made, start, to_toml(one)) for label, made, start, one in parts]
+        usable, missing = available(configuration, library)
+    except InputError as problem:
+        raise InputError(session.path, problem.message) from None
+    for name in missing:
+        warn(f"the library {library.name!r} holds no {name}: the other channels are used alone")
+    fitted, places = adapted(usable, library, reference)
+    for text in say_places(library.name, usable.parameters.sensor.weights, places):
+        warn(text)
+    return fitted
+
+
+def _pictures_of(session: SourcedSession) -> list[list[DrivePicture]]:
+    """Return pictures of a drive whose true poses are known; none of a live one."""
+    if not isinstance(session, (SessionLog, RecordedSession)):
+        return []
+    return drive_pictures(as_recorded_session(session, ReadingOptions()))
+
+
+def _start(
+    spec: RunSpec,
+    session: SourcedSession,
+    library: Library,
+    reference: NearestReference,
+    warn: Callable[[str], None],
+) -> F64 | None:
+    """Return where the particles of a run begin (3,); None: anywhere. InputError outside the map."""
+    start = start_pose(spec.start, session.info, session.path, lambda: _first_truth(session))
+    if start is not None:
+        _check_start(session, library, reference, start, warn)
+    return start
 
 
 def landmarked(
     configurations: Sequence[Configuration], info: SessionInfo, library: Library, listener: Listener = SILENT
 ) -> Library:
     """Return the library with landmarks where a run weighs particles by them."""
-    if all(LANDMARKS not in one.parameters.sensor.weights for one in configurations):
+    if all(LANDMARKS not in configuration.parameters.sensor.weights for configuration in configurations):
         return library
     from maurice_loaders.libraries.landmarks import with_landmarks
 
@@ -214,58 +265,6 @@ def _label(spec: RunSpec, configuration: Configuration, library: Library) -> str
     return spec.label if library.index or is_chosen else "-".join(configuration.parameters.sensor.weights)
 
 
-def _available(
-    configurations: Sequence[Configuration], session: SourcedSession, library: Library, listener: Listener
-) -> list[Configuration]:
-    """Use the pose sensors that the library holds; say once which ones it lacks. InputError."""
-    result, lacking = list[Configuration](), dict[str, None]()
-    for one in configurations:
-        try:
-            usable, missing = available(one, library)
-        except InputError as problem:
-            raise InputError(session.path, problem.message) from None
-        result.append(usable)
-        lacking |= dict.fromkeys(missing)
-    for name in lacking:
-        listener.warning(f"the library {library.name!r} holds no {name}: the other channels are used alone")
-    return result
-
-
-def _adapted(
-    configurations: Sequence[Configuration],
-    library: Library,
-    reference: NearestReference,
-    listener: Listener,
-) -> list[Configuration]:
-    """Fit the scales of each run to the library's places; say once what its pictures show."""
-    result, said = list[Configuration](), dict[str, None]()
-    for one in configurations:
-        fitted, found = adapted(one, library, reference)
-        result.append(fitted)
-        said |= dict.fromkeys(say_places(library.name, one.parameters.sensor.weights, found))
-    for text in said:
-        listener.warning(text)
-    return result
-
-
-def _suited(
-    session: SourcedSession,
-    configurations: Sequence[Configuration],
-    localizers: Sequence[Localizer],
-    starts: Sequence[F64 | None],
-    listener: Listener,
-) -> tuple[list[Configuration], list[Localizer]]:
-    """Widen the scales of each run where the drive's own pictures mislead it; say so once."""
-    channels = any(one.sensor.weights for one in localizers)
-    if not channels or not isinstance(session, (SessionLog, RecordedSession)):
-        return list(configurations), list(localizers)
-    groups = drive_pictures(as_recorded_session(session, ReadingOptions()))
-    found = [suited(*one, groups) for one in zip(configurations, localizers, starts, strict=True)]
-    for text in dict.fromkeys(text for _, _, said in found for text in said):
-        listener.warning(text)
-    return [one for one, _, _ in found], [one for _, one, _ in found]
-
-
 def _first_truth(session: SourcedSession) -> F64 | None:
     """Return the pose (3,) at which a recorded drive really began; of a live one it is not known yet."""
     if isinstance(session, RecordedSession):
@@ -274,7 +273,11 @@ def _first_truth(session: SourcedSession) -> F64 | None:
 
 
 def _check_start(
-    session: SourcedSession, library: Library, reference: NearestReference, start: F64, listener: Listener
+    session: SourcedSession,
+    library: Library,
+    reference: NearestReference,
+    start: F64,
+    warn: Callable[[str], None],
 ) -> None:
     """Refuse a start outside the map; warn where the map has something solid there."""
     units = units_named(session.info.display_units)
@@ -286,9 +289,7 @@ def _check_start(
         raise InputError(session.path, f"{at} is outside the map ({bounds}); give another with --start")
     local = np.array([[*(start[:2] - library.origin), start[2]]], np.float32)
     if reference.entries(local, library.origin)[0] < 0:
-        listener.warning(
-            f"{at} is not in the map's free space: until particles reach it, all their weights are zero"
-        )
+        warn(f"{at} is not in the map's free space: until particles reach it, all their weights are zero")
 
 
 def unique_labels(names: Sequence[str]) -> list[str]:
@@ -305,9 +306,9 @@ def unique_labels(names: Sequence[str]) -> list[str]:
 
 def remark_skipped(session: AnySession, listener: Listener) -> None:
     """Report what was skipped of a session, but for what was told when it was opened."""
-    told = session.told if isinstance(session, RecordedSession) else ()
+    notes = session.told if isinstance(session, RecordedSession) else ()
     for warning in session.warnings:
-        if warning not in told:
+        if warning not in notes:
             listener.warning(warning)
     if session.problem_count:
         skipped = f"skipped {session.problem_count} broken records"

@@ -125,54 +125,50 @@ def output_of(
     return output
 
 
+@dataclass(slots=True)
+class Drawn:
+    """What is drawn, and what is known of it only in the end."""
+
+    observer: SceneObserver | None = None  # None: nothing is drawn
+    step: int | None = None  # to look at; set before the end, it moves a viewer there
+    file: Path | None = None  # the recording, once it is written
+
+
 @contextmanager
 def drawing(
-    runs: Sequence[RunView],
-    scene: Scene,
-    output: OutputOptions,
-    listener: Listener,
-    written: list[Path] | None = None,
-    decisive: Callable[[], int | None] = lambda: None,
-) -> Iterator[SceneObserver | None]:
-    """Open what is drawn to, and return what draws there; None when no recording is wanted.
-
-    The path of a recording that was written is appended to `written`. At the end a viewer is moved to the
-    step that `decisive` returns.
-    """
+    runs: Sequence[RunView], scene: Scene, output: OutputOptions, listener: Listener
+) -> Iterator[Drawn]:
+    """Open what is drawn to, and begin to draw there; nothing when no recording is wanted. SinkError."""
+    drawn = Drawn()
     if output.no_recording:
-        yield None
+        yield drawn
         return
     from ..panels.observer import SceneObserver
 
-    with _sink(runs, scene, output, listener, [] if written is None else written, decisive) as rec:
-        yield SceneObserver(rec, runs, scene, Detail(output.detail))
+    detail = Detail(output.detail)
+    layout = layout_of(runs, scene, output.layout, light=detail is Detail.LIGHT)
+    if scene.live:
+        sink = _live(drawn, output, scene.info.name, layout, listener)
+    else:
+        remark_size = partial(_remark_size, runs, scene, detail, listener)
+        sink = opened(drawn, output, scene.info.name, layout, listener, remark_size)
+    with sink as rec:
+        drawn.observer = SceneObserver(rec, runs, scene, detail)
+        yield drawn
 
 
 @contextmanager
-def _sink(
-    runs: Sequence[RunView],
-    scene: Scene,
-    output: OutputOptions,
-    listener: Listener,
-    written: list[Path],
-    decisive: Callable[[], int | None],
+def _live(
+    drawn: Drawn, output: OutputOptions, name: str, layout: rrb.Blueprint, listener: Listener
 ) -> Iterator[rr.RecordingStream]:
+    """Open a file, and a server that viewers may come to at any time."""
     from ..viewer import sinks
 
-    light = output.detail == Detail.LIGHT.value
-    info, layout = scene.info, layout_of(runs, scene, output.layout, light=light)
-    if not scene.live:
-        beforehand = partial(_remark_size, runs, scene, output, listener)
-        with opened(
-            output, info.name, layout, listener, beforehand, written=written, decisive=decisive
-        ) as rec:
-            yield rec
-        return
     path = _path(output)
     window = output.rrd is None and not output.headless and sinks.has_display()
     with sinks.to_file_and_viewers(
         path,
-        info.name,
+        name,
         layout,
         force=output.force,
         window=window,
@@ -181,7 +177,7 @@ def _sink(
         remark=listener.remark,
     ) as rec:
         yield rec
-    written.append(path)
+    drawn.file = path
     if output.web is not None:
         output.web.close()  # what it showed came from here
     _remark_written(path, KEYS, listener)
@@ -189,28 +185,26 @@ def _sink(
 
 @contextmanager
 def opened(
+    drawn: Drawn,
     output: OutputOptions,
     name: str,
     layout: rrb.Blueprint,
     listener: Listener,
-    beforehand: Callable[[Path], None] = lambda path: None,
+    before_file: Callable[[Path], None] = lambda path: None,
     keys: str = KEYS,
-    written: list[Path] | None = None,
-    decisive: Callable[[], int | None] = lambda: None,
 ) -> Iterator[rr.RecordingStream]:
     """Open a page for browsers if that is asked for, a viewer where there is a display, else a file.
 
-    `beforehand` is called with the file's path. Remarks at the end which `keys` to press in the viewer;
-    appends the file's path to `written`. A viewer is moved to the step that `decisive` returns at the end.
+    `before_file` is called with the path of a file that is about to be written. Remarks at the end which
+    `keys` to press in the viewer.
     """
     from ..viewer import sinks
-    from ..viewer.open_viewers import look_at
 
     if output.web is not None:
         output.web.serve(listener.remark)
         with sinks.to_viewer(output.web.data, name, layout) as rec:
             yield rec
-        _remark_step(decisive(), listener)
+        _remark_step(drawn.step, listener)
         return
     if output.rrd is None and not output.headless and sinks.has_display():
         try:
@@ -220,17 +214,23 @@ def opened(
         else:
             with sinks.to_viewer(port, name, layout) as rec:
                 yield rec
-            if (step := decisive()) is not None and look_at(port, step):
-                listener.remark(f"the viewer stands at step {step}")
-            listener.remark(keys)
+            _look_at(port, drawn.step, keys, listener)
             return
     path = _path(output)
-    beforehand(path)
+    before_file(path)
     with sinks.to_file(path, name, layout, force=output.force, remark=listener.remark) as rec:
         yield rec
-    if written is not None:
-        written.append(path)
+    drawn.file = path
     _remark_written(path, keys, listener)
+
+
+def _look_at(port: int, step: int | None, keys: str, listener: Listener) -> None:
+    """Move the viewer on a port to a step, if there is one; remark it, and which keys to press."""
+    from ..viewer.open_viewers import look_at
+
+    if step is not None and look_at(port, step):
+        listener.remark(f"the viewer stands at step {step}")
+    listener.remark(keys)
 
 
 def _path(output: OutputOptions) -> Path:
@@ -267,7 +267,6 @@ def show_recording(path: Path, listener: Listener, web: WebViewer | None = None)
     InputError, SinkError.
     """
     from ..viewer import sinks
-    from ..viewer.open_viewers import look_at
 
     step = decisive_step_of(path)
     if web is not None:
@@ -277,10 +276,7 @@ def show_recording(path: Path, listener: Listener, web: WebViewer | None = None)
     if not sinks.has_display():
         how = "found no display to open it on; add --web for a browser, or copy it to where there is one"
         raise SinkError(path, how)
-    port = sinks.bring_up_viewer([str(path)])
-    if step is not None and look_at(port, step):
-        listener.remark(f"the viewer stands at step {step}")
-    listener.remark(KEYS)
+    _look_at(sinks.bring_up_viewer([str(path)]), step, KEYS, listener)
 
 
 def decisive_step_of(path: Path) -> int | None:
@@ -310,12 +306,11 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
 
 
 def _remark_size(
-    runs: Sequence[RunView], scene: Scene, output: OutputOptions, listener: Listener, path: Path
+    runs: Sequence[RunView], scene: Scene, detail: Detail, listener: Listener, path: Path
 ) -> None:
     """Report how large the file will be, approximately, where that is known and it is large."""
     from ..panels.observer import expected_bytes
 
-    detail = Detail(output.detail)
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
     if (total := sum(parts)) >= LARGE:
         smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it smaller"

@@ -54,7 +54,7 @@ class Playback:
 
     def draws(self, steps: Mapping[str, Step]) -> bool:
         """Return whether an update is drawn."""
-        return self.drawn is None or all(one.frame.step in self.drawn for one, _ in steps.values())
+        return self.drawn is None or all(moment.frame.step in self.drawn for moment, _ in steps.values())
 
     @property
     def other_drives(self) -> set[str]:
@@ -105,25 +105,22 @@ def play(
     """
     collector = collector_of(playback)
     stopped: KeyboardInterrupt | None = None
-    written: list[Path] = []
-
-    def decisive() -> int | None:
-        return decisive_step(collector.verdicts()) if collector.updates else None
-
     try:
-        with drawing(playback.views, playback.scene, output, listener, written, decisive) as observer:
+        with drawing(playback.views, playback.scene, output, listener) as drawn:
             try:
                 with savers or nullcontext({}) as writers:
-                    step_through(playback, observer, writers, collector, listener)
+                    step_through(playback, drawn.observer, writers, collector, listener)
             except KeyboardInterrupt as stop:
                 stopped = stop
+            if collector.updates and drawn.observer is not None:
+                drawn.step = decisive_step(collector.verdicts())
     except (SinkError, KeyboardInterrupt):
         if collector.updates:
             playback.remarks(collector)
             report(_scores(collector, playback, None, output.save_run))
         raise
     playback.remarks(collector)
-    scores = _scores(collector, playback, written[0] if written else None, output.save_run)
+    scores = _scores(collector, playback, drawn.file, output.save_run)
     report(scores)
     if stopped is not None:
         raise type(stopped)(AS_FAR)
@@ -176,15 +173,15 @@ def step_through(
 
 
 def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Step]]:
-    """Yield all updates; say once, at the first, what no sensor of a run can read."""
-    said: set[str] | None = None
+    """Yield all updates; warn at the first of what no sensor of a run can read."""
+    is_first = True
     for steps in playback.updates:
-        if said is None:
-            runs = [(steps[one.label][0].frame, one.localizer) for one in playback.views]
-            found = (say_other_shape(frame, one.sensor.sensors.values()) for frame, one in runs if one)
-            said = {text for text in found if text is not None}
-            for text in sorted(said):
+        if is_first:
+            sensors = {run.label: run.sensor.sensors.values() for run in playback.views if run.sensor}
+            texts = {say_other_shape(steps[label][0].frame, known) for label, known in sensors.items()}
+            for text in sorted(text for text in texts if text is not None):
                 listener.warning(text)
+            is_first = False
         yield steps
 
 

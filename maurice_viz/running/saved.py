@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,12 +27,10 @@ from maurice_loaders.runs.manifest import (
     source_of,
     versions_now,
 )
-from maurice_loaders.runs.store import RunDifference, SavedRun, first_difference, open_runs
-from maurice_loaders.runs.writer import RunWriter, begin_comparison, rows_of
+from maurice_loaders.runs.store import SavedRun, open_runs
+from maurice_loaders.runs.writer import RunWriter, begin_comparison
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.localizer import run as run_filter
-from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.sensor.outside import NOT_THERE, load_sensor, package_of
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import StepRecord
@@ -70,8 +68,8 @@ def session_of(run: SavedRun) -> AnySession:
         run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
     )
     table = run.manifest.table
-    found = None if table is None else unchanged(table, run.folder, "table")
-    return open_session(path, replace(reading, table=found, keep_going=run.manifest.keep_going))
+    table_path = None if table is None else unchanged(table, run.folder, "table")
+    return open_session(path, replace(reading, table=table_path, keep_going=run.manifest.keep_going))
 
 
 def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
@@ -156,8 +154,8 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     known: Sequence[Localizer | None] = localizers or [None] * len(runs)
     restored = [Restored(*pair) for pair in zip(runs, known, strict=True)]
     reading = first.reading
-    made = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
-    notes_then = tuple(named for named, asked in made if asked)
+    odometry_from = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
+    notes_then = tuple(named for named, asked in odometry_from if asked)
     info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes_then)
     scene = Scene(info, library, first.has_truth, first.pictures)
     return Opened(runs, restored, session, scene, listener)
@@ -168,7 +166,7 @@ def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
     return Playback(
         shared(opened.updates()),
         opened.runs[0].manifest.pictures,
-        [view_of(one) for one in opened.restored],
+        [view_of(run) for run in opened.restored],
         opened.scene,
         lambda collector: remark_saved(collector, opened.runs, listener),
     )
@@ -182,21 +180,21 @@ def _tried(opening: Callable[[], Part], problems: list[str]) -> Part | None:
         return None
 
 
-def view_of(one: Restored) -> RunView:
+def view_of(run: Restored) -> RunView:
     """Return how one saved run is shown."""
-    manifest = one.saved.manifest
-    parameters = one.saved.configuration.parameters
+    manifest = run.saved.manifest
+    parameters = run.saved.configuration.parameters
     special = {"none": NEVER, "mixture": LIKELY, "expansion": None}
     draws_new = special.get(parameters.recovery.strategy, parameters.recovery.draw)
     return RunView(
         manifest.label,
         manifest.channels,
-        one.sensor,
+        run.sensor,
         parameters.particles,
         radii=manifest.radii,
         draws_new=draws_new if manifest.channels else None,
-        localizer=one.localizer,
-        start=one.start,
+        localizer=run.localizer,
+        start=run.start,
     )
 
 
@@ -300,80 +298,6 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
 
 def _full(target: Path, problem: OSError) -> SinkError:
     return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); free some space")
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """The outcome of filtering one saved run again."""
-
-    label: str
-    steps: int  # equal ones, from the first
-    pictures: int  # of the session; a run that was stopped early has fewer steps
-    difference: RunDifference | None  # the first one; None: the runs are identical
-    changed: tuple[str, ...]  # packages whose version differs from then
-
-    @property
-    def same(self) -> bool:
-        """Whether the run is identical to the last bit."""
-        return self.difference is None
-
-    def __str__(self) -> str:
-        versions = f" ({'; '.join(self.changed)})" if self.changed else ""
-        if self.difference is None:
-            short = f"; it ended before the last of {self.pictures}" if self.steps < self.pictures else ""
-            return f"{self.label}: the same, all {self.steps} steps to the last bit{short}{versions}"
-        return f"{self.label}: differs first at {self.difference}{versions or ' (with the same versions)'}"
-
-    def to_json(self) -> dict[str, Any]:
-        """Return everything as JSON."""
-        first = self.difference
-        place = None if first is None else {"step": first.step, "field": first.field}
-        values = {} if first is None else {"stored": first.stored, "now": first.now}
-        return {
-            "label": self.label,
-            "same": first is None,
-            "steps": self.steps,
-            "difference": place and place | values,
-            "changed_versions": list(self.changed),
-        }
-
-
-def verify(run: str | Path, *, listener: Listener = SILENT) -> list[Verdict]:
-    """Filter a saved run, or each run of a comparison, again from its manifest and compare step by step.
-
-    Only one step is held in memory. Raises InputError when a session or library is gone or changed, or when
-    the saved run is damaged or has no step.
-
-        >>> import maurice_viz as mv
-        >>> [verdict] = mv.verify("my-run")
-        >>> verdict.same
-        True
-    """
-    return [_verified(saved, listener) for saved in open_runs(Path(run))]
-
-
-def _verified(run: SavedRun, listener: Listener) -> Verdict:
-    manifest, steps = run.manifest, 0
-    session, library = session_of(run), library_of(run, listener)
-    localizer = localizer_of(run, session, library)
-    again = run_filter(localizer, session, Restored(run, None).start)
-    second, changed = SecondOpinion.beside(localizer), changed_versions(run)
-    for stored in run.steps():
-        update = next(again, None)
-        if update is None:
-            step, picture = stored.step["step"], str(stored.step["picture"])
-            found: RunDifference | None = RunDifference(step, "picture", picture, "no more pictures")
-        else:
-            moment, record = update
-            record = record if second is None else second.added_to(record)
-            found = first_difference(stored, rows_of(moment, record))
-        if found is not None:
-            return Verdict(manifest.label, steps, manifest.pictures, found, changed)
-        steps += 1
-        listener.progress(steps, manifest.pictures, f"verify {manifest.label}")
-    if not steps:
-        raise InputError(run.folder, "holds no step, so there is nothing to verify; replay its session again")
-    return Verdict(manifest.label, steps, manifest.pictures, None, changed)
 
 
 def changed_sensors(run: SavedRun) -> tuple[str, ...]:

@@ -199,25 +199,25 @@ def collect(
     listener: Listener,
 ) -> Collected:
     """Go through all updates of saved runs once."""
-    known = {run.saved.manifest.label: run for run in runs}
-    tracks = {label: Track(label) for label in known}
-    detectors = {label: EventDetector(scale.say) for label in known}
-    localizers = {label: one.localizer for label, one in known.items()}
-    starts = {label: one.start for label, one in known.items()}
-    scores = ResultCollector(list(known), arena_m, scale.say, localizers=localizers, starts=starts)
+    runs_by_label = {run.saved.manifest.label: run for run in runs}
+    tracks = {label: Track(label) for label in runs_by_label}
+    detectors = {label: EventDetector(scale.say) for label in runs_by_label}
+    localizers = {label: run.localizer for label, run in runs_by_label.items()}
+    starts = {label: run.start for label, run in runs_by_label.items()}
+    scores = ResultCollector(list(runs_by_label), arena_m, scale.say, localizers=localizers, starts=starts)
     size: tuple[int, int] | None = None
     for moment, records in restored_together(runs, pictures):
         paired = scores.add(moment, records)
         size = size or (moment.frame.image.shape[1], moment.frame.image.shape[0])
         for label, record in records.items():
-            tracks[label].add(moment, record, known[label].start)
+            tracks[label].add(moment, record, runs_by_label[label].start)
             tracks[label].events.extend(detectors[label].see(moment, record))
         for label, step in paired.items():
             tracks[label].events.extend([] if step.event is None else [step.event])
         listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")
     results = scores.results()
-    for one in results:
-        track = tracks[one.label]
+    for run in results:
+        track = tracks[run.label]
         times_s = {int(row[0]): row[1] for row in track.rows}  # the first two of NUMBERS
-        track.events = with_failures(track.events, one.verdict.failures, times_s, scale)
+        track.events = with_failures(track.events, run.verdict.failures, times_s, scale)
     return Collected(list(tracks.values()), results, size)

@@ -173,11 +173,11 @@ class BlockRecording(rr.RecordingStream):
 
     def _time_column(self, timeline: str, at: tuple[Any, ...]) -> rr.TimeColumn:
         """Return when rows are; most entities of a block have theirs at the same times."""
-        found = self._columns.get((timeline, at))
-        if found is None:
-            found = rr.TimeColumn(timeline, **{self._kinds[timeline]: at})
-            self._columns[timeline, at] = found
-        return found
+        column = self._columns.get((timeline, at))
+        if column is None:
+            column = rr.TimeColumn(timeline, **{self._kinds[timeline]: at})
+            self._columns[timeline, at] = column
+        return column
 
     def flush(self, *, timeout_sec: float = 1e38) -> None:
         """Write all that was logged."""
@@ -192,8 +192,8 @@ class BlockRecording(rr.RecordingStream):
 
 def _components_of(part: Any) -> Iterator[tuple[Any, Values]]:
     """Yield descriptor and values of each component of what is logged: a ready row, or what Rerun takes."""
-    for one in part.as_component_batches() if hasattr(part, "as_component_batches") else part:
-        if type(one) is ReadyComponent:
-            yield one.descriptor, one.values
+    for batch in part.as_component_batches() if hasattr(part, "as_component_batches") else part:
+        if type(batch) is ReadyComponent:
+            yield batch.descriptor, batch.values
         else:
-            yield one.component_descriptor(), ready(one.as_arrow_array())
+            yield batch.component_descriptor(), ready(batch.as_arrow_array())

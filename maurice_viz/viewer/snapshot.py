@@ -67,14 +67,14 @@ def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blue
     Case does not matter. Raises LayoutError for anything else.
     """
     sought = name.casefold()
-    same = [title for title in views if title.casefold() == sought]
-    fitting = same or [title for title in views if title.casefold().startswith(sought)]
-    if len(fitting) != 1:
-        which = ", ".join(repr(title) for title in sorted(fitting or views))
-        found = f"found {len(fitting) or 'no'} views that begin with {name!r}"
-        raise LayoutError(f"{found}; {'these are' if fitting else 'there are'} {which}")
+    equal = [title for title in views if title.casefold() == sought]
+    titles_that_fit = equal or [title for title in views if title.casefold().startswith(sought)]
+    if len(titles_that_fit) != 1:
+        titles = ", ".join(repr(title) for title in sorted(titles_that_fit or views))
+        count = f"found {len(titles_that_fit) or 'no'} views that begin with {name!r}"
+        raise LayoutError(f"{count}; {'these are' if titles_that_fit else 'there are'} {titles}")
     changed = copy.deepcopy(blueprint)
-    changed["/viewport"][VIEWPORT]["maximized"] = views[fitting[0]]
+    changed["/viewport"][VIEWPORT]["maximized"] = views[titles_that_fit[0]]
     return changed
 
 
@@ -170,8 +170,8 @@ def expect_whole_frames(recording: Path) -> None:
 
 def software_driver() -> Path | None:
     """Find Mesa's software Vulkan driver, whose pictures are the same on every machine."""
-    found = [file for folder in DRIVERS if folder.is_dir() for file in sorted(folder.glob("lvp*.json"))]
-    return found[0] if found else None
+    files = [file for folder in DRIVERS if folder.is_dir() for file in sorted(folder.glob("lvp*.json"))]
+    return files[0] if files else None
 
 
 def expect_driver(target: Path) -> Path:
