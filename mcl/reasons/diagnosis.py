@@ -26,7 +26,7 @@ from .drive_rules import (
     slipped_as_told,
     stuck_pictures,
 )
-from .evidence import EvidenceFinder, UpdateEvidence, surprise
+from .evidence import EvidenceFinder, UpdateEvidence
 from .particle_rules import no_particle, unlucky, weights_vanish
 from .picture_rules import ambiguity, library_gap, lighting, unlike_references
 from .story import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, Story
@@ -71,13 +71,6 @@ def decide(story: Story) -> Failure:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Movement:
-    before: F64 | None  # (3,) the truth at the update before
-    truth: F64  # (3,)
-    motions: F64  # (M, 3) of odometry since then
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Picture:
     image: U8
     truth: F64  # (3,)
@@ -85,52 +78,34 @@ class _Picture:
 
 
 @dataclass(slots=True)
-class LaterEvidence:
-    """Finds what costs much only around a loss: the light, the movements, the edge of the map.
+class KeptPictures:
+    """Keeps pictures while a loss can still be due to them, and compares their light when one is.
 
-    Follows one run; `updates` is the list of its evidence, to which it adds what is asked for.
-    What that takes is kept until then: a few numbers an update, and pictures that a loss can still be due to.
+    Follows one run; `updates` is the list of its evidence, to which it adds light and elements.
     """
 
     updates: list[UpdateEvidence]
-    _movements: dict[int, _Movement] = field(default_factory=dict)  # by index, until they are compared
     _pictures: dict[int, _Picture] = field(default_factory=dict)  # by index, until compared or out of reach
-    _truth: F64 | None = None  # of the update before
     _off: int = 0  # updates in a row that were off
     _was_right: bool = False  # whether an update was correct so far: before that, no loss begins
     _loss: range = range(0)  # the updates whose pictures the last loss can be due to, until they are compared
     _near: list[int] = field(default_factory=lambda: [-1])  # the last updates that held the truth
 
     def add(self, moment: Moment, record: StepRecord, surroundings: Surroundings | None) -> None:
-        """Keep what the last of `updates` may be asked for; `surroundings` say how its light is measured."""
+        """Keep the picture of the last of `updates`; `surroundings` say how its light is measured."""
         last, index = self.updates[-1], len(self.updates) - 1
-        before, self._truth = self._truth, moment.truth
         self._off = self._off + 1 if last.score.lost else 0
         self._was_right |= last.score.correct is True
         if moment.truth is None or surroundings is None or last.broken:
             return
-        self._movements[index] = _Movement(before, moment.truth, moment.frame.motions)
         if last.fit is not None and moment.frame.image.size:
             self._pictures[index] = _Picture(moment.frame.image, moment.truth, record.estimate.pose)
         if last.share_near >= NEAR_SHARE:
             self._near.append(index)
         self._let_go(index, surroundings)
 
-    def complete(self, story: Story, localizer: Localizer, surroundings: Surroundings) -> None:
-        """Add to `updates` what the rules ask for in one episode."""
-        for index in sorted({*story.window, *story.moves} & self._movements.keys()):
-            movement, now = self._movements.pop(index), self.updates[index]
-            if localizer.motion is not None and movement.before is not None:
-                origin, motions = localizer.library.origin, movement.motions
-                now = replace(
-                    now, surprise=surprise(localizer.motion, origin, movement.before, movement.truth, motions)
-                )
-            outside = surroundings.is_outside(movement.truth)
-            reference_m = surroundings.to_reference_m(movement.truth)
-            self.updates[index] = replace(now, outside=outside, reference_m=reference_m)
-        self._light(story.pictures, surroundings)
-
-    def _light(self, indexes: Iterable[int], surroundings: Surroundings) -> None:
+    def compare(self, indexes: Iterable[int], surroundings: Surroundings) -> None:
+        """Add light and elements to those of some updates whose pictures are kept."""
         for index in sorted(set(indexes) & self._pictures.keys()):
             picture, now = self._pictures.pop(index), self.updates[index]
             assert now.fit is not None
@@ -146,11 +121,11 @@ class LaterEvidence:
         """
         if self._off == LOST_FOR and self._was_right:
             lost = index - LOST_FOR + 1
-            self._light(self._loss, surroundings)
+            self.compare(self._loss, surroundings)
             self._loss = range(max(self._near_before(lost), 0), lost + FIRST_UPDATES + 1)
         if self._loss:
             if index >= self._loss[-1]:
-                self._light(self._loss, surroundings)
+                self.compare(self._loss, surroundings)
                 self._loss = range(0)
             return
         known = index - LOST_FOR  # a loss that begins later is not known yet
@@ -159,7 +134,7 @@ class LaterEvidence:
         for old in [k for k in self._pictures if FIRST_UPDATES < k < first]:
             del self._pictures[old]
         if len(self._pictures) > MOST_PICTURES + FIRST_UPDATES:
-            self._light([min(k for k in self._pictures if k > FIRST_UPDATES)], surroundings)
+            self.compare([min(k for k in self._pictures if k > FIRST_UPDATES)], surroundings)
 
     def _near_before(self, index: int) -> int:
         """Return the last update before one that held the truth; -1: none. Forgets those before it."""
@@ -178,7 +153,7 @@ class DiagnosisBuilder:
     localizer: Localizer | None = None
     episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
     _finder: EvidenceFinder = field(init=False)
-    _later: LaterEvidence = field(default_factory=lambda: LaterEvidence([]))
+    _pictures: KeptPictures = field(default_factory=lambda: KeptPictures([]))
     _known: tuple[int, tuple[Failure, ...]] = (0, ())  # result for so many updates
 
     def __post_init__(self) -> None:
@@ -188,7 +163,7 @@ class DiagnosisBuilder:
         """Process the next update."""
         self.episodes.add(moment, record)
         self._updates.append(self._finder.see(moment, record, self.episodes))
-        self._later.add(moment, record, self._finder.surroundings)
+        self._pictures.add(moment, record, self._finder.surroundings)
 
     def result(self) -> tuple[Failure, ...]:
         """Return the failures up to now, in the order of steps; none for a healthy run."""
@@ -202,18 +177,18 @@ class DiagnosisBuilder:
 
     @property
     def _updates(self) -> list[UpdateEvidence]:
-        return self._later.updates
+        return self._pictures.updates
 
     def stories(self) -> list[Story]:
         """Return each episode in which the filter failed, with its evidence."""
         surroundings = self._finder.surroundings
         stories = stories_of(self._updates, self.episodes.episodes)
-        if not stories or surroundings is None or self.localizer is None:
+        if not stories or surroundings is None:
             return stories
         spacing_m, usual = surroundings.spacing_m, surroundings.usual
         stories = [replace(story, spacing_m=spacing_m, usual=usual) for story in stories]
         for story in stories:
-            self._later.complete(story, self.localizer, surroundings)
+            self._pictures.compare(story.pictures, surroundings)
         return stories
 
 

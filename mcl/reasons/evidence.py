@@ -75,7 +75,7 @@ def surprise(model: MotionModel, origin: F64, before: F64, after: F64, motions: 
 class UpdateEvidence:
     """One update; None where it is not known: without truth, library, or motion model.
 
-    Five are added only around a loss, by `LaterEvidence`: outside, surprise, reference_m, light, elements.
+    Light and elements, which cost much, are added only around a loss, by `KeptPictures`.
     """
 
     step: int
@@ -175,8 +175,20 @@ class EvidenceFinder:
         surroundings = self.surroundings
         if surroundings is None or evidence.broken:
             return evidence
-        fit = surroundings.fit(record.sighting.comparison, truth, record.estimate.pose)
-        return replace(evidence, fit=fit, alike=layout_fit(surroundings, moment.frame.image, truth))
+        return replace(
+            evidence,
+            outside=surroundings.is_outside(truth),
+            surprise=None if last is None else self._surprise(last, truth, moment.frame.motions),
+            reference_m=surroundings.to_reference_m(truth),
+            fit=surroundings.fit(record.sighting.comparison, truth, record.estimate.pose),
+            alike=layout_fit(surroundings, moment.frame.image, truth),
+        )
+
+    def _surprise(self, before: F64, after: F64, motions: F64) -> Surprise | None:
+        localizer = self.localizer
+        if localizer is None or localizer.motion is None:
+            return None
+        return surprise(localizer.motion, localizer.library.origin, before, after, motions)
 
 
 def _moved(motions: F64) -> bool:

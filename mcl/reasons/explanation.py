@@ -61,10 +61,6 @@ class EntryExplanation:
         pairs = zip(self.channels, winner.channels, strict=True)
         return np.array([mine.loses - best.loses for mine, best in pairs])
 
-    def costliest(self, winner: EntryExplanation) -> ChannelExplanation:
-        """Return the channel that costs this entry most against another one; of equals, the first."""
-        return self.channels[int(self.lost_to(winner).argmax())]
-
 
 @dataclass(frozen=True, slots=True)
 class PoseOffset:
@@ -113,17 +109,13 @@ class Asked:
     entry: int | None = None
 
 
-def explain(comparison: Comparison, sensor: SensorModel, entry: int) -> EntryExplanation:
-    """Explain one library entry. Raises IndexError for an unknown one."""
-    if not 0 <= entry < sensor.library.size:
-        raise IndexError(f"no entry {entry}; there are 0 to {sensor.library.size - 1}")
-    return explain_all(comparison, sensor, [entry])[0]
-
-
 def explain_all(
     comparison: Comparison, sensor: SensorModel, entries: Sequence[int]
 ) -> tuple[EntryExplanation, ...]:
-    """Explain several library entries at once, at little more cost than one."""
+    """Explain library entries. Raises IndexError for an unknown one."""
+    for entry in entries:
+        if not 0 <= entry < sensor.library.size:
+            raise IndexError(f"no entry {entry}; there are 0 to {sensor.library.size - 1}")
     by_channel = list(zip(*_channels(comparison, sensor, list(entries)), strict=True))
     likely, winner = comparison.log_likelihood, int(comparison.quality.argmax())
     return tuple(
