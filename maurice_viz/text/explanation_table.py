@@ -19,6 +19,7 @@ from maurice_mcl.reasons.explanation import (
 
 from ..style import Scale
 from .explanation import REFERENCES, say_offset
+from .summary import markdown_table
 
 NONE = "outside free space"
 
@@ -31,10 +32,8 @@ def winner_first(step: StepExplanation) -> StepExplanation:
 
 def brief_table(step: StepExplanation, scale: Scale) -> str:
     """Write the figures of an update's references side by side; of each channel nats and rank."""
-    heads = ("", *(_head(explained) for explained in step.shown))
-    rows = [heads, ("---",) * len(heads), *_of_all(step, scale)]
-    rows += [_brief(step, k, name) for k, name in enumerate(step.channels)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    rows = [*_of_all(step, scale), *(_brief(step, k, name) for k, name in enumerate(step.channels))]
+    return markdown_table(["", *(_head(explained) for explained in step.shown)], rows)
 
 
 def _brief(step: StepExplanation, number: int, name: str) -> tuple[str, ...]:

@@ -212,20 +212,12 @@ class StepWords:
                 new.append(f"**{plain(pair.event.text)}.**")
         off = [f"error ({unit})", "(deg)"] if self._has_truth else []
         heads = ["run", *off, *([f"distance ({unit})", "parted"] if _on_one_drive(pairs) else [])]
-        lines = [
-            *new,
-            "",
-            _table_row(heads),
-            _table_row(["---", *["---:"] * (len(heads) - 1)]),
-            *(self._row(label, number, steps, pairs) for number, label in enumerate(self._labels)),
-            "",
-            self._meaning(steps, pairs),
-        ]
-        return "\n".join(lines)
+        rows = [self._row(label, number, steps, pairs) for number, label in enumerate(self._labels)]
+        return "\n".join([*new, "", markdown_table(heads, rows), "", self._meaning(steps, pairs)])
 
     def _row(
         self, label: str, number: int, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]
-    ) -> str:
+    ) -> list[str]:
         moment, record = steps[label]
         cells = [f"{plain(label)} ({COLOR_WORDS[number]})"]
         if self._has_truth and moment.truth is not None:
@@ -236,7 +228,7 @@ class StepWords:
         if _on_one_drive(pairs):
             apart_m = pairs[label].apart_m if label in pairs else None
             cells += ["" if apart_m is None else self._number(apart_m), self._parted[label]]
-        return _table_row(cells)
+        return cells
 
     def _number(self, length_m: float) -> str:
         return f"{self._scale.length(length_m):.{self._scale.units.digits}f}"
@@ -250,33 +242,16 @@ class StepWords:
 
 
 def result(results: Sequence[RunResult], units: Units) -> str:
-    """Return how every run compares with the first over the drive."""
-    first = plain(results[0].label)
-    parts = [_paragraph(run, first, units) for run in results[1:]]
-    drive = (
-        "Intervals hold 95 %, for the mean over this one drive: another drive can differ. "
-        "Below zero is closer to the truth."
-    )
-    return "\n\n".join([*parts, drive])
+    """Return how every run compares with the first over the drive: a table, and what its intervals hold."""
+    rows = [[plain(name), *cells[1:]] for name, cells in paired_rows(results, units)]
+    table = markdown_table(["", *(plain(run.label) for run in results[1:])], rows)
+    return f"{table}\n\n{INTERVALS}"
 
 
-def _paragraph(result: RunResult, first: str, units: Units) -> str:
-    paired = result.paired
-    if paired is None:
-        return ""
-    parts = [f"**{plain(result.label)}** against {first}:"]
-    if paired.position is not None:
-        parts.append(
-            f"position error {say_difference(paired.position, 1 / units.per_m, units.digits)} {units.name},"
-        )
-        parts.append(f"closer at {paired.position.better} of {paired.position.updates} steps;")
-    if paired.heading is not None:
-        parts.append(f"heading error {say_difference(paired.heading, float(np.deg2rad(1)), 1)} deg;")
-    if paired.apart_mean_m is None:
-        return " ".join([*parts, "another drive, so that poses are not compared."])
-    parts.append(f"{paired.apart_mean_m * units.per_m:.{units.digits}f} {units.name} from it on average;")
-    parts.append("they never part." if paired.parted_at is None else f"they part at step {paired.parted_at}.")
-    return " ".join(parts)
+INTERVALS = (
+    "Intervals hold 95 %, for the mean over this one drive: another drive can differ. "
+    "Below zero is closer to the truth."
+)
 
 
 def _on_one_drive(pairs: Mapping[str, StepComparison]) -> bool:
@@ -284,8 +259,10 @@ def _on_one_drive(pairs: Mapping[str, StepComparison]) -> bool:
     return any(pair.apart_m is not None for pair in pairs.values())
 
 
-def _table_row(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table whose first column has names and whose others have numbers."""
+    lines = [heads, ["---", *["---:"] * (len(heads) - 1)], *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def plain(text: str) -> str:

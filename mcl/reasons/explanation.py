@@ -61,6 +61,10 @@ class EntryExplanation:
         pairs = zip(self.channels, winner.channels, strict=True)
         return np.array([mine.loses - best.loses for mine, best in pairs])
 
+    def costliest(self, winner: EntryExplanation) -> ChannelExplanation:
+        """Return the channel that costs this entry most against another; of equals, the first."""
+        return self.channels[int(self.lost_to(winner).argmax())]
+
 
 @dataclass(frozen=True, slots=True)
 class PoseOffset:

@@ -92,6 +92,7 @@ def test_what_channels_cost_against_the_winner_is_the_whole_gap(world):
         found = explain_all(comparison, model, [entry])[0]
         lost = found.lost_to(winner)
         assert lost.sum() == pytest.approx(found.behind, abs=1e-4)
+        assert found.costliest(winner) is found.channels[int(lost.argmax())]
 
 
 def test_ranks_are_those_of_a_sorted_list(world):
