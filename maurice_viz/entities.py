@@ -32,13 +32,14 @@ CAMERA = "/session/camera"
 EDGES = "/session/edges"
 VERDICT = "/session/verdict"  # what happened: one TextDocument, static
 TOUR = "/session/tour"  # where to look: one TextDocument per moment, from its step on
-LIMITS = "/session/limits"  # Scalars: the errors that runs are judged by
+LIMITS = "/session/limits"  # Scalars: the error above which runs count as lost
+ERROR_UNIT = "/session/error-unit"  # TextDocument: what is plotted there, and its unit
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 CARRIED = f"{TRUTH}/carried"  # Arrows2D: from where to where a kidnapped robot was carried
 
 # many runs as a chart, beside the one that is shown
 
-RESERVED = ("world", "session", "compare", "trials", "_log")
+RESERVED = ("world", "session", "compare", "what_happened", "runs")
 
 
 class Phase(IntEnum):
@@ -91,11 +92,6 @@ class RunPaths:
     def ellipses(self) -> str:
         """Two standard deviations of the weighted cloud: LineStrips2D."""
         return self.at("belief", "estimate", "ellipses")
-
-    @property
-    def error_line(self) -> str:
-        """From the estimate to the truth where they are far apart: LineStrips2D, with its length."""
-        return self.at("error")
 
     @property
     def mode_rings(self) -> str:

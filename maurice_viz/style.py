@@ -46,7 +46,7 @@ RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
 MOVED: RGB = CLOUD  # paths of particles in one update
 FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
-CARRIED: RGB = (255, 70, 70)  # the way of a kidnapping, in the red of its lane
+CARRIED: RGB = (240, 240, 240)  # the way of a kidnapping: of the truth, as its disk
 SETTLED: RGB = (120, 124, 134)  # all other particles, while the fresh ones are shown
 FRESH: RGB = (250, 76, 196)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = CLOUD
@@ -56,6 +56,15 @@ HEADINGS: RGB = CLOUD
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (148, 100, 240), (0, 158, 115))
 AGREES: RGB = (80, 230, 160)  # in pictures: marks that agree with the estimate
 DISAGREES: RGB = (255, 120, 90)  # and those that do not
+STATES: dict[str, RGB] = {  # of lanes: dark green-gray, gray, magenta, red
+    "localized": (60, 78, 70),
+    "converged": (60, 78, 70),
+    "searching": (116, 116, 106),
+    "spread": (116, 116, 106),
+    "wrong and confident": (168, 50, 126),
+    "lost": (192, 57, 43),
+    "probably-lost": (192, 57, 43),
+}
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
 RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
 PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
@@ -167,7 +176,6 @@ MEANINGS: dict[str, RGB] = {
     "fresh particles": FRESH,
     "dead particles": DEAD,
     "ancestors": FAMILY,
-    "carried": CARRIED,
     "references": CIRCLE,
     "best references": RANK,
     **{f"run {number}": color for number, color in enumerate(RUN_COLORS, 1)},

@@ -57,7 +57,7 @@ def overview(run: RunView, scene: Scene) -> rrb.Vertical:
         row_shares=[1.3, 0.8] + [2 / len(others)] * len(others),
     )
     body = rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
-    return over_events(body, [run], brief=False)
+    return over_events(body, [run], noticed=True)
 
 
 def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
@@ -83,7 +83,7 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
         row_shares=[0.85, 1.1, key_share(run)],
     )
     body = rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
-    return over_events(body, [run], brief=False)
+    return over_events(body, [run], noticed=True)
 
 
 def explain(run: RunView, scene: Scene) -> rrb.Vertical:
@@ -132,4 +132,4 @@ def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
     plots = single_plots(paths, scene)
     right = rrb.Vertical(seen, *plots, row_shares=[1.3] + [2.8 / len(plots)] * len(plots))
     body = rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
-    return over_events(body, [run], brief=False)
+    return over_events(body, [run], noticed=True)

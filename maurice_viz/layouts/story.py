@@ -1,4 +1,7 @@
-"""The first screen of every recording: what happened, where, what the robot saw, and when."""
+"""The first screen: what happened, where, what the robot saw, when, and how far off each run was.
+
+Made for a screen of 1280 x 800, in pixels; a larger one stretches every part alike. Views have no titles.
+"""
 
 from __future__ import annotations
 
@@ -7,59 +10,65 @@ from collections.abc import Sequence
 import numpy as np
 import rerun.blueprint as rrb
 
-from ..drawing.keys import NARROW_FROM
-from ..panels.belief import belief_view
-from ..panels.camera import camera_view
-from ..panels.comparison import all_runs_view, camera_views
-from ..panels.events import events_view
+from ..drawing.canvas import map_extent
+from ..panels.camera import seen_views
+from ..panels.events import NAMES_SHARE, SHARED, lanes_px, lanes_view, own_path
 from ..panels.population import headings_view
 from ..panels.references import best_match_view
 from ..panels.sensors import sensor_words_view
-from ..panels.story import errors_plot, tour_view, verdict_view
+from ..panels.story import error_unit_view, errors_plot, story_map, tour_view, verdict_view
+from ..panels.views import untitled
 from ..scene import RunView, Scene
 
-# shares of the height of a screen of 1600 x 1000, in hundreds of pixels
-MIDDLE = 5.03
-TEXTS, LINE = 1.42, 0.2  # title and three lines of the verdict; each line more
-SEES = 0.42  # of the width beside the map: the camera; the rest is the tour
-LANES, LANE = 0.8, 0.38  # title and axis of the events, and each lane
-SCREEN = 9.0  # all below the tabs
+WIDTH_PX, HEIGHT_PX = 1280, 702  # what is left of 1280 x 800 below the tabs and above the time panel
+HEADLINE_PX, ERRORS_PX = 92, 124
+PICTURES, WORDS = 5, 3  # shares of the height beside the map
+MOST_IN_A_ROW = 3  # pictures beside the map
+AXIS_PX = 31  # left of a plot: its labels, such as "100"
 
 
-def over_events(body: rrb.Container, runs: Sequence[RunView], brief: bool = True) -> rrb.Vertical:
-    """Return a screen over the lanes of events, full width; `brief` leaves out what each run noticed."""
-    lanes = 1 + len(runs) * (1 if brief else 2)
-    height = LANES + LANE * lanes
-    events = events_view(runs, brief=brief)
-    return rrb.Vertical(body, events, row_shares=[SCREEN - height, height])
+def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = False) -> rrb.Vertical:
+    """Return a screen over the lanes of events, full width; `noticed`: with what the first run noticed."""
+    path, count = (own_path(runs[0].paths), 3) if noticed else (SHARED, 1 + len(runs))
+    height = lanes_px(count)
+    return rrb.Vertical(body, lanes_view(path), row_shares=[HEIGHT_PX - height, height])
 
 
 def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
-    """Lay out the verdict, one large map beside what was seen, and events over errors, full width."""
-    if len(runs) == 1:
-        arena, camera = belief_view(runs[0].paths, scene), camera_view("The robot sees")
-        matches = [best_match_view(runs[0].paths, scene, "The best match in the library")]
-    else:
-        arena, camera = all_runs_view(runs, scene), camera_views(runs)[0]
-        title = "{}: best match" if len(runs) < NARROW_FROM else "{}"
-        matches = [best_match_view(run.paths, scene, title.format(run.label)) for run in runs]
-    brief = len(runs) > 1
-    lanes = 1 + len(runs) * (1 if brief else 2)
-    width, height = scene.arena.size_m
-    wide = float(np.clip(width / height * MIDDLE / 16 + 0.06, 0.35, 0.7))
-    if len(runs) == 1:
-        paths = runs[0].paths
-        blind = [*(sensor_words_view(paths, name) for name in runs[0].sensors), headings_view(paths)]
-        views = [camera, *matches] if runs[0].channels else blind  # without a camera there is no picture
-        seen = rrb.Vertical(rrb.Horizontal(*views), tour_view(), row_shares=[2, 1])
-    else:
-        now = rrb.Horizontal(camera, tour_view(), column_shares=[SEES, 1 - SEES])
-        seen = rrb.Vertical(now, rrb.Horizontal(*matches))
-    more = max(len(runs) - 2, 0)  # runs, each of which has a lane, and its part of the verdict
-    return rrb.Vertical(
-        verdict_view(),
-        rrb.Horizontal(arena, seen, column_shares=[wide, 1 - wide]),
-        events_view(runs, brief=brief),
-        errors_plot(runs, scene),
-        row_shares=[TEXTS + LINE * more, MIDDLE - (LANE + LINE) * more, LANES + LANE * lanes, 1.5],
+    """Lay out the verdict, one map beside what was seen, the lanes of the runs over their errors."""
+    is_one = len(runs) == 1
+    lanes = lanes_px(3 if is_one else 1 + len(runs))
+    middle = HEIGHT_PX - HEADLINE_PX - lanes - ERRORS_PX
+    extent = map_extent(scene.arena, scene.scale)
+    wide = float(np.clip(extent.width / extent.height * middle / WIDTH_PX, 0.3, 0.6))
+    body = rrb.Horizontal(
+        story_map(runs, scene), _beside_the_map(runs, scene), column_shares=[wide, 1 - wide]
     )
+    axis = AXIS_PX / WIDTH_PX
+    shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]  # the plot begins where the lanes do
+    errors = rrb.Horizontal(error_unit_view(), errors_plot(runs, scene), column_shares=shares)
+    screen = rrb.Vertical(
+        verdict_view(),
+        body,
+        lanes_view(own_path(runs[0].paths) if is_one else SHARED),
+        errors,
+        row_shares=[HEADLINE_PX, middle, lanes, ERRORS_PX],
+    )
+    return untitled(screen)
+
+
+def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
+    """Lay out what the robot sees and what each run takes it for, in rows of three, and the words."""
+    paths = runs[0].paths
+    if runs[0].channels:
+        matches = [best_match_view(run) for run in runs if run.channels]
+        views: list[rrb.View] = [*seen_views(runs), *matches]
+    else:  # without a camera there is no picture
+        views = [*(sensor_words_view(paths, name) for name in runs[0].sensors), headings_view(paths)]
+    rows = [views[first : first + MOST_IN_A_ROW] for first in range(0, len(views), MOST_IN_A_ROW)]
+    if len(rows) == 1 or len(rows[-1]) == MOST_IN_A_ROW:
+        shares = [PICTURES] * len(rows) + [WORDS]
+        return rrb.Vertical(*(rrb.Horizontal(*row) for row in rows), tour_view(), row_shares=shares)
+    rest = MOST_IN_A_ROW - len(rows[-1])
+    last = rrb.Horizontal(*rows[-1], tour_view(), column_shares=[1] * len(rows[-1]) + [rest])
+    return rrb.Vertical(*(rrb.Horizontal(*row) for row in rows[:-1]), last)

@@ -344,7 +344,7 @@ def run_key(name: str, has_truth: bool) -> U8:
 def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
     contents = [*MAP, entities.NODES, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
-    contents += [f"{entities.TRUTH}/**", paths.error_line] if scene.has_truth else []
+    contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     name = f"Belief: particles by weight, rings: modes ({scene.scale.units.name})"
     return map_view(name, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
 

@@ -33,10 +33,11 @@ from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, put_text
 from ..drawing.heat import AXES, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import BAR, MISSING, PALE
+from ..style import BAR, GROUND, MISSING, PALE, RGB, TRUTH, font_safe
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import bars_view, picture_view
 
+NAME, SEES = "name", "the robot sees"
 EDGES_QUALITY = 75  # for display; the channel measures the picture itself
 
 
@@ -49,6 +50,8 @@ class CameraPanel(Panel):
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the picture; in the very first phase, before a picture is taken, a gray one."""
         image = update.moment.frame.image
+        if update.is_first:
+            draw_name(rec, entities.CAMERA, SEES, image.shape[1], TRUTH)
         if update.whole and update.is_first:
             set_phase_only(rec, update.moment, Phase.PREDICT)
             gray = np.full(image.shape, MISSING, np.uint8)
@@ -70,6 +73,26 @@ def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
     """Log a picture (H, W, 3) RGB and its edge image, which the edge channel measures."""
     draw_jpeg(rec, entities.CAMERA, jpeg(image))
     draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image)), EDGES_QUALITY))
+
+
+NAME_ABOVE = 0.08  # of a picture's width: its name stands so far above it
+
+
+def draw_name(rec: rr.RecordingStream, path: str, text: str, width: float, color: RGB) -> None:
+    """Log the name of a picture of this width above it, static. Its size is that of all labels."""
+    name = rr.Points2D(
+        [[width / 2, -NAME_ABOVE * width]],
+        colors=[color],
+        radii=rr.components.Radius.ui_points(0.0),
+        labels=[font_safe(text)],
+        show_labels=True,
+    )
+    rec.log(f"{path}/{NAME}", name, static=True)
+
+
+def named_view(name: str, path: str) -> rrb.Spatial2DView:
+    """Show one picture with its name above it, as large as there is room."""
+    return rrb.Spatial2DView(name=name, origin=path, contents=[path, f"{path}/{NAME}"], background=GROUND)
 
 
 def prepare_jpeg(rec: rr.RecordingStream, path: str, order: float | None = None) -> None:
@@ -106,6 +129,12 @@ class CaptionedPicture:
             if self._shown.get(path) != data:
                 rec.log(path, row_of(rr.EncodedImage, blob=blob_of(data)))
                 self._shown[path] = data
+
+
+def seen_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
+    """Show what the robot saw, by name; of runs over different drives what each robot saw."""
+    own = [entities.camera_of(run.label) for run in runs if run.own_drive]
+    return [named_view("The robot sees", path) for path in (entities.CAMERA, *own)]
 
 
 def camera_view(title: str = "") -> rrb.Spatial2DView:

@@ -19,10 +19,10 @@ from ..drawing.keys import COMPARED, belief_keys, extent_with, highest, runs_key
 from ..entities import Phase
 from ..playback import RunResult
 from ..scene import RunView, Scene
-from ..style import font_safe
+from ..style import TRUTH, font_safe
 from ..text.summary import NOT_YET, StepWords, result
 from .belief import truth_marker
-from .camera import camera_view, draw_jpeg, edges_view, prepare_jpeg
+from .camera import SEES, camera_view, draw_jpeg, draw_name, edges_view, prepare_jpeg
 from .events import EventLines, line_names
 from .panel import MARKDOWN, set_phase, set_phase_only
 from .traces import LINE
@@ -57,6 +57,7 @@ class ComparisonDrawing:
         self._far = FAR * long_side(scene.arena, scene.scale)  # between the keys of all runs
         self._key = -1  # the one that is shown
         self._events = EventLines()
+        self._named = set[str]()  # runs whose cameras have their names
         self._extents: dict[str, tuple[float, float]] = {}  # least and largest value, by plot
         self._draw_keys(scene)
         for path in (entities.TEXT, entities.RESULT):
@@ -156,7 +157,11 @@ class ComparisonDrawing:
                 )
 
     def _draw_drive(self, label: str, moment: Moment) -> None:
-        draw_jpeg(self._rec, entities.camera_of(label), jpeg(moment.frame.image))
+        path, image = entities.camera_of(label), moment.frame.image
+        if label not in self._named:
+            self._named.add(label)
+            draw_name(self._rec, path, f"{label}: {SEES}", image.shape[1], TRUTH)
+        draw_jpeg(self._rec, path, jpeg(image))
         if moment.truth is not None:
             self._truths[label].draw(self._rec, moment.truth)
 
@@ -211,8 +216,7 @@ def all_runs_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     for run in runs:
         paths = run.paths
         contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses, paths.fresh]
-        truth = f"{entities.truth_of(run.label, run.own_drive)}/**"
-        contents += [truth, paths.error_line] if scene.has_truth else []
+        contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     key = highest(_keys_of_all(runs, scene.has_truth))
     name = f"All runs on one map ({scene.scale.units.name})"
     return plane_view(name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale))

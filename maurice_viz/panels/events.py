@@ -1,25 +1,32 @@
-"""What happened: every step in words, and events as lanes over time."""
+"""What happened: every step in words, events as vertical lines in plots, and lanes over time.
+
+Rerun draws one lane for every element of a state that is an array, in the order of the array (0.41), so that
+all lanes of a view are one entity. It has no names for them: those are the states of a second entity, shown
+in a narrow view to the left, in the color of each run.
+
+A state lasts until the next one, an event as long as it is reported: one step, or several in a row. What is
+too narrow for its word has it on the ground after it, where there is room until the next event.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.reasons.causes import CAUSES, Failure
+from maurice_mcl.reasons.causes import CAUSES, UNKNOWN, Failure
 from maurice_mcl.scoring import events as kinds
-from maurice_mcl.scoring import events as states
 from maurice_mcl.scoring.events import KINDS, RunEvent
-from maurice_mcl.values.session import Moment, first_word
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.session import first_word
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import FRESH, GROUND, LOST, PALE, RGB, RUN_COLORS, font_safe, packed
+from ..style import FRESH, GROUND, LOST, PALE, RGB, STATES, font_safe, packed
 from ..text import narration
 from ..text.what_if import BRANCH
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_phase_only, set_place
@@ -55,65 +62,30 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
     return rrb.TextDocumentView(name=title, origin=paths.text)
 
 
-# Events as lanes over time. A state lasts until the next one; a mark lasts as long as its event: one step, or
-# several in a row. Both begin at the first phase of their step. One step is too narrow for a word, so
-# the word of a mark follows it, on the ground of the lane. Only changes are logged.
-
-LOG_LANE = "/_log"  # of all runs of a recording; lanes stand in the order of their paths
-USUAL_UPDATES = 120  # if the number is not known beforehand
-LEAST_HOLD = 2
-MARKS_A_RUN = 8  # so many words of marks fill a lane
-
-DOUBTFUL, ACTS, NOTE, GOOD = RUN_COLORS
-NEUTRAL = PALE
-TONES = {
-    kinds.GRAVE: LOST,
-    kinds.DOUBTFUL: DOUBTFUL,
-    kinds.GOOD: GOOD,
-    kinds.ACTS: ACTS,
-    kinds.NEUTRAL: NEUTRAL,
-}
-LEGEND = "words follow their mark; green good, orange wrong or doubtful, blue search or acts, red lost"
-LINES_LEGEND = "lines in plots: red kidnapped or off the map, pink reseeded, gray lights, slip, bump, branch"
-
-CAUSE = "cause: "  # before the kind of a failure: a state, or a mark of its own
-
-STATUS_COLORS: Mapping[str, RGB] = {
-    states.LOCALIZED: GOOD,
-    states.SEARCHING: ACTS,
-    states.WRONG: DOUBTFUL,
-    states.LOST: LOST,
-    states.CONVERGED: GOOD,
-    states.SPREAD: ACTS,
-    states.PROBABLY_LOST: LOST,
-    **{f"{CAUSE}{kind}": LOST for kind in CAUSES},  # in place of lost, where the cause is known
-}
-_OF_RUN, _OF_LOG = (
-    {name: TONES[kind.tone] for name, kind in KINDS.items() if lane in kind.lanes}
-    for lane in (kinds.OF_RUN, kinds.OF_LOG)
-)
-LOG_WORDS = ("bump", "slip")  # first words of what else a log says that have marks of their own
-NOTICED_COLORS: Mapping[str, RGB] = {f"{CAUSE}{kind}": LOST for kind in CAUSES} | _OF_RUN  # the gravest first
-LOG_COLORS: Mapping[str, RGB] = {
-    kinds.KIDNAPPED: LOST,
-    **dict.fromkeys(LOG_WORDS, NEUTRAL),
-    BRANCH: NOTE,
-} | _OF_LOG
-SHORT = {
-    **{name: kind.word or name.replace("-", " ") for name, kind in KINDS.items()},
-    states.WRONG: "wrong",
-    states.SEARCHING: "search",
-    **{f"{CAUSE}{kind}": f"lost: {cause.title}" for kind, cause in CAUSES.items()},
-}  # labels of states, lines and words, if not their names
-WORDS = {
-    f"{CAUSE}{kind}": f"cause: {cause.title}" for kind, cause in CAUSES.items()
-}  # of marks: it need not be lost yet
+LOG_WORDS = ("bump", "slip", BRANCH)  # first words of what else a log says that have marks of their own
 LINE_COLORS: Mapping[str, RGB] = {
-    name: FRESH if kind.tone == kinds.ACTS else TONES[kind.tone]
+    name: FRESH if kind.tone == kinds.ACTS else LOST if kind.tone == kinds.GRAVE else PALE
     for name, kind in KINDS.items()
     if kind.in_plots
-} | dict.fromkeys((*LOG_WORDS, BRANCH), NEUTRAL)
+} | dict.fromkeys(LOG_WORDS, PALE)
 LINE_WIDTH, GRAVE_WIDTH = 0.8, 2.2  # the wider one is seen under another line at the same step
+
+
+def word_of(name: str) -> str:
+    """Return what an event is called beside its mark."""
+    kind = KINDS.get(name)
+    return (kind.word if kind else "") or name.replace("-", " ")
+
+
+def name_of(event: RunEvent) -> str:
+    """Return an event's kind; of what else the log says its first word, where that has marks of its own."""
+    first = first_word(event.text)
+    return first if event.kind == kinds.SESSION and first in LOG_WORDS else event.kind
+
+
+def line_names(texts: tuple[str, ...]) -> list[str]:
+    """Return the names of what a log says at an update."""
+    return [name_of(RunEvent(0, 0.0, kind, text)) for kind, text in kinds.logged(texts)]
 
 
 @dataclass(slots=True)
@@ -134,7 +106,7 @@ class EventLines:
         """Draw all into the plot of the values at `path`, from the lowest to the highest."""
         for name, places in self._seen.items():
             line = f"{path}/events/{name}"
-            label, color = SHORT.get(name, name), LINE_COLORS[name]
+            label, color = word_of(name), LINE_COLORS[name]
             width = GRAVE_WIDTH if color == LOST else LINE_WIDTH
             look = rr.SeriesLines(names=[label], colors=[color], widths=[width], aggregation_policy="off")
             rec.log(line, look, static=True)
@@ -144,165 +116,216 @@ class EventLines:
                     rec.log(line, rr.Scalars(value))
 
 
-BRIEF = " (brief)"  # added to the name of a state that is too short for its word on a screen
-WORD = " (word)"  # added to the name of a mark whose word follows it
-WORDS_A_RUN = 32  # so many words have room beside each other in a lane
+SHARED = "/what_happened"  # the lanes of all runs of a recording: the log's, then one a run
+NAMES = "/runs"  # the names of those lanes
+LOG, NOTICED = "log", "noticed"
+NAMES_SHARE = 0.085  # of the width: the names of the lanes
+SCREEN_PX = 1280 * (1 - NAMES_SHARE)  # width of the lanes on a small screen
+LETTER_PX, AROUND_PX = 6.4, 8  # of a word, and around it
+LANE_PX, ABOVE_PX = 23, 48  # of a lane, and of time axis and path above the lanes
+
+MOST_NAMES = 64  # of what begins in the lanes; a denser drive has no room for words
+TONES: Mapping[str, RGB] = {  # of what was noticed in a run; what happened to the robot is pale
+    kinds.GRAVE: STATES[kinds.LOST],
+    kinds.DOUBTFUL: STATES[kinds.WRONG],
+    kinds.GOOD: STATES[kinds.LOCALIZED],
+    kinds.ACTS: FRESH,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """What a lane shows from a step on: a word on a color."""
+
+    word: str
+    color: RGB
+    is_mark: bool = False  # an event: its word may follow it
+    follows: bool = False  # a word that follows its event
+
+    @property
+    def after(self) -> Look:
+        """The word of an event on the ground, to follow it."""
+        return Look(self.word, GROUND, follows=True)
+
+    @property
+    def width_px(self) -> float:
+        """The room that its word needs."""
+        return len(self.word) * LETTER_PX + AROUND_PX
+
+
+NOTHING = Look("", GROUND)
+STATE_WORDS = {kinds.WRONG: "sure of a wrong place", kinds.PROBABLY_LOST: "probably lost"}
+
+
+def look_of_state(state: str, cause: str = "") -> Look:
+    """Return the look of a localization status; of a lost run with its cause, where that is known."""
+    if cause and cause != UNKNOWN:
+        return Look(f"lost: {CAUSES[cause].title}", STATES[kinds.LOST])
+    return Look(STATE_WORDS.get(state, state), STATES[state])
+
+
+def look_of_event(name: str, color: RGB, word: str = "") -> Look:
+    """Return the look of an event."""
+    return Look(word or word_of(name), color, is_mark=True)
 
 
 @dataclass(slots=True)
-class _Lane:
-    """One lane: a name lasts until the next one. In the end, what is too short for its word loses it."""
-
-    path: str
-    colors: Mapping[str, RGB]
-    changes: list[tuple[int, float, str]] = field(default_factory=list)  # step, time, name; "": nothing
-
-    def prepare(self, rec: rr.RecordingStream, *, marks: bool = False) -> None:
-        """Log what names look like, static; marks have no words of their own, which follow them."""
-        named = {name: SHORT.get(name, name.replace("-", " ")) for name in self.colors}
-        looks = [(name, named[name], color) for name, color in self.colors.items()]
-        brief = [(f"{name}{BRIEF}", " ", color) for name, _, color in looks]
-        if marks:
-            words = [(f"{name}{WORD}", WORDS.get(name, label), GROUND) for name, label, _ in looks]
-            looks, brief = [(name, " ", color) for name, _, color in looks], words
-        values, labels, colors = zip(*looks, *brief, strict=True)
-        shades = [rr.components.Color(packed(color)) for color in colors]
-        rec.log(self.path, rr.StateConfiguration(values=values, labels=labels, colors=shades), static=True)
-
-    def change(self, rec: rr.RecordingStream, step: int, time_s: float, name: str) -> None:
-        """Begin a name, or nothing, where it is another one than before."""
-        if name == (self.changes[-1][2] if self.changes else ""):
-            return
-        self.changes.append((step, time_s, name))
-        self._log(rec, step, time_s, name)
-
-    def rename(self, rec: rr.RecordingStream, first: int, last: int, old: str, new: str) -> None:
-        """Give what was called `old` from one step to another a new name."""
-        for k, (step, time_s, name) in enumerate(self.changes):
-            if first <= step <= last and name == old:
-                self.changes[k] = step, time_s, new
-                self._log(rec, step, time_s, new)
-
-    def shorten(self, rec: rr.RecordingStream, steps: int) -> None:
-        """Take the word from what lasted less than its share of a run of so many steps."""
-        for (step, time_s, name), (after, _, _) in pairwise(self.changes):
-            if name and (after - step) * WORDS_A_RUN < steps:
-                self._log(rec, step, time_s, f"{name}{BRIEF}")
-
-    def _log(self, rec: rr.RecordingStream, step: int, time_s: float, name: str) -> None:
-        set_place(rec, step, time_s, Phase.PREDICT)
-        rec.log(self.path, rr.StateChange(state=name) if name else rr.StateChange.from_fields(state=[]))
+class _Change:
+    step: int
+    name: str  # under which it is logged; its word and color are told at the end
+    look: Look
 
 
-@dataclass(slots=True)
-class _Marks:
-    """A lane of events: at each step the gravest one; after it, for some steps, the word of the gravest."""
+class Lanes:
+    """Draws lanes into one entity. What names mean is told anew when causes and lengths are known."""
 
-    lane: _Lane
-    hold_steps: int
-    at_end: bool  # whether all is drawn in the end, with the causes that are known only then
-    _rows: dict[int, tuple[float, str]] = field(default_factory=dict)  # time and name, by step, until drawn
-    _word: str = ""
-    _until: int = 0  # the step from which that word is not shown any more
-
-    def draw(self, rec: rr.RecordingStream, moment: Moment, names: Iterable[str]) -> None:
-        """Take the events of the next step."""
-        step, time_s = moment.frame.step, moment.frame.time_s
-        name = min(set(names) & set(self.lane.colors), key=list(self.lane.colors).index, default="")
-        if self.at_end:
-            self._rows[step] = time_s, name
-        else:
-            self._show(rec, step, time_s, name)
-
-    def mark(self, step: int, name: str) -> None:
-        """Show a name at a step that is over, instead of what was there."""
-        if step in self._rows:
-            self._rows[step] = self._rows[step][0], name
-
-    def finish(self, rec: rr.RecordingStream) -> None:
-        """Draw what was kept."""
-        for step, (time_s, name) in self._rows.items():
-            self._show(rec, step, time_s, name)
-        self._rows = {}
-
-    def _show(self, rec: rr.RecordingStream, step: int, time_s: float, name: str) -> None:
-        order, is_over = list(self.lane.colors).index, step >= self._until
-        if name and (not self._word or is_over or order(name) < order(self._word)):
-            self._word, self._until = name, step + self.hold_steps
-        elif is_over:
-            self._word = ""
-        self.lane.change(rec, step, time_s, name or (f"{self._word}{WORD}" if self._word else ""))
-
-
-class EventsPanel(Panel):
-    """Draws the lanes of one run, status and what was noticed; and the log's, once for all runs."""
-
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        hold_steps, known = hold_for(scene.updates or USUAL_UPDATES), scene.updates > 0  # else it is live
-        self._status, self._step = _Lane(status_path(run.paths), STATUS_COLORS), 0
-        self._noticed = _Marks(_Lane(noticed_path(run.paths), NOTICED_COLORS), hold_steps, known)
-        self._log = _Marks(_Lane(LOG_LANE, LOG_COLORS), hold_steps, False) if run.number == 0 else None
+    def __init__(self, path: str, names: Mapping[str, RGB]) -> None:
+        self._path, self._names = path, names
+        self._changes: list[list[_Change]] = [[] for _ in names]
+        self._looks: dict[str, Look] = {}  # of the names that are logged
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        self._status.prepare(rec)
-        for marks in filter(None, (self._noticed, self._log)):
-            marks.lane.prepare(rec, marks=True)
+        """Log the names of the lanes."""
+        _describe(rec, names_of(self._path), {name: Look(name, color) for name, color in self._names.items()})
 
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        moment = update.moment
-        self._step = moment.frame.step
-        self._status.change(rec, self._step, moment.frame.time_s, update.status)
-        shown = [event for event in update.events if not event.is_routine]
-        self._noticed.draw(rec, moment, [event.kind for event in shown])
-        if self._log is not None:
-            self._log.draw(rec, moment, [name_of(event) for event in shown])
+    def draw(self, rec: rr.RecordingStream, step: int, time_s: float, looks: Sequence[Look]) -> None:
+        """Begin what each lane shows from this step on, where it is another than before."""
+        before = [changes[-1] if changes else _Change(step, "", NOTHING) for changes in self._changes]
+        is_first = not any(self._changes)
+        for changes, last, look in zip(self._changes, before, looks, strict=True):
+            if look is NOTHING and (last.look.is_mark or last.look.follows):
+                look = last.look.after  # after an event its word follows
+            if look != last.look:
+                changes.append(_Change(step, self._name(rec, look), look))
+        now = [changes[-1] if changes else last for changes, last in zip(self._changes, before, strict=True)]
+        if any(change is not last for change, last in zip(now, before, strict=True)):
+            set_place(rec, step, time_s, Phase.PREDICT)
+            if is_first:
+                rec.log(names_of(self._path), rr.StateChange(state=list(self._names)))
+            rec.log(self._path, rr.StateChange(state=[change.name for change in now]))
 
-    def diagnosed(self, rec: rr.RecordingStream, failures: Sequence[Failure]) -> None:
-        for failure in failures:
-            name, episode = f"{CAUSE}{failure.kind}", failure.episode
-            self._status.rename(rec, episode.first, episode.last, states.LOST, name)
-            self._status.rename(rec, episode.first, episode.last, states.PROBABLY_LOST, name)
-            self._noticed.mark(failure.first, name)
+    def explain(self, lane: int, first: int, last: int, old: Sequence[Look], new: Look) -> None:
+        """Give what begins between two steps another look."""
+        for change in self._changes[lane]:
+            if first <= change.step <= last and change.look in old:
+                change.look = new
 
-    def finish(self, rec: rr.RecordingStream) -> None:
-        self._noticed.finish(rec)
-        self._status.shorten(rec, self._step)
+    def finish(self, rec: rr.RecordingStream, steps: int) -> None:
+        """Tell what names mean, with words only where there is room for them in a run of so many steps."""
+        step_px = SCREEN_PX / max(steps, 1)
+        for changes in self._changes:
+            ends = [*(change.step for change in changes[1:]), steps + 1][: len(changes)]
+            has_word = False  # whether the event before shows its word itself
+            for change, end in zip(changes, ends, strict=True):
+                look = change.look
+                has_room = (end - change.step) * step_px >= look.width_px
+                if not has_room or (look.follows and has_word):
+                    look = replace(look, word="")
+                has_word = has_room and look.is_mark
+                if change.name in self._looks:
+                    self._looks[change.name] = look
+        _describe(rec, self._path, self._looks)
+
+    def _name(self, rec: rr.RecordingStream, look: Look) -> str:
+        """Return a name of its own for a change; once there are many, one for all of the same look."""
+        if look is NOTHING:
+            return ""
+        own = f"{look.word} {sum(map(len, self._changes))}"
+        name = own if len(self._looks) < MOST_NAMES else f"{look.word}, {look.color}"
+        if name not in self._looks:
+            self._looks[name] = look if name == own else replace(look, word="")
+            _describe(rec, self._path, self._looks)
+        return name
 
 
-def hold_for(updates: int) -> int:
-    """Return for how many steps the word of a mark is shown, in a run of this many updates."""
-    return max(LEAST_HOLD, round(updates / MARKS_A_RUN))
+def _describe(rec: rr.RecordingStream, path: str, looks: Mapping[str, Look]) -> None:
+    """Log word and color of names, static."""
+    labels = [look.word or " " for look in looks.values()]
+    colors = np.array([packed(look.color) for look in looks.values()], np.uint32)
+    rec.log(path, rr.StateConfiguration(values=list(looks), labels=labels, colors=colors), static=True)
 
 
-def status_path(paths: RunPaths) -> str:
-    """Return the lane of the localization status."""
-    return paths.at("events", "belief")
+class LanesDrawing:
+    """Draws the lanes of all runs of a recording together, and for each run its own with what it noticed."""
+
+    def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
+        self._rec, self._runs, self._scale = rec, runs, scene.scale
+        log = {LOG: PALE}
+        self._shared = Lanes(SHARED, log | {run.label: run.color for run in runs})
+        noticed = {NOTICED: PALE}
+        self._own = [Lanes(own_path(run.paths), log | {run.label: run.color} | noticed) for run in runs]
+        self._truth: F64 | None = None  # the first run's at the update before
+        self._steps = 0
+        for lanes in (self._shared, *self._own):
+            lanes.prepare(rec)
+
+    def see(self, updates: Sequence[StepUpdate]) -> None:
+        """Draw an update of all runs, in their order."""
+        moment = updates[0].moment
+        step, time_s = moment.frame.step, moment.frame.time_s
+        log, self._steps = self._log(updates[0]), max(step, self._steps)
+        states = [look_of_state(update.status) if update.status else NOTHING for update in updates]
+        self._shared.draw(self._rec, step, time_s, [log, *states])
+        for lanes, update, state in zip(self._own, updates, states, strict=True):
+            lanes.draw(self._rec, step, time_s, [log, state, gravest(update, kinds.OF_RUN)])
+
+    def _log(self, update: StepUpdate) -> Look:
+        """Return what the log says at an update of the first run; of a kidnapping how far it was."""
+        log, truth, before = gravest(update, kinds.OF_LOG), update.moment.truth, self._truth
+        self._truth = truth
+        if log.word != kinds.KIDNAPPED or truth is None or before is None:
+            return log
+        carried = self._scale.say(float(np.hypot(*(truth - before)[:2])))
+        return replace(log, word=f"kidnapped: carried {carried}")
+
+    def end(self, failures: Mapping[str, Sequence[Failure]]) -> None:
+        """Draw all again: why a run was lost, by the run's label, and words where there is room for them."""
+        lost = [look_of_state(state) for state in (kinds.LOST, kinds.PROBABLY_LOST)]
+        for number, run in enumerate(self._runs):
+            for failure in failures.get(run.label, ()):
+                first, last = failure.episode.first, failure.episode.last
+                cause = look_of_state(kinds.LOST, failure.kind)
+                self._shared.explain(1 + number, first, last, lost, cause)
+                self._own[number].explain(1, first, last, lost, cause)
+        for lanes in (self._shared, *self._own):
+            lanes.finish(self._rec, self._steps)
 
 
-def noticed_path(paths: RunPaths) -> str:
-    """Return the lane of what was noticed in a run."""
-    return paths.at("events", "noticed")
+def own_path(paths: RunPaths) -> str:
+    """Return the lanes of one run: the log's, its status, what was noticed in it."""
+    return paths.at("what_happened")
 
 
-def events_view(runs: Sequence[RunView], brief: bool = False) -> rrb.StateTimelineView:
-    """Show the lanes of some runs and of the log, with the meaning of the colors in the title.
+def names_of(path: str) -> str:
+    """Return where the names of lanes are."""
+    return path.replace(SHARED, NAMES)
 
-    Each lane takes 35 pixels, title and time axis together 45: 150 pixels for one run, 220 for two. `brief`
-    leaves out what was noticed in each run.
-    """
-    contents = [status_path(run.paths) if brief else f"{run.paths.at('events')}/**" for run in runs]
-    return rrb.StateTimelineView(
-        name=f"Events: {LEGEND}; {LINES_LEGEND}", origin="/", contents=[*contents, LOG_LANE]
+
+def gravest(update: StepUpdate, lane: str) -> Look:
+    """Return the gravest event of an update that stands in this kind of lane; nothing if there is none."""
+    for event in update.events:  # in the order of KINDS, the gravest first
+        kind = KINDS[event.kind]
+        if lane in kind.lanes and not event.is_routine:
+            return look_of_event(name_of(event), PALE if lane == kinds.OF_LOG else TONES.get(kind.tone, PALE))
+    return NOTHING
+
+
+def lanes_view(path: str) -> rrb.Horizontal:
+    """Show lanes, with their names to the left."""
+    until_cursor = rr.TimeRange(
+        start=rr.TimeRangeBoundary.infinite(), end=rr.TimeRangeBoundary.cursor_relative(seq=0)
+    )  # the names are the same at all times, and so the time cursor stands at their right edge
+    names = rrb.StateTimelineView(
+        name="Lanes",
+        titlebar=False,
+        origin="/",
+        contents=[names_of(path)],
+        time_view=rrb.TimeAxis(view_range=until_cursor),
     )
+    lanes = rrb.StateTimelineView(name="What happened", titlebar=False, origin="/", contents=[path])
+    return rrb.Horizontal(names, lanes, column_shares=[NAMES_SHARE, 1 - NAMES_SHARE])
 
 
-def name_of(event: RunEvent) -> str:
-    """Return an event's kind; of what else the log says its first word, where lanes know it."""
-    first = first_word(event.text)
-    return first if event.kind == kinds.SESSION and first in LOG_COLORS else event.kind
-
-
-def line_names(texts: tuple[str, ...]) -> list[str]:
-    """Return the names of what a log says at an update."""
-    return [name_of(RunEvent(0, 0.0, kind, text)) for kind, text in kinds.logged(texts)]
+def lanes_px(count: int) -> int:
+    """Return the height of so many lanes, in pixels."""
+    return ABOVE_PX + LANE_PX * count

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 
 import rerun as rr
 
-from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.scoring.events import EventDetector
@@ -19,6 +18,7 @@ from ..entities import Phase
 from ..playback import RunResult
 from ..scene import Detail, RunView, Scene
 from .comparison import ComparisonDrawing
+from .events import LanesDrawing
 from .panel import StepUpdate, set_phase
 from .registry import panels_of
 from .story import VerdictDrawing
@@ -84,20 +84,20 @@ class RerunObserver:
         for panel in self.panels:
             panel.prepare(rec)
 
-    def see(self, moment: Moment, record: StepRecord) -> None:
-        """Log one update, phase by phase; with the detail "events" two updates later."""
+    def see(self, moment: Moment, record: StepRecord) -> StepUpdate:
+        """Log one update, phase by phase, and return it; with the detail "events" it is logged two later."""
         detector = self._detector
         events = detector.see(moment, record)
         update = StepUpdate(moment, record, events, detector.state, detector.knows, detector.modes)
         for ready in self._filter.see(update):
             self._draw(ready)
+        return update
 
-    def end(self, failures: Sequence[Failure] = ()) -> None:
-        """Log what was held back, and why the run failed. Flushing the recording is up to the caller."""
+    def end(self) -> None:
+        """Log what was held back. Flushing the recording is up to the caller."""
         for update in self._filter.rest():
             self._draw(update)
         for panel in self.panels:
-            panel.diagnosed(self._rec, failures)
             panel.finish(self._rec)
 
     def _draw(self, update: StepUpdate) -> None:
@@ -125,7 +125,7 @@ class SceneObserver:
         self._comparison: ComparisonDrawing | None = None
         if len(runs) > 1:
             self._comparison = ComparisonDrawing(rec, runs, scene, draws_fresh=detail is not Detail.LIGHT)
-        self._verdict = VerdictDrawing(rec, runs, scene)
+        self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 
     def see(
         self,
@@ -134,8 +134,7 @@ class SceneObserver:
         verdicts: Callable[[], Mapping[str, RunVerdict]],
     ) -> None:
         """Log one update of every run, how it compares with the first, and for a live drive the verdict."""
-        for label, observer in self._runs.items():
-            observer.see(*steps[label])
+        self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
         if self._comparison is not None:
             self._comparison.see(steps, pairs)
         moment, _ = next(iter(steps.values()))
@@ -148,5 +147,6 @@ class SceneObserver:
             if self._comparison is not None:
                 self._comparison.end(results)
             self._verdict.end(verdicts)
-        for label, observer in self._runs.items():
-            observer.end(verdicts[label].failures if label in verdicts else ())
+        self._lanes.end({label: verdict.failures for label, verdict in verdicts.items()})
+        for observer in self._runs.values():
+            observer.end()

@@ -6,14 +6,12 @@ A panel owns the entities that it draws: no other panel logs them. Beside the cl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.filter.localizer import EXPANDED
-from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.events import RunEvent
 from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.arrays import U8
@@ -66,9 +64,6 @@ class Panel:
 
     def clear(self, rec: rr.RecordingStream) -> None:
         """Empty what is not drawn until the next full update, or it would show an earlier one."""
-
-    def diagnosed(self, rec: rr.RecordingStream, failures: Sequence[Failure]) -> None:
-        """Log why the run failed; called when it is over, before `finish`."""
 
     def finish(self, rec: rr.RecordingStream) -> None:
         """Log what is known only when the run is over."""

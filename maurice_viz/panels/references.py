@@ -36,7 +36,7 @@ from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
 from .belief import run_key
-from .camera import CaptionedPicture
+from .camera import NAME, CaptionedPicture, draw_name, named_view
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, MAP, map_view, plane_view
 from .world import distinct_places
@@ -129,6 +129,8 @@ class BestReferencesPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         for column, cell in enumerate(self._cells):
             cell.prepare(rec, column * (CELL_PX + GAP_PX), 0)
+        name = f"{self._run.label} takes this for it"
+        draw_name(rec, self._paths.match(1), name, CELL_PX, self._run.color)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the pictures; in the very first phase, before anything is compared, empty ones."""
@@ -246,17 +248,14 @@ def _circles_of(paths: RunPaths) -> list[str]:
 def best_references_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the five best references."""
     name = "Five best references (q = match quality, 0 to 1)"
-    return _cells_view(name, paths.contact_sheet, BEST, scene)
+    width, height = BEST * (CELL_PX + GAP_PX) - GAP_PX, scene.picture_height + CAPTION_PX
+    contents = [f"{paths.contact_sheet}/**", f"- {paths.match(1)}/{NAME}"]
+    return plane_view(name, contents, Extent(0, width, 0, height), origin=paths.contact_sheet)
 
 
-def best_match_view(paths: RunPaths, scene: Scene, title: str) -> rrb.Spatial2DView:
-    """Show the best reference."""
-    return _cells_view(title, paths.match(1), 1, scene)
-
-
-def _cells_view(name: str, path: str, count: int, scene: Scene) -> rrb.Spatial2DView:
-    width, height = count * (CELL_PX + GAP_PX) - GAP_PX, scene.picture_height + CAPTION_PX
-    return plane_view(name, f"{path}/**", Extent(0, width, 0, height), origin=path)
+def best_match_view(run: RunView) -> rrb.Spatial2DView:
+    """Show the best reference, by name."""
+    return named_view("Best match", run.paths.match(1))
 
 
 def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: Scene) -> list[rrb.Spatial2DView]:

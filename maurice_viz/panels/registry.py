@@ -7,13 +7,13 @@ import rerun.blueprint as rrb
 from ..scene import RunView, Scene
 from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel
 from .camera import CameraPanel, HistogramsPanel
-from .events import EventsPanel, WordsPanel
+from .events import WordsPanel
 from .explanation import ExplanationPanel
 from .panel import Panel
 from .population import AncestryPanel, HeadingsPanel, ModesPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .sensors import SensorsPanel
-from .story import ErrorLinePanel, LimitsPanel
+from .story import LimitsPanel
 from .traces import TracesPanel
 from .world import KeysPanel, TruthPanel, WorldPanel
 
@@ -34,13 +34,11 @@ OF_A_RUN: tuple[type[Panel], ...] = (
     HistogramsPanel,
     EstimatePanel,
     EllipsesPanel,
-    ErrorLinePanel,
     HeadingsPanel,
     ModesPanel,
     TracesPanel,
     ExplanationPanel,
     SensorsPanel,
-    EventsPanel,
     WordsPanel,
 )
 OF_REFERENCES: tuple[type[Panel], ...] = (LikelihoodPanel,)  # where the library has entries

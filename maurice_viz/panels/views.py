@@ -62,7 +62,7 @@ def plane_view(
 
 def picture_view(name: str, path: str) -> rrb.Spatial2DView:
     """Show one picture."""
-    return rrb.Spatial2DView(name=name, origin=path, background=GROUND)
+    return rrb.Spatial2DView(name=name, origin=path, contents=[path], background=GROUND)
 
 
 def bars_view(name: str, paths: Sequence[str]) -> rrb.BarChartView:
@@ -107,6 +107,26 @@ def plot_of_runs(
             styles[band_path] = rr.Measurements.from_fields(colors=[run.color])
             contents.append(band_path)
     return plot(name, contents, top, styles)
+
+
+def untitled(screen: rrb.Vertical) -> rrb.Vertical:
+    """Take the title bars from all views of a screen, in place; those of tabs stay."""
+
+    def visit(part: rrb.Container | rrb.View) -> None:
+        if isinstance(part, rrb.View):
+            part.titlebar = False
+        else:
+            for inner in part.contents:
+                visit(inner)
+
+    visit(screen)
+    return screen
+
+
+def labeled(text: str) -> list[VisualizerLike]:
+    """Return how a marker of a pose is drawn with a name beside it: disk, arrow and trail."""
+    disk = rr.Points2D.from_fields(labels=[text], show_labels=True)
+    return [disk, rr.Arrows2D.from_fields(), rr.LineStrips2D.from_fields()]
 
 
 def window(

@@ -28,21 +28,19 @@ class CauseKind:
 
 
 CAUSES: Mapping[str, CauseKind] = {
-    DATA: CauseKind("the recording", "dropped pictures, clock jumps"),
-    KIDNAPPED: CauseKind("kidnapped", "the robot was carried to another place, unseen by its odometry"),
+    DATA: CauseKind("gap in the recording", "dropped pictures, clock jumps"),
+    KIDNAPPED: CauseKind("carried away", "the robot was carried to another place, unseen by its odometry"),
     LEFT_MAP: CauseKind("off the map", "the robot drove, or the cloud was driven, off the map"),
-    OUT_OF_PLANE: CauseKind(
-        "out of the plane", "the robot pitched or rolled, which a pose in the plane cannot follow"
-    ),
-    MOTION: CauseKind("motion beyond the model", "the robot moved in a way that the motion model excludes"),
-    NUMERIC: CauseKind("numbers", "all weights were zero, or all but one"),
-    LIBRARY_GAP: CauseKind("gap in the library", "no reference is near the true place"),
-    LIGHTING: CauseKind("lighting", "the light is not that of the references"),
-    AMBIGUITY: CauseKind("places that look alike", "other places look the same"),
+    OUT_OF_PLANE: CauseKind("tilted", "the robot pitched or rolled, which a pose in the plane cannot follow"),
+    MOTION: CauseKind("odometry misled", "the robot moved in a way that the motion model excludes"),
+    NUMERIC: CauseKind("no weight left", "all weights were zero, or all but one"),
+    LIBRARY_GAP: CauseKind("no reference near", "no reference is near the true place"),
+    LIGHTING: CauseKind("the light changed", "the light is not that of the references"),
+    AMBIGUITY: CauseKind("places look alike", "other places look the same"),
     VIEW: CauseKind(
-        "another view", "something is in view that the references do not show, or the map changed"
+        "the view changed", "something is in view that the references do not show, or the map changed"
     ),
-    SENSOR: CauseKind("sensor model", "the pictures fit wrong places better than the true one"),
+    SENSOR: CauseKind("pictures fit elsewhere", "the pictures fit wrong places better than the true one"),
     RESAMPLING: CauseKind(
         "chance in resampling", "particles at the true place had weight, and were not copied, by chance"
     ),

@@ -19,6 +19,7 @@ from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.panels.events import LanesDrawing
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.viewer import sinks
@@ -51,7 +52,11 @@ def draw_run(path: Path, session: fakes.FakeSession, label: str, localizer: Any,
     run = RunView.of(label, localizer)
     scene = Scene(session.info, session.library, session.has_truth)
     with sinks.to_file(path, session.info.name, runs_blueprint([run], scene)) as rec:
-        observe(RerunObserver(rec, run, scene), played)
+        observer, lanes = RerunObserver(rec, run, scene), LanesDrawing(rec, [run], scene)
+        for moment, record in played:
+            lanes.see([observer.see(moment, record)])
+        lanes.end({})
+        observer.end()
 
 
 def observe(observer: RerunObserver, updates: Iterable[Update]) -> None:

@@ -15,16 +15,16 @@ from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.filter.estimate import share_within
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.scoring.events import KINDS, OF_RUN, EventDetector
 from maurice_mcl.values.records import PICTURE
 from maurice_mcl.values.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.panels.belief import positions
-from maurice_viz.panels.events import BRIEF, LINE_COLORS, SHORT, noticed_path, status_path
+from maurice_viz.panels.events import LINE_COLORS, own_path, word_of
 from maurice_viz.panels.population import MODE_INKS, column, outline
 from maurice_viz.playback import ResultCollector
-from maurice_viz.style import mode_color, packed, scale_for, weight_colors
+from maurice_viz.style import STATES, mode_color, packed, scale_for, weight_colors
 from maurice_viz.text import narration
 
 RUN, STEPS, CARRIED = RunPaths("robust"), 16, 8
@@ -215,27 +215,6 @@ def test_the_way_of_a_kidnapping_is_that_of_the_truth(drive):
             assert not arrows.get(number)
 
 
-def test_the_error_line_is_from_the_estimate_to_the_truth_where_they_are_far_apart(drive):
-    played, path, scale = drive
-    lines = shown(path, RUN.error_line, "LineStrips2D:strips")
-    labels = shown(path, RUN.error_line, "Points2D:labels")
-    drawn = 0
-    for moment, record in played:
-        ends = np.stack([record.estimate.pose[:2], moment.truth[:2]])
-        off_m = float(np.hypot(*(ends[1] - ends[0])))
-        is_far = off_m > record.estimate.radii.confidence_m and moment.frame.step != CARRIED
-        for phase in Phase:
-            number = PHASES_PER_STEP * moment.frame.step + phase
-            if is_far and phase >= Phase.WEIGHT:
-                assert np.array(lines[number][0]) == pytest.approx(scale.screen(ends), abs=1e-3)
-                assert labels[number] == [f"{scale.say(off_m)} off"]
-                drawn += 1
-            else:
-                assert not lines.get(number)
-                assert not labels.get(number)
-    assert drawn
-
-
 def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
     played, path, scale = drive
     ellipses = shown(path, RUN.ellipses, "LineStrips2D:strips")
@@ -306,16 +285,16 @@ def test_band_and_lines_of_events_are_those_of_the_records(drive):
 def test_lanes_are_what_the_detector_says(drive):
     played, path, scale = drive
     detector = EventDetector(scale.say)
-    noticed = shown(path, noticed_path(RUN), "StateChange:state")
-    status = shown(path, status_path(RUN), "StateChange:state")
+    style = recordings.static(path, own_path(RUN))
+    colors = dict(zip(style["StateConfiguration:values"], style["StateConfiguration:colors"], strict=True))
+    lanes = shown(path, own_path(RUN), "StateChange:state")
     for moment, record in played:
-        events = [event for event in detector.see(moment, record) if not event.is_routine]
-        number = PHASES_PER_STEP * moment.frame.step + Phase.ESTIMATE
-        assert status[number][0].removesuffix(BRIEF) == detector.state
-        kinds = {event.kind for event in events} - {"kidnapped", "session", "lights-changed"}
-        if kinds:
-            assert noticed[number][0].removesuffix(BRIEF) in kinds
-    assert set(SHORT.values()) & {"left map", "all zero"}
+        events = {event.kind for event in detector.see(moment, record) if not event.is_routine}
+        _, state, noticed = lanes[PHASES_PER_STEP * moment.frame.step + Phase.ESTIMATE]
+        assert colors[state] == packed(STATES[detector.state])
+        events = [kind for kind in KINDS if kind in events and OF_RUN in KINDS[kind].lanes]
+        if events:
+            assert noticed.startswith(word_of(events[0]))
     assert weight_colors(played[0][1].weighted.log_weights).shape[0] == played[0][1].weighted.size
 
 

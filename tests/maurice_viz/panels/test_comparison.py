@@ -181,14 +181,14 @@ def test_the_layout_has_one_shared_map_a_map_a_run_and_the_events(count, has_tru
     assert maps == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
     assert any("Distance to seed 0" in title for title in titles)
     assert any("minus" in title for title in titles) == has_truth
-    assert titles[-1].startswith("Events: ")
+    assert titles[-1] == "What happened"
 
 
 def test_titles_and_labels_are_short():
     """At 1600 pixels a small map has room for 28 letters beside the view's buttons."""
     runs = numbered(RunView(label, ("color",)) for label in ("color", "edges", "blended", "best"))
     narrow = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
-    assert all(len(title) <= 28 for title in narrow if not title.startswith("Events"))
+    assert all(len(title) <= 28 for title in narrow)
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
     wide = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
     assert "Error minus the first's (in)" in wide

@@ -1,190 +1,162 @@
-"""The lanes of events in a recording: read back, they say what the detector said."""
+"""The lanes of a recording: read back, they say what the detector said, by name, in the order of the runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+import pytest
 import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.filter.localizer import RESAMPLED
-from maurice_mcl.reasons.causes import CAUSES, LIGHTING, Failure
+from maurice_mcl.reasons.causes import CAUSES, LIGHTING, UNKNOWN, Failure
 from maurice_mcl.scoring.episodes import Episode
-from maurice_mcl.scoring.events import FAILURE, KINDS, PARTED, STATES, RunEvent
+from maurice_mcl.scoring.events import FAILURE, KINDS, STATES, RunEvent
 from maurice_viz.entities import Phase, RunPaths, phase_number
 from maurice_viz.panels import events as draw_events
-from maurice_viz.panels.events import BRIEF, WORD
+from maurice_viz.panels.events import MOST_NAMES, NAMES, NOTHING, SHARED, LanesDrawing, own_path
 from maurice_viz.panels.panel import StepUpdate
-from maurice_viz.scene import RunView
+from maurice_viz.scene import RunView, Scene, numbered
+from maurice_viz.style import STATES as STATE_COLORS
+from maurice_viz.style import packed
 from maurice_viz.viewer import sinks
 
-PATHS = RunPaths("blended")
-STATE = "StateChange:state"
+OWN = own_path(RunPaths("blended"))
+LOG, STATUS, NOTICED = range(3)  # the lanes of one run
 Step = tuple[str, list[tuple[str, str]]]  # state, kinds and texts
 
 
-def drawn(
-    path: Path,
-    steps: Sequence[Step],
-    *,
-    scene: bool = True,
-    hold: int = 3,
-    finished: bool = True,
-    live: bool = False,
-    failures: Sequence[Failure] = (),
-) -> Path:
-    """Draw steps 1, 2, ... into a recording."""
+def drawn(path: Path, *runs: Sequence[Step], failures: Sequence[Failure] = (), finished: bool = True) -> Path:
+    """Draw steps 1, 2, ... of some runs into a recording; the failures are the first one's."""
     library = fakes.make_library()
-    session = fakes.make_session(library, len(steps))
-    updates = 0 if live else hold * draw_events.MARKS_A_RUN
-    view = RunView(PATHS.label, ("color",), number=0 if scene else 1)
-    panel = draw_events.EventsPanel(view, recordings.scene_with(library, updates=updates))
+    session = fakes.make_session(library, len(runs[0]))
+    views = numbered([RunView("blended", ()), RunView("color", ())][: len(runs)])
     with sinks.to_file(path, "x", rrb.Blueprint()) as rec:
-        panel.prepare(rec)
-        for (status, found), (moment, record) in zip(steps, fakes.play(session, "color", 5), strict=True):
-            step = moment.frame.step
-            events = tuple(RunEvent(step, 0.0, kind, text) for kind, text in found)
-            panel.draw(rec, StepUpdate(moment, record, events, status))
-        panel.diagnosed(rec, failures)
+        lanes = LanesDrawing(rec, views, Scene(session.info, library, True))
+        for row, (moment, record) in enumerate(fakes.play(session, "color", 5)):
+            updates = []
+            for state, events in (steps[row] for steps in runs):
+                told = tuple(RunEvent(moment.frame.step, 0.0, kind, text) for kind, text in events)
+                updates.append(StepUpdate(moment, record, told, state))
+            lanes.see(updates)
         if finished:
-            panel.finish(rec)
+            lanes.end({"blended": failures})
     return path
 
 
-def lane_of(path: Path, entity: str) -> list[tuple[int | None, str | None]]:
-    found = recordings.rows(path, entity)
-    return [(row.step, (row.values.get(STATE) or [None])[0]) for row in found]
+def lane_of(path: Path, lane: int, entity: str = OWN) -> list[tuple[int | None, str]]:
+    """Return the words of a lane, from the step on at which each begins; " ": there is no room for one."""
+    style = recordings.static(path, entity)
+    words = dict(zip(style["StateConfiguration:values"], style["StateConfiguration:labels"], strict=True))
+    rows = recordings.having(recordings.rows(path, entity), "StateChange:state")
+    names = [(row.step, row.values["StateChange:state"][lane]) for row in rows]
+    begins = [k for k, (_, name) in enumerate(names) if k == 0 or name != names[k - 1][1]]
+    return [(names[k][0], words.get(names[k][1], "")) for k in begins]
 
 
-def test_the_state_is_logged_where_it_changes(tmp_path):
-    states = ["searching", "searching", "localized", "localized", "lost"]
-    path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
-    assert lane_of(path, draw_events.status_path(PATHS)) == [(1, "searching"), (3, "localized"), (5, "lost")]
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == []
+def test_lanes_stand_in_the_order_of_the_runs_under_their_names(tmp_path):
+    lost, found = [("lost", [])] * 3, [("searching", []), ("localized", []), ("localized", [])]
+    path = drawn(tmp_path / "a.rrd", lost, found)
+    assert recordings.having(recordings.rows(path, NAMES), "StateChange:state")[0].values[
+        "StateChange:state"
+    ] == ["log", "blended", "color"]
+    assert lane_of(path, 1, SHARED) == [(1, "lost")]
+    assert lane_of(path, 2, SHARED) == [(1, "searching"), (2, "localized")]
+    assert lane_of(path, STATUS, own_path(RunPaths("color"))) == lane_of(path, 2, SHARED)
+    runs = numbered([RunView("blended", ()), RunView("color", ())])
+    colors = recordings.static(path, NAMES)["StateConfiguration:colors"]
+    assert list(colors[1:]) == [packed(run.color) for run in runs]
 
 
-def test_a_state_too_short_for_its_word_loses_it_in_the_end(tmp_path):
-    states = ["localized"] * 30 + ["lost"] + ["searching"] * 3 + ["localized"] * 30
-    path = drawn(tmp_path / "a.rrd", [(state, []) for state in states], finished=True)
-    lane = draw_events.status_path(PATHS)
-    latest = dict(lane_of(path, lane))  # of two rows at one step the later one counts
-    assert latest == {1: "localized", 31: f"lost{BRIEF}", 32: "searching", 35: "localized"}
-    style = recordings.static(path, lane)
-    looks = {
-        name: (label, color)
-        for name, label, color in zip(
-            *(style[f"StateConfiguration:{part}"] for part in ("values", "labels", "colors")), strict=True
-        )
-    }
-    assert looks["lost"][0].strip() == "lost"
-    assert looks[f"lost{BRIEF}"][0].strip() == ""
-    assert looks["lost"][1] == looks[f"lost{BRIEF}"][1]
+def test_a_state_too_short_for_its_word_loses_it_when_the_length_is_known(tmp_path):
+    states = ["localized"] * 30 + ["lost"] + ["searching"] * 5 + ["localized"] * 30
+    steps: list[Step] = [(state, []) for state in states]
+    path = drawn(tmp_path / "a.rrd", steps)
+    assert lane_of(path, STATUS) == [(1, "localized"), (31, " "), (32, "searching"), (37, "localized")]
+    so_far = drawn(tmp_path / "b.rrd", steps, finished=False)
+    assert [word for _, word in lane_of(so_far, STATUS)] == ["localized", "lost", "searching", "localized"]
 
 
-def test_a_mark_lasts_as_long_as_its_event_and_its_word_follows(tmp_path):
-    steps: list[Step] = [("localized", []) for _ in range(14)]
+def test_an_event_lasts_as_long_as_it_is_told_and_its_word_follows_where_it_is_too_narrow(tmp_path):
+    steps: list[Step] = [("localized", []) for _ in range(60)]
     steps[1] = ("localized", [("ess-dip", "a")])
-    for k in (6, 7, 8):
-        steps[k] = ("localized", [("reseeded", "a")])
-    path = drawn(tmp_path / "a.rrd", steps, hold=4)
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == [
-        (2, "ess-dip"),
-        (3, f"ess-dip{WORD}"),
-        (6, None),
-        (7, "reseeded"),
-        (10, f"reseeded{WORD}"),
-        (11, None),
-    ]
+    for row in range(10, 20):
+        steps[row] = ("localized", [("reseeded", "a")])
+    path = drawn(tmp_path / "a.rrd", steps)
+    expected = [(1, ""), (2, " "), (3, "ESS dip"), (11, "reseeded"), (21, " ")]
+    assert lane_of(path, NOTICED) == expected
 
 
-def test_the_word_of_a_grave_mark_outlives_a_lesser_one(tmp_path):
-    steps: list[Step] = [("localized", []) for _ in range(9)]
-    steps[1], steps[3] = ("lost", [("lost", "a")]), ("lost", [("ess-dip", "a")])
-    path = drawn(tmp_path / "a.rrd", steps, hold=5)
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == [
-        (2, "lost"),
-        (3, f"lost{WORD}"),
-        (4, "ess-dip"),
-        (5, f"lost{WORD}"),
-        (7, None),
-    ]
-
-
-def test_on_the_timeline_of_phases_marks_and_states_begin_with_their_step(tmp_path):
+def test_on_the_timeline_of_phases_all_begins_with_its_step(tmp_path):
     steps: list[Step] = [("localized", []), ("lost", [("kidnapped", "a"), ("lost", "a")])]
     path = drawn(tmp_path / "a.rrd", steps)
-    for lane in (draw_events.status_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):
-        assert recordings.rows(path, lane)[-1].phase == phase_number(2, Phase.PREDICT)
+    for entity in (SHARED, OWN):
+        assert recordings.rows(path, entity)[-1].phase == phase_number(2, Phase.PREDICT)
 
 
-def test_of_several_marks_the_gravest_is_shown(tmp_path):
-    several = [("beyond-three-sigma", "a"), ("reseeded", "a"), ("lost", "a"), ("ess-dip", "a")]
+def test_of_several_events_the_gravest_is_shown_and_routine_ones_are_not(tmp_path):
+    several = [("lost", "a"), ("beyond-three-sigma", "a"), ("ess-dip", "a"), ("reseeded", "a")]
     path = drawn(tmp_path / "a.rrd", [("lost", several)])
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == [(1, "lost")]
+    assert lane_of(path, NOTICED) == [(1, "lost")]
     path = drawn(tmp_path / "b.rrd", [("localized", [(RESAMPLED, "a"), ("session", "floor wood")])] * 3)
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == []
-    assert lane_of(path, draw_events.LOG_LANE) == []
+    assert [lane_of(path, lane) for lane in (LOG, NOTICED)] == [[(1, "")]] * 2
 
 
-def test_causes_of_failures_are_marked_at_their_first_step_and_where_it_was_lost(tmp_path):
-    steps: list[Step] = [("localized", []), ("localized", [("ess-dip", "a")]), ("searching", [])]
-    steps += [("lost", [])] * 3 + [("localized", [("recovered", "a")])]
-    failures = [Failure(LIGHTING, 2, Episode("lost", 3, 6, 3, lost=4))]
-    path = drawn(tmp_path / "a.rrd", steps, hold=2, failures=failures)
-    belief = dict(
-        lane_of(path, draw_events.status_path(PATHS))
-    )  # of two rows at one step the later one counts
-    assert belief == {1: "localized", 3: "searching", 4: "cause: lighting", 7: "localized"}
-    noticed = dict(lane_of(path, draw_events.noticed_path(PATHS)))
-    assert noticed == {2: "cause: lighting", 3: f"cause: lighting{WORD}", 4: None, 7: "recovered"}
+def test_where_a_run_was_lost_its_lane_says_why(tmp_path):
+    steps: list[Step] = [("localized", []), ("localized", []), ("searching", [])]
+    steps += [("lost", [])] * 9 + [("localized", [])] * 3
+    failures = [Failure(LIGHTING, 2, Episode("lost", 3, 12, 3, lost=4))]
+    path = drawn(tmp_path / "a.rrd", steps, steps, failures=failures)
+    why = [(1, "localized"), (3, "searching"), (4, "lost: the light changed"), (13, "localized")]
+    assert lane_of(path, STATUS) == why
+    assert lane_of(path, 1, SHARED) == lane_of(path, STATUS)
+    assert dict(lane_of(path, 2, SHARED))[4] == "lost"  # the other run has no known cause
 
 
-def test_a_live_run_shows_its_marks_at_once(tmp_path):
-    steps: list[Step] = [("localized", []), ("localized", [("ess-dip", "a")])]
-    path = drawn(tmp_path / "a.rrd", steps, live=True, finished=False)
-    assert lane_of(path, draw_events.noticed_path(PATHS)) == [(2, "ess-dip")]
-
-
-def test_the_log_has_a_lane_that_one_run_draws(tmp_path):
-    said = [("kidnapped", "the robot was carried away"), ("session", "slip +18.3 deg")]
-    steps: list[Step] = [
-        ("localized", said),
-        ("localized", [("session", "door 雨")]),
-        ("localized", [("session", "floor wood")]),
-    ]
+def test_the_log_says_how_far_a_robot_was_carried(tmp_path):
+    steps: list[Step] = [("localized", []), ("localized", [("kidnapped", "the robot was carried away")])]
+    steps += [("localized", [])] * 2 + [("localized", [("session", "bump")])] * 2
     path = drawn(tmp_path / "a.rrd", steps)
-    assert lane_of(path, draw_events.LOG_LANE) == [
-        (1, "kidnapped"),
-        (2, "session"),
-        (3, f"kidnapped{WORD}"),
-    ]
-    other = drawn(tmp_path / "b.rrd", steps, scene=False)
-    assert draw_events.LOG_LANE not in recordings.entities_of(other)
+    words = [word for _, word in lane_of(path, LOG)]
+    assert words[1].startswith("kidnapped: carried ")
+    assert words[-1] == "bump"
+    assert lane_of(path, 0, SHARED) == lane_of(path, LOG)
 
 
-def test_every_state_and_kind_has_a_color_and_a_name(tmp_path):
-    causes = {f"{draw_events.CAUSE}{kind}" for kind in CAUSES}
-    assert set(draw_events.STATUS_COLORS) == set(STATES) | causes
-    shown = set(draw_events.NOTICED_COLORS) | set(draw_events.LOG_COLORS)
-    assert causes < shown
-    assert set(KINDS) - shown == {RESAMPLED, FAILURE}  # a failure is shown by its cause
-    assert PARTED in draw_events.NOTICED_COLORS
-    path = drawn(tmp_path / "a.rrd", [("localized", [])])
-    for lane in (draw_events.status_path(PATHS), draw_events.noticed_path(PATHS), draw_events.LOG_LANE):
-        style = recordings.static(path, lane)
-        values = style["StateConfiguration:values"]
-        assert (
-            len(values) == len(style["StateConfiguration:colors"]) == len(style["StateConfiguration:labels"])
-        )
-        assert len(values) == len(set(values)) > 0
+def test_a_drive_with_very_many_changes_keeps_its_colors_and_few_names(tmp_path):
+    states = ["localized", "lost"] * (2 * MOST_NAMES)
+    path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
+    style = recordings.static(path, OWN)
+    assert len(style["StateConfiguration:values"]) <= MOST_NAMES + 4
+    colors = dict(zip(style["StateConfiguration:values"], style["StateConfiguration:colors"], strict=True))
+    rows = recordings.having(recordings.rows(path, OWN), "StateChange:state")
+    shown = [colors[row.values["StateChange:state"][STATUS]] for row in rows]
+    assert shown == [packed(STATE_COLORS[state]) for state in states]
 
 
-def test_marks_have_room_and_views_tell_their_colors():
-    assert draw_events.hold_for(1) == draw_events.hold_for(20) == 2
-    assert draw_events.hold_for(120) == 15
-    assert 12_000 / draw_events.hold_for(12_000) == 8
-    view = draw_events.events_view([RunView("color", ()), RunView("best", ())])
-    assert "red lost" in str(view.name)
-    assert list(view.contents) == ["/color/events/**", "/best/events/**", draw_events.LOG_LANE]
+@pytest.mark.parametrize("state", STATES)
+def test_every_state_has_a_color_and_a_word(state):
+    look = draw_events.look_of_state(state)
+    assert look.word
+    assert look != NOTHING
+
+
+def test_every_cause_and_kind_of_event_has_a_word():
+    words = {draw_events.look_of_state("lost", cause).word for cause in CAUSES}
+    assert len(words) == len(CAUSES)
+    assert draw_events.look_of_state("lost", UNKNOWN).word == "lost"
+    lanes = {name for name, kind in KINDS.items() if kind.lanes}
+    assert set(KINDS) - lanes == {
+        RESAMPLED,
+        FAILURE,
+    }  # a failure is told in the lane of its run
+    assert all(draw_events.word_of(name) for name in lanes)
+
+
+def test_names_stand_left_of_the_lanes_at_any_time():
+    names, lanes = draw_events.lanes_view(SHARED).contents
+    assert (list(names.contents), list(lanes.contents)) == ([NAMES], [SHARED])
+    assert np.isclose(sum(draw_events.lanes_view(SHARED).column_shares), 1)
