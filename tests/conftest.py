@@ -23,6 +23,7 @@ for _name in [name for name in os.environ if name in OWN or name.startswith(("TT
 os.environ.setdefault("PYTHONUTF8", "1")  # what tests start writes what they read
 # Every command that tests start would compile the project again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False  # and every run of the tests would rewrite their asserts again
 
 HUNG_S = 600  # far longer than any test takes, however busy the machine
 
