@@ -142,10 +142,10 @@ class BranchPoint:
         """
         steps = self.run.manifest.steps
         if from_step is None:
-            found = step_before_loss(verdict_of(self))
-            if found is None:
+            step = step_before_loss(verdict_of(self))
+            if step is None:
                 raise OptionError("the run was never lost, as far as is known; name a step with --from")
-            return found
+            return step
         if from_step < 0 or (steps is not None and from_step >= steps):
             last = "" if steps is None else f" to {steps - 1}"
             raise OptionError(f"--from: found {from_step}, expected a step from 0{last}")
@@ -160,16 +160,19 @@ class BranchPoint:
         seed = own.seed if change.seed is None else change.seed
         if not replace(change, seed=None, anywhere=False).words:
             return replace(own, seed=seed)
-        found = change.configuration(
+        configuration = change.configuration(
             self.run.configuration, self._fitted() if change.has_other_sensor else ()
         )
         try:
-            found = available(found, self.library)[0]
+            configuration = available(configuration, self.library)[0]
         except InputError as problem:
             raise InputError(self.run.folder, problem.message) from None
-        if (found.parameters.sensor, found.parameters.references) != (before.sensor, before.references):
-            found = adapted(found, self.library, own.reference)[0]
-        after = found.parameters
+        if (configuration.parameters.sensor, configuration.parameters.references) != (
+            before.sensor,
+            before.references,
+        ):
+            configuration = adapted(configuration, self.library, own.reference)[0]
+        after = configuration.parameters
         same = (after.sensor, after.references, after.map) == (before.sensor, before.references, before.map)
         try:
             return build_localizer(
@@ -201,11 +204,11 @@ class BranchPoint:
         """Return the state in which a filter goes on after a step; without a belief, at the run's start."""
         if belief is None:
             return localizer.initialize(None if anywhere else self.restored.start)
-        told = past if localizer.sensor is self.localizer.sensor else ()
+        evidences = past if localizer.sensor is self.localizer.sensor else ()
         if anywhere:
-            return branched(localizer, step, localizer.initialize(None).belief, told)
+            return branched(localizer, step, localizer.initialize(None).belief, evidences)
         resized = localizer.particles != self.localizer.particles
-        return branched(localizer, step, belief, told, localizer.particles if resized else None)
+        return branched(localizer, step, belief, evidences, localizer.particles if resized else None)
 
 
 Past = Sequence[float]  # what recovery was told until the branch, update by update
@@ -228,7 +231,8 @@ def step_before_loss(verdict: RunVerdict) -> int | None:
     """
     if not verdict.failures:
         return None
-    ending = [one for one in verdict.failures if one.episode.last == verdict.last] or list(verdict.failures)
+    failures = verdict.failures
+    ending = [failure for failure in failures if failure.episode.last == verdict.last] or list(failures)
     return 0 if verdict.found is None else max(min(ending[0].first, ending[0].episode.onset) - 1, 0)
 
 

@@ -17,7 +17,7 @@ from maurice_mcl.values.library import Library
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..running.open import AnySession, make_runs, open_library_for, open_session
-from ..running.run_spec import RunSpec, settings_with
+from ..running.run_spec import RunSpec
 
 MOST_DRIVES = 10  # of a folder of trials
 WORKING = "error budget"
@@ -46,11 +46,11 @@ def error_budget(
 
         >>> import maurice_viz as mv
         >>> budget = mv.error_budget("session.log", particles=50, seeds=2)
-        >>> [one.part for one in budget.parts][:2]
+        >>> [share.part for share in budget.parts][:2]
         ['as it is', 'true movements']
     """
-    file, options = None if config is None else Path(config), reading or ReadingOptions()
-    spec = RunSpec(preset, feature, particles, 0, start, file, settings_with(settings, sensors))
+    options = reading or ReadingOptions()
+    spec = RunSpec.of(preset, feature, particles, 0, start, config, settings, sensors)
     if isinstance(source, (str, Path)) and is_trials(Path(source)):
         if library is not None or spec != RunSpec() or options != ReadingOptions():
             raise OptionError(f"{source} holds trials: their filter is used, no option of a filter applies")

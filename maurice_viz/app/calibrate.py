@@ -51,8 +51,10 @@ class MotionCalibration:
     def to_toml(self) -> str:
         """Return the parameters as TOML, with the trials that they were fitted to as a comment."""
         turns, straights = self.fit.turns.count, self.fit.straights.count
-        made = f"from {turns} turns and {straights} straights of {self.source.name}"
-        return motion_to_toml(self.fit.motion_header(), (made, "noise is once a movement; drift is by floor"))
+        origin = f"from {turns} turns and {straights} straights of {self.source.name}"
+        return motion_to_toml(
+            self.fit.motion_header(), (origin, "noise is once a movement; drift is by floor")
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return every constant in meters and radians, and the header's robot.motion."""
@@ -73,28 +75,30 @@ class MotionCalibration:
     def warnings(self) -> list[str]:
         """What a reader of the constants should know: movements left out, outliers, uneven turns."""
         fit = self.fit
-        said = []
+        warnings = []
         if fit.left_out:
             why = "too small, bent, several between two truths, or of doubtful truth"
-            said.append(f"{fit.left_out} movements were left out: {why}")
+            warnings.append(f"{fit.left_out} movements were left out: {why}")
         errors = {"turn residuals": fit.turns.residual, "straight errors": fit.straights.error}
         errors |= {f"drifts on {drift.floor}".removesuffix(" on "): drift.rate for drift in fit.drifts}
         for what, spread in errors.items():
             if spread.beyond_3_sd > 1 + 0.0027 * spread.count:  # more than chance puts there; one is no news
                 number = f"{spread.beyond_3_sd} of {spread.count} {what}"
                 kept = "they are not left out, and make the sd larger"
-                said.append(f"{number} lie beyond 3 sd: slips, perhaps; {kept}")
+                warnings.append(f"{number} lie beyond 3 sd: slips, perhaps; {kept}")
         if fit.turns.one_sided:
-            said.append("most turns go one way, so gain and bias of turns cannot be separated well")
+            warnings.append("most turns go one way, so gain and bias of turns cannot be separated well")
         left, right = fit.turns.left_gain, fit.turns.right_gain
         if fit.turns.uneven and left and right:
             gains = f"{left.value:.4f} ({left.low:.4f} to {left.high:.4f}) to the left and {right.value:.4f}"
-            said.append(
+            warnings.append(
                 f"turns have gains of {gains} ({right.low:.4f} to {right.high:.4f}) to the right: not one"
             )
         if not fit.drifts:
-            said.append("no floor has two straights with a known heading error, so that no drift was fitted")
-        return said
+            warnings.append(
+                "no floor has two straights with a known heading error, so that no drift was fitted"
+            )
+        return warnings
 
 
 def calibrate_motion(
@@ -125,14 +129,14 @@ def calibrate_motion(
         expect_absent(Path(to), force=force)
     trials, units = _trials(path, unit)
     try:
-        found = MotionCalibration(path, trials, fit_trials(trials), units)
+        calibration = MotionCalibration(path, trials, fit_trials(trials), units)
     except ValueError as problem:
         raise InputError(path, str(problem)) from None
     if to is not None:
-        write_whole(Path(to), found.to_toml().encode(), force=force)
-    for text in (*_mishaps(path), *found.warnings):
+        write_whole(Path(to), calibration.to_toml().encode(), force=force)
+    for text in (*_mishaps(path), *calibration.warnings):
         listener.warning(f"note: {text}")
-    return found
+    return calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,9 +206,13 @@ class DriveCalibration:
     def to_toml(self) -> str:
         """Return the constants as TOML for a replay, and which of them the log does not tell."""
         names = ", ".join(source.name for source in self.sources)
-        said = [f"from {self.fit.segments} movements of {names}"]
-        said += [f"{one.name}: {_stands(one)}, {one.why}" for one in self.fit.constants if not one.told]
-        return motion_to_toml(self.fit.motion_header(), tuple(said))
+        comments = [f"from {self.fit.segments} movements of {names}"]
+        comments += [
+            f"{constant.name}: {_stands(constant)}, {constant.why}"
+            for constant in self.fit.constants
+            if not constant.told
+        ]
+        return motion_to_toml(self.fit.motion_header(), tuple(comments))
 
     def to_json(self) -> dict[str, Any]:
         """Return every constant with its interval, and the header's robot.motion."""
@@ -215,17 +223,23 @@ class DriveCalibration:
     def warnings(self) -> list[str]:
         """What the log cannot tell, and movements that no constant explains."""
         fit = self.fit
-        said = [f"{one.name}: {one.why}; {_stands(one)} stands" for one in fit.constants if not one.told]
+        warnings = [
+            f"{constant.name}: {constant.why}; {_stands(constant)} stands"
+            for constant in fit.constants
+            if not constant.told
+        ]
         scales = {"ways": ("odometry_scale", fit.way_scale), "turns": ("turn_scale", fit.turn_scale)}
         for what, (key, found) in scales.items():
             if found is not None and (found.low > 1 + TOLERATED or found.high < 1 - TOLERATED):
                 within = f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
                 advice = f"correct that with --reading {key}={found.value:.3f} and fit again"
-                said.append(f"{what} are really {within} times as measured, which counts as noise; {advice}")
-        said += _mast_words(fit)
+                warnings.append(
+                    f"{what} are really {within} times as measured, which counts as noise; {advice}"
+                )
+        warnings += _mast_words(fit)
         if fit.far > 1 + fit.segments / 1000:
-            said.append(f"{fit.far} of {fit.segments} movements are far beyond the noise: slips, perhaps")
-        return said
+            warnings.append(f"{fit.far} of {fit.segments} movements are far beyond the noise: slips, perhaps")
+        return warnings
 
 
 def _mast_words(fit: MotionFit) -> list[str]:
@@ -281,17 +295,17 @@ def calibrate_drive(
     if (model or named) == "maurice":
         floor_of = partial(floor_between, info.arena)
         segments = _of_one_floor(segments, floor_of)
-        floors = {floor_of(one.before[:2], one.after[:2]) or "" for one in segments}
+        floors = {floor_of(segment.before[:2], segment.after[:2]) or "" for segment in segments}
         chosen = LinearMaurice(tuple(sorted(floors)), floor_of)
     try:
-        found = DriveCalibration(paths, fit_motion(segments, chosen))
+        calibration = DriveCalibration(paths, fit_motion(segments, chosen))
     except ValueError as problem:
         raise InputError(paths[0], str(problem)) from None
     if to is not None:
-        write_whole(Path(to), found.to_toml().encode(), force=force)
-    for text in found.warnings:
+        write_whole(Path(to), calibration.to_toml().encode(), force=force)
+    for text in calibration.warnings:
         listener.warning(f"note: {text}")
-    return found
+    return calibration
 
 
 def _driven(
@@ -306,7 +320,7 @@ def _driven(
 
 def _of_one_floor(segments: list[MotionSegment], floor_of: FloorOf) -> list[MotionSegment]:
     """Leave out movements from one floor to another, which tell no floor's drift."""
-    return [one for one in segments if floor_of(one.before[:2], one.after[:2]) is not None]
+    return [segment for segment in segments if floor_of(segment.before[:2], segment.after[:2]) is not None]
 
 
 def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
@@ -323,8 +337,8 @@ def _mishaps(source: Path) -> list[str]:
     """Report the slips and bumps of a session log, which the constants contain as well."""
     if source.is_dir() or source.suffix.lower() == ".csv":
         return []
-    found = [f"{count} of {word}" for word, count in mishaps(source).items() if count]
-    return [f"the log has events: {', '.join(found)}; these movements are not left out"] if found else []
+    counts = [f"{count} of {word}" for word, count in mishaps(source).items() if count]
+    return [f"the log has events: {', '.join(counts)}; these movements are not left out"] if counts else []
 
 
 def _no_nan(value: Any) -> Any:

@@ -34,7 +34,7 @@ from ..running.open import (
 )
 from ..running.output import OutputOptions, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
-from ..running.run_spec import RunSpec, settings_with
+from ..running.run_spec import RunSpec, settings_with, start_of
 from ..running.saved import Opened, open_saved, playback_of, remark_saved, view_of
 from ..scene import RunView, Scene
 from .convert import only_run
@@ -89,9 +89,9 @@ def compare(
         "preset": _several(presets),
         "particles": _several(particles),
         "seed": _several(seeds),
-        "start": _several(starts),
-        "config": [Path(one) for one in _several(configs)],
-        "settings": [settings_with(one, sensors) for one in _several(settings) or [{}] * bool(sensors)],
+        "start": [start_of(start) for start in _several(starts)],
+        "config": [Path(config) for config in _several(configs)],
+        "settings": [settings_with(values, sensors) for values in _several(settings) or [{}] * bool(sensors)],
     }
     is_one = not isinstance(session, Sequence) or isinstance(session, str)
     sources: list[AnySource] = [session] if is_one else list(session)  # type: ignore[list-item,arg-type]  # told apart by is_one
@@ -114,7 +114,7 @@ def _compared(
     report: Report,
 ) -> RunScores:
     """Compare what is named, by the one way that fits it. InputError, OptionError."""
-    saved = [isinstance(one, (str, Path)) and is_saved(Path(one)) for one in sources]
+    saved = [isinstance(source, (str, Path)) and is_saved(Path(source)) for source in sources]
     if any(saved):
         if not all(saved):
             raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
@@ -123,7 +123,7 @@ def _compared(
                 "saved runs are compared as they were: only options of the output apply to them"
             )
         _check_count(len(sources), fewest=1)
-        folders = [Path(str(one)) for one in sources]
+        folders = [Path(str(source)) for source in sources]
         return _play(_saved_playback(folders, listener), output, listener, report)
     if len(sources) > 1:
         _check_count(len(sources))
@@ -194,8 +194,8 @@ def _names(kind: str, values: Sequence[Any]) -> list[str]:
 
 
 def _setting_names(values: Sequence[Mapping[str, Any]]) -> list[str]:
-    keys = list(dict.fromkeys(key for one in values for key in one))
-    differing = [key for key in keys if len({str(one.get(key)) for one in values}) > 1]
+    keys = list(dict.fromkeys(key for settings in values for key in settings))
+    differing = [key for key in keys if len({str(settings.get(key)) for settings in values}) > 1]
     words = [
         {key: _setting_word(key, settings.get(key, "default")) for key in differing} for settings in values
     ]
@@ -218,10 +218,10 @@ def names_of(paths: Sequence[Path]) -> list[str]:
     different = len(set(whole))
     typed = [tuple(part for part in path.parts if part not in (path.anchor, "..")) for path in paths]
     parts = typed if all(typed) and len(set(typed)) == different else whole
-    while different > 1 and min(map(len, parts)) > 1 and len({one[-1] for one in parts}) == 1:
-        parts = [one[:-1] for one in parts]
+    while different > 1 and min(map(len, parts)) > 1 and len({path[-1] for path in parts}) == 1:
+        parts = [path[:-1] for path in parts]
     depths = range(1, max(map(len, parts)) + 1)
-    named = ([" ".join(one[-depth:]) for one in parts] for depth in depths)
+    named = ([" ".join(path[-depth:]) for path in parts] for depth in depths)
     return next(names for names in named if len(set(names)) == different)
 
 
@@ -231,27 +231,27 @@ def names_of(paths: Sequence[Path]) -> list[str]:
 def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
     """Prepare saved runs side by side as they were; a single folder is a comparison's."""
     if len(folders) == 1:
-        found = open_saved(folders[0], listener)
-        if len(found.runs) < 2:
+        comparison = open_saved(folders[0], listener)
+        if len(comparison.runs) < 2:
             raise InputError(folders[0], "is a single saved run; name the one to compare it with as well")
-        return playback_of(found, listener)
+        return playback_of(comparison, listener)
     _check_alike([only_run(folder) for folder in folders])
     opened = [
         _labelled(folder, label, listener)
         for folder, label in zip(folders, unique_labels(names_of(folders)), strict=True)
     ]
-    own = [_drive(one) != _drive(opened[0]) for one in opened]
+    own = [_drive(run) != _drive(opened[0]) for run in opened]
 
     def remarks(collector: ResultCollector) -> None:
-        runs = [one.runs[0] for one in opened]
+        runs = [run.runs[0] for run in opened]
         remark_saved(collector, runs, listener)
         counts = [run.manifest.pictures if run.manifest.steps is None else run.manifest.steps for run in runs]
         _remark_lengths(collector, [run.folder for run in runs], counts, listener)
 
     return Playback(
-        aligned([shared(one.updates()) for one in opened]),
-        min(one.runs[0].manifest.pictures for one in opened),
-        [replace(view_of(one.restored[0]), own_drive=other) for one, other in zip(opened, own, strict=True)],
+        aligned([shared(run.updates()) for run in opened]),
+        min(run.runs[0].manifest.pictures for run in opened),
+        [replace(view_of(run.restored[0]), own_drive=other) for run, other in zip(opened, own, strict=True)],
         _scene(opened),
         remarks,
     )
@@ -265,15 +265,15 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
-    sessions = [open_session(one, reading, listener) for one in sources]
+    sessions = [open_session(source, reading, listener) for source in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)
     names = names_of([path.with_suffix("") for path in paths])
     free = [f"{name}.log" if name in RESERVED else name for name in names]  # as `session` is
     named = [replace(spec, name=label) for label in unique_labels(free)]
     runs = [
-        make_runs(session, references, [one], listener)[0]
-        for session, one in zip(sessions, named, strict=True)
+        make_runs(session, references, [labelled], listener)[0]
+        for session, labelled in zip(sessions, named, strict=True)
     ]
     overviews = [session.overview() for session in sessions]
     drives = [str(path.resolve()) if path.is_dir() else hash_file(path) for path in paths]
@@ -313,7 +313,7 @@ def _drive(opened: Opened) -> str:
 
 def _scene(opened: Sequence[Opened]) -> Scene:
     """Draw with the library of a run whose library is still there."""
-    scenes = [one.scene for one in opened]
+    scenes = [run.scene for run in opened]
     whole = next((scene for scene in scenes if scene.library.size), scenes[0])
     return replace(whole, has_truth=any(scene.has_truth for scene in scenes))
 
@@ -332,9 +332,9 @@ def _check_alike(runs: Sequence[SavedRun]) -> None:
             )
 
 
-def _same_map(one: Arena, other: Arena) -> bool:
+def _same_map(arena: Arena, other: Arena) -> bool:
     shapes = [
-        [one.bounds, one.walls, *(region.polygon for region in one.obstacles)],
+        [arena.bounds, arena.walls, *(region.polygon for region in arena.obstacles)],
         [other.bounds, other.walls, *(region.polygon for region in other.obstacles)],
     ]
     return len(shapes[0]) == len(shapes[1]) and all(map(np.array_equal, *shapes))

@@ -303,8 +303,8 @@ def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
     """Return what does not change with time; the map is the one that the run was made with."""
     if session is None:
         return McapScene(None, run.arena(), None)
-    found = scene_of(session.info, run.manifest.reading.camera)
-    return replace(found, arena=run.arena())
+    scene = scene_of(session.info, run.manifest.reading.camera)
+    return replace(scene, arena=run.arena())
 
 
 def _report_left_out(

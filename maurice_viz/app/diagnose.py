@@ -70,7 +70,7 @@ class RunDiagnosis:
 
     @property
     def _no_failure(self) -> str:
-        kinds = {one.kind for one in self.verdict.episodes}
+        kinds = {episode.kind for episode in self.verdict.episodes}
         return IN_TIME if kinds - {SEARCHING} else FOUND if kinds else NEVER_LOST
 
     def commands(self, failure: Failure) -> list[str]:
@@ -91,7 +91,7 @@ class RunDiagnosis:
             "truth_known": self.verdict.has_truth,
             "updates": self.verdict.updates,
             "verdict": say_verdict(self.verdict, scale),
-            "failures": [failure_json(one, scale) for one in self.failures],
+            "failures": [failure_json(failure, scale) for failure in self.failures],
         }
 
 

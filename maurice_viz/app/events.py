@@ -44,7 +44,7 @@ class FoundEvents:
 
     def to_json(self) -> dict[str, object]:
         """Return `{"runs": [{"label": ..., "events": [...]}]}`."""
-        runs = [(run.label, [_event_json(one) for one in run.events]) for run in self.runs]
+        runs = [(run.label, [_event_json(event) for event in run.events]) for run in self.runs]
         return {"runs": [{"label": label, "events": found} for label, found in runs]}
 
 
@@ -70,17 +70,17 @@ def events(
     for kind in kinds:
         if kind not in KINDS:
             raise OptionError(f"no kind called {kind!r}; there are {', '.join(KINDS)}")
-    found = find_events(Path(run))
-    for problem in found.problems:
+    every = find_events(Path(run))
+    for problem in every.problems:
         listener.warning(problem)
     return replace(
-        found,
+        every,
         runs=tuple(
             RunEvents(
-                one.label,
-                tuple(e for e in one.events if (e.kind in kinds if kinds else routine or not e.is_routine)),
+                run.label,
+                tuple(e for e in run.events if (e.kind in kinds if kinds else routine or not e.is_routine)),
             )
-            for one in found.runs
+            for run in every.runs
         ),
     )
 
@@ -90,12 +90,12 @@ def find_events(folder: Path) -> FoundEvents:
     runs = open_runs(folder)
     watched = [_Watched.of(run, runs[0]) for run in runs]
     for updates in zip_longest(*(_updates(run) for run in runs)):
-        for one, update in zip(watched, updates, strict=True):
+        for run, update in zip(watched, updates, strict=True):
             if update is not None:
-                one.see(updates[0], update)
+                run.see(updates[0], update)
     old = [run.folder for run in runs if run.manifest.failures is None and run.manifest.steps]
-    unknown = tuple(f"{one}: {UNKNOWN.format(quote(str(one)))}" for one in old)
-    done = tuple(RunEvents(one.label, one.result()) for one in watched)
+    unknown = tuple(f"{folder}: {UNKNOWN.format(quote(str(folder)))}" for folder in old)
+    done = tuple(RunEvents(run.label, run.result()) for run in watched)
     return FoundEvents(done, runs[0].manifest.name, unknown)
 
 

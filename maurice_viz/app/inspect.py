@@ -47,15 +47,15 @@ def formats(path: str | Path | None = None) -> list[FormatInfo]:
         >>> found.name
         'session-log'
     """
-    found = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
+    known = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
     return [
         FormatInfo(
-            one.name,
-            one.what,
-            one.extra,
-            one.extra is None or find_spec(EXTRAS.get(one.extra, one.extra)) is not None,
+            format_.name,
+            format_.what,
+            format_.extra,
+            format_.extra is None or find_spec(EXTRAS.get(format_.extra, format_.extra)) is not None,
         )
-        for one in found
+        for format_ in known
     ]
 
 
@@ -83,14 +83,14 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
         14
     """
     path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
-    one = chosen(path, options)
-    if one.name == NATIVE and options.as_it_is:
-        found = inspect_session(session_in(path), outside=options.pictures_outside)
+    chosen_format = chosen(path, options)
+    if chosen_format.name == NATIVE and options.as_it_is:
+        contents = inspect_session(session_in(path), outside=options.pictures_outside)
     else:
-        recording = open_recording(path, replace(options, format=one.name))
-        found = inspect_recording(RecordedSession(recording, options))
+        recording = open_recording(path, replace(options, format=chosen_format.name))
+        contents = inspect_recording(RecordedSession(recording, options))
     return InspectedRecording(
-        one.name, replace(found, warnings=(*_about_places(path, found), *found.warnings))
+        chosen_format.name, replace(contents, warnings=(*_about_places(path, contents), *contents.warnings))
     )
 
 
@@ -132,10 +132,10 @@ def doctor(
     if to is not None:
         expect_absent(Path(to), force=force)
     references = _library(path, library, options, listener) if pictures else None
-    found = diagnose(path, options, references, progress_of(listener, "pictures"))
-    if to is not None and found.fixed != options:
-        write_reading(to, found.fixed, force=force)
-    return found
+    diagnosis = diagnose(path, options, references, progress_of(listener, "pictures"))
+    if to is not None and diagnosis.fixed != options:
+        write_reading(to, diagnosis.fixed, force=force)
+    return diagnosis
 
 
 def _library(

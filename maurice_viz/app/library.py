@@ -110,7 +110,7 @@ def build_library(
         source = open_survey(survey, options, spaced, kept, progress_of(listener, "choose pictures"))
         chosen = source.chosen.every or EVERY if isinstance(source, SelectedSurvey) else None
         if add:
-            source = JoinedSurvey([source, *(open_survey(Path(one), options) for one in add)])
+            source = JoinedSurvey([source, *(open_survey(Path(path), options) for path in add)])
         built = measure(
             survey,
             keep_going=options.keep_going,

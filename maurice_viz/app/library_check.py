@@ -64,9 +64,9 @@ class LibraryCheck:
                 {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
                 for entry in found.aliased.tolist()
             ],
-            "confusions": [self._confusion(one) for one in self.advice.confusions],
-            "missing_headings": [asdict(one) for one in self.advice.missing],
-            "add": [self._added(one) for one in self.advice.added],
+            "confusions": [self._confusion(confusion) for confusion in self.advice.confusions],
+            "missing_headings": [asdict(place) for place in self.advice.missing],
+            "add": [self._added(reference) for reference in self.advice.added],
             "ambiguity_median": float(np.median(places)),
             "ambiguity": [
                 {"x_m": float(x), "y_m": float(y), "places": float(value)}
@@ -77,15 +77,18 @@ class LibraryCheck:
             "drive": None if self.drive is None else self.drive.to_json(),
         }
 
-    def _confusion(self, one: Confusion) -> dict[str, Any]:
-        return asdict(one) | {"pose": self._pose(one.entry), "like_pose": self._pose(one.like)}
+    def _confusion(self, confusion: Confusion) -> dict[str, Any]:
+        return asdict(confusion) | {
+            "pose": self._pose(confusion.entry),
+            "like_pose": self._pose(confusion.like),
+        }
 
     def _pose(self, entry: int) -> dict[str, float]:
         return _pose(self.library.poses[entry])
 
     @staticmethod
-    def _added(one: ProposedReference) -> dict[str, Any]:
-        return _pose(one.pose) | {"why": one.why}
+    def _added(reference: ProposedReference) -> dict[str, Any]:
+        return _pose(reference.pose) | {"why": reference.why}
 
     def write_poses(self, to: str | Path, *, force: bool = False) -> Path:
         """Write the references to add as a table (.csv) that `survey --poses` takes, or a person drives.
@@ -93,9 +96,9 @@ class LibraryCheck:
         Raises InputError if the file exists (unless `force`).
         """
         lines = [",".join(COLUMNS)]
-        for one in self.advice.added:
-            x_m, y_m, heading_rad = one.pose.tolist()
-            lines.append(f"{x_m:.4f},{y_m:.4f},{np.degrees(heading_rad):.2f},{one.why}")
+        for reference in self.advice.added:
+            x_m, y_m, heading_rad = reference.pose.tolist()
+            lines.append(f"{x_m:.4f},{y_m:.4f},{np.degrees(heading_rad):.2f},{reference.why}")
         path = Path(to)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, ("\n".join(lines) + "\n").encode(), force=force)
@@ -154,8 +157,8 @@ def check_library(
     weights = FEATURES.get(feature, {feature: 1.0})
     missing = [name for name in weights if name not in opened.index]
     if missing:
-        found = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
-        raise InputError(path, f"{found}, and {missing[0]} is wanted; build the library again")
+        content = f"the library {opened.name!r} holds {', '.join(opened.index) or 'no channel'}"
+        raise InputError(path, f"{content}, and {missing[0]} is wanted; build the library again")
     nearest = nearest_reference(opened.poses, opened.arena)
     table = LeftOutTable.of(SensorModel(opened, nearest, SensorParameters(dict(weights))))
     similarity = self_similarity_of(table, progress_of(listener, "compare"))
@@ -185,10 +188,10 @@ def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
     """Yield what the library's own pictures show about the default filter, with or without its own scales."""
     if library.size:
         reference = nearest_reference(library.poses, library.arena)
-        _, found = adapted(configure([]), library, reference)
-        if found is not None and not fitted:
-            found = replace(found, stretched={})
-        yield from say_places(library.name, FEATURES["blended"], found)
+        _, telling = adapted(configure([]), library, reference)
+        if telling is not None and not fitted:
+            telling = replace(telling, stretched={})
+        yield from say_places(library.name, FEATURES["blended"], telling)
 
 
 def scales_said(library: Library) -> Iterator[str]:
@@ -196,5 +199,5 @@ def scales_said(library: Library) -> Iterator[str]:
     reference = nearest_reference(library.poses, library.arena)
     for feature in ("blended", "best"):
         weights = FEATURES[feature]
-        _, found = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
-        yield from say_places(library.name, weights, found)
+        _, telling = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
+        yield from say_places(library.name, weights, telling)

@@ -92,7 +92,11 @@ class Remedies:
     @property
     def proposed(self) -> RemedyResult | None:
         """The best of those that are better and usually localized; None: none is."""
-        good = [one for one in self.tried if one.verdict == BETTER and one.localized.value >= USUAL_SHARE]
+        good = [
+            result
+            for result in self.tried
+            if result.verdict == BETTER and result.localized.value >= USUAL_SHARE
+        ]
         return good[0] if good else None
 
     def to_json(self) -> dict[str, Any]:
@@ -105,7 +109,7 @@ class Remedies:
             "line": self.line,
             "proposed": None if best is None else best.name,
             "as_it_was": self.as_it_was.to_json(),
-            "tried": [one.to_json() for one in self.tried],
+            "tried": [result.to_json() for result in self.tried],
             "left_out": list(self.left_out),
         }
 
@@ -137,22 +141,24 @@ def remedies(
     step = point.step_or_default(from_step)
     tested = tuple(range(1, seeds + 1)) if isinstance(seeds, int) else tuple(seeds)
     wanted, (possible, left_out) = set(names), candidates(point)
-    chosen = [one for one in possible if not wanted or one.name in wanted]
+    chosen = [remedy for remedy in possible if not wanted or remedy.name in wanted]
     tried = [Remedy(AS_IT_WAS, BranchChange()), *chosen]
-    filters = [point.localizer_with(one.change) for one in tried]
+    filters = [point.localizer_with(remedy.change) for remedy in tried]
     if len(tested) < (least := least_seeds(len(chosen))):
         listener.remark(
             f"{len(tested)} seeds cannot tell {len(chosen)} remedies from chance; give at least {least}"
         )
-    past = _Past.read(point, step, list({id(one.sensor): one.sensor for one in filters}.values()))
-    found = past.tried(tried, filters, tested, listener)
-    first, *others = judged(tried, found)
-    ranked = sorted(others, key=lambda one: (-one.localized.value, one.error_m.value))
+    past = _Past.read(
+        point, step, list({id(localizer.sensor): localizer.sensor for localizer in filters}.values())
+    )
+    outcomes = past.tried(tried, filters, tested, listener)
+    first, *others = judged(tried, outcomes)
+    ranked = sorted(others, key=lambda result: (-result.localized.value, result.error_m.value))
     info = point.session.info
-    made = Remedies(
+    ranking = Remedies(
         str(run), info.name, info.display_units, step, tested, first, tuple(ranked), tuple(left_out)
     )
-    return replace(made, line=remedies_line(made.to_json()))
+    return replace(ranking, line=remedies_line(ranking.to_json()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,7 +191,7 @@ class _Past:
                 past.evidences.append(recovery_evidence(records[label]))
                 past.belief = records[label].belief
             else:
-                past.comparisons.append([one.comparison for one in compared(sensors, moment.frame)])
+                past.comparisons.append([model.comparison for model in compared(sensors, moment.frame)])
                 past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
         known = sum(moment.truth is not None for moment in past.moments)
         if known < RIGHT_AT_END[1]:
@@ -225,7 +231,7 @@ class _Past:
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
         scores = [score_trace(trace, DrivenPath.of(self.moments)) for trace in traces]
         at_end = np.array([_is_localized(trace, self.moments) for trace in traces], bool)
-        errors_m = np.array([one.position_error_mean_m for one in scores], np.float64)
+        errors_m = np.array([score.position_error_mean_m for score in scores], np.float64)
         return SeedResults(at_end, errors_m)
 
 
@@ -233,7 +239,7 @@ def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:
     """Return whether a run was converged and correct in at least 7 of the last 10 updates."""
     last = range(max(trace.updates - RIGHT_AT_END[1], 0), trace.updates)
     scores = [score_step(trace.estimate(update), moments[update].truth) for update in last]
-    return mostly_at_end([one.localized is True for one in scores]) is True
+    return mostly_at_end([score.localized is True for score in scores]) is True
 
 
 def least_seeds(remedies: int) -> int:
@@ -241,45 +247,45 @@ def least_seeds(remedies: int) -> int:
     return math.ceil(math.log2(2 * 2 * remedies / P_BELOW)) if remedies else 0
 
 
-def judged(tried: Sequence[Remedy], found: Sequence[SeedResults]) -> list[RemedyResult]:
+def judged(tried: Sequence[Remedy], outcomes: Sequence[SeedResults]) -> list[RemedyResult]:
     """Compare all but the first with the first, seed by seed.
 
     One is better where it is localized at the end in more seeds, or as often with a smaller
     error, by sign-flip tests whose p-values are adjusted for the number of all of them (Holm).
     """
-    first, count = found[0], len(found) - 1
-    tests = [sign_flip(one.localized.astype(float) - first.localized) for one in found[1:]]
-    tests += [sign_flip(one.error_m - first.error_m) for one in found[1:]]
+    first, count = outcomes[0], len(outcomes) - 1
+    tests = [sign_flip(outcome.localized.astype(float) - first.localized) for outcome in outcomes[1:]]
+    tests += [sign_flip(outcome.error_m - first.error_m) for outcome in outcomes[1:]]
     adjusted = holm(tests)
     of = zip([1.0, *adjusted[:count]], [1.0, *adjusted[count:]], strict=True)
     return [
         RemedyResult(
             name=remedy.name,
             change=remedy.change,
-            localized=share(one.localized, of_one_drive(len(one.localized))),
-            error_m=mean(one.error_m, of_one_drive(len(one.error_m))),
-            verdict=_verdict(one, first, p_localized, p_error),
+            localized=share(outcome.localized, of_one_drive(len(outcome.localized))),
+            error_m=mean(outcome.error_m, of_one_drive(len(outcome.error_m))),
+            verdict=_verdict(outcome, first, p_localized, p_error),
             p_localized=p_localized,
             p_error=p_error,
         )
-        for remedy, one, (p_localized, p_error) in zip(tried, found, of, strict=True)
+        for remedy, outcome, (p_localized, p_error) in zip(tried, outcomes, of, strict=True)
     ]
 
 
-def _verdict(one: SeedResults, first: SeedResults, p_localized: float, p_error: float) -> str:
+def _verdict(outcome: SeedResults, first: SeedResults, p_localized: float, p_error: float) -> str:
     """Return BETTER, WORSE or UNCLEAR: by the share that is localized at the end, then by the error."""
     if p_localized < P_BELOW:
-        return BETTER if one.localized.mean() > first.localized.mean() else WORSE
+        return BETTER if outcome.localized.mean() > first.localized.mean() else WORSE
     if p_error < P_BELOW:
-        return BETTER if one.error_m.mean() < first.error_m.mean() else WORSE
+        return BETTER if outcome.error_m.mean() < first.error_m.mean() else WORSE
     return UNCLEAR
 
 
 def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
     """Return what can be tried on a run, and what cannot, with the reason."""
     own = point.run.configuration.parameters
-    found = [Remedy(name, BranchChange(settings=values)) for name, values in _settings(own)]
-    found += [Remedy(name, change) for name, change in _clouds(own.particles)]
+    remedies = [Remedy(name, BranchChange(settings=values)) for name, values in _settings(own)]
+    remedies += [Remedy(name, change) for name, change in _clouds(own.particles)]
     sensors = {f"feature {name}": (BranchChange(feature=name), weights) for name, weights in FEATURES.items()}
     for name, values in PRESETS.items():
         sensors[f"preset {name}"] = BranchChange(preset=name), values["sensor.weights"]
@@ -291,8 +297,8 @@ def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
         if missing:
             left_out.append(f"{name}: the library has no channel {missing[0]}")
         elif change.configuration(point.run.configuration).parameters != own:
-            found.append(Remedy(name, change))
-    return found, left_out
+            remedies.append(Remedy(name, change))
+    return remedies, left_out
 
 
 def _clouds(particles: int) -> Iterator[tuple[str, BranchChange]]:

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.errors import SourceError
+from maurice_loaders.errors import InputError, SourceError
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
@@ -32,7 +32,7 @@ from ..running.open import (
 )
 from ..running.output import OutputOptions, output_of, show_recording
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
-from ..running.run_spec import RunSpec, settings_with, words_of
+from ..running.run_spec import RunSpec, words_of
 from ..running.saved import Inputs, open_saved, playback_of, saving
 from ..scene import RunView, Scene
 
@@ -83,8 +83,7 @@ def replay(
         >>> round(scores.runs[0].score.position_error_mean_m, 2)
         0.02
     """
-    file = None if config is None else Path(config)
-    spec = RunSpec(preset, feature, particles, seed, start, file, settings_with(settings, sensors))
+    spec = RunSpec.of(preset, feature, particles, seed, start, config, settings, sensors)
     output = output_of(session, output, to, save_run, layout, detail, force=force)
     how, live = reading or ReadingOptions(), live or LiveOptions()
     return _replayed(session, library, spec, output, how, live, as_recorded, listener, report)
@@ -162,17 +161,28 @@ def replay_session(
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and output.alone and not output.no_recording
-    if alone and asked is None and opened.info.survey is None:
-        from ..running.drive import show_alone  # imports Rerun
-
-        written = show_alone(as_recorded_session(opened, reading), output.named(["drive"]), listener)
-        return RunScores((), opened.info.name, opened.info.display_units, tuple(opened.info.notes), written)
+    if asked is None and opened.info.survey is None:
+        if alone:
+            return _show_alone(opened, output, reading, listener)
+        if not opened.overview()[0]:
+            shown = "a replay into a recording, without options of the filter, shows the drive"
+            raise InputError(opened.path, f"found no pictures, which the filter needs; {shown}")
     references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
     playback = playback_of_session(opened, references, runs, listener)
     survey = asked if isinstance(asked, Path) else opened.info.survey or opened.path
     inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
     return play(playback, output.named(words_of(specs)), listener, saving(runs, inputs, output), report)
+
+
+def _show_alone(
+    session: AnySession, output: OutputOptions, reading: ReadingOptions, listener: Listener
+) -> RunScores:
+    """Show a drive for which there is no library; no run is made."""
+    from ..running.drive import show_alone  # imports Rerun
+
+    written = show_alone(as_recorded_session(session, reading), output.named(["drive"]), listener)
+    return RunScores((), session.info.name, session.info.display_units, tuple(session.info.notes), written)
 
 
 def playback_of_session(
@@ -229,9 +239,9 @@ def follow_source(
     if output.save_run is not None:
         advice = "capture the drive with --capture DIR, then replay DIR/session.log with --save-run"
         raise OptionError(f"--save-run is for recorded sessions; {advice}")
-    made = [one for one in MADE_ODOMETRY if getattr(opening, one)]
-    if opening.corrections or made:
-        what = opening.corrections[0] if opening.corrections else f"--reading {made[0]}=true"
+    options = [option for option in MADE_ODOMETRY if getattr(opening, option)]
+    if opening.corrections or options:
+        what = opening.corrections[0] if opening.corrections else f"--reading {options[0]}=true"
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
         raise OptionError(f"{what} needs a recording; {advice}")
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
@@ -244,8 +254,8 @@ def follow_source(
             if recorder is not None:
                 session.close()  # so that the file is whole when this is remarked
                 counts = session.counts
-                found = f"{counts.records} records, {counts.pictures} of them pictures"
-                listener.remark(f"{session.path}: {found}")
+                received = f"{counts.records} records, {counts.pictures} of them pictures"
+                listener.remark(f"{session.path}: {received}")
 
 
 def _localize(
@@ -313,5 +323,5 @@ def remark_live(collector: ResultCollector, session: LiveSession, listener: List
 
 def _remark_left_out(session: LiveSession, listener: Listener) -> None:
     if session.problem_count:
-        found = f"{session.problem_count} lines or pictures made no sense and were left out"
-        listener.remark(f"{session.source.name}: {found}, the first: {session.problems[0]}")
+        problems = f"{session.problem_count} lines or pictures made no sense and were left out"
+        listener.remark(f"{session.source.name}: {problems}, the first: {session.problems[0]}")

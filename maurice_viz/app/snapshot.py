@@ -147,7 +147,7 @@ def _check_saved_steps(source: Path, *steps: int | None) -> None:
         span = _recorded_span(source, asked)
     else:
         manifests = [run.manifest for run in open_runs(source)]
-        counts = [one.pictures if one.steps is None else one.steps for one in manifests]
+        counts = [manifest.pictures if manifest.steps is None else manifest.steps for manifest in manifests]
         span = (1, max(counts))
     if span is not None:
         for step in asked:

@@ -70,10 +70,10 @@ class WhatIf:
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
         names = ("from_step", "change", "same_until", "parted_at", "line")
-        found = {name: getattr(self, name) for name in names}
+        facts = {name: getattr(self, name) for name in names}
         first = None if self.differs is None else {"step": self.differs.step, "field": self.differs.field}
         runs = {"run": asdict(self.before), "branch": asdict(self.after)}
-        return {"what_if": found | {"differs": first, "after_branch": runs}} | self.scores.to_json()
+        return {"what_if": facts | {"differs": first, "after_branch": runs}} | self.scores.to_json()
 
 
 def what_if(
@@ -138,7 +138,7 @@ def _branched(
     if not pair.run_errors:
         raise InputError(point.run.folder, f"holds no step after {from_step}; give an earlier --from")
     paired = scores.runs[1].paired
-    found = WhatIf(
+    compared = WhatIf(
         scores=scores,
         from_step=from_step,
         change=change.words,
@@ -150,7 +150,7 @@ def _branched(
         line="",
     )
     scale = scale_for(scores.display_units, point.library.arena)
-    return replace(found, line=what_if_line(found.to_json()["what_if"], scale))
+    return replace(compared, line=what_if_line(compared.to_json()["what_if"], scale))
 
 
 Errors = tuple[float | None, bool | None, bool | None]  # position error, localized, correct
@@ -241,9 +241,9 @@ class _Pair:
         state, branch = self.localizer.step(state, moment.frame, known)
         if self.differs is None:
             self.differs = first_difference(_compared(moment, record), _compared(moment, branch))
-        for errors, one in ((self.run_errors, record), (self.branch_errors, branch)):
-            found = score_step(one.estimate, moment.truth)
-            errors.append((found.position_error_m, found.localized, found.correct))
+        for errors, step in ((self.run_errors, record), (self.branch_errors, branch)):
+            score = score_step(step.estimate, moment.truth)
+            errors.append((score.position_error_m, score.localized, score.correct))
         return state, branch
 
 
@@ -255,9 +255,9 @@ def _compared(moment: Moment, record: StepRecord) -> StepRows:
 
 
 def _after(errors: list[Errors]) -> AfterBranch:
-    known = [one for one in errors if one[0] is not None]
+    known = [error for error in errors if error[0] is not None]
     if not known:
         return AfterBranch(len(errors), None, None, None)
     off_m, localized, correct = zip(*known, strict=True)
-    share = float(np.mean([one is True for one in localized]))
+    share = float(np.mean([flag is True for flag in localized]))
     return AfterBranch(len(errors), float(np.mean(np.array(off_m))), share, mostly_at_end(list(correct)))

@@ -232,8 +232,8 @@ def _join_pairs_of_bash() -> None:
 
 
 def _nearest(word: str, commands: list[str]) -> str:
-    near = difflib.get_close_matches(word, commands, n=1)
-    return f"did you mean the command {near[0]}?" if near else "maurice-replay --help lists commands"
+    matches = difflib.get_close_matches(word, commands, n=1)
+    return f"did you mean the command {matches[0]}?" if matches else "maurice-replay --help lists commands"
 
 
 def load(listed: Listed) -> TyperCommand:

@@ -85,8 +85,8 @@ def _tell(session: LiveSession, json_output: bool) -> None:
     if session.ended:
         note(f"{session.ended}; ended")
     if session.problem_count:
-        found = f"{session.problem_count} lines made no sense and were left out"
-        note(f"{found}, the first: {session.problems[0]}")
+        problems = f"{session.problem_count} lines made no sense and were left out"
+        note(f"{problems}, the first: {session.problems[0]}")
     if info is None:
         note("stopped before a header came; nothing was written")
     if json_output:

@@ -79,8 +79,8 @@ def is_ours(path: Path) -> bool:
 def _is_run(manifest: Path) -> bool:
     if manifest.stat().st_size > HEADER_BYTES:
         return False
-    found = read_json(manifest.read_bytes())
-    return isinstance(found, dict) and found.get("format") in RUNS
+    content = read_json(manifest.read_bytes())
+    return isinstance(content, dict) and content.get("format") in RUNS
 
 
 def _import(path: Path, recording_id: str | None) -> int:

@@ -34,7 +34,7 @@ from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
 from ..text.places import say_places
 from .drive_check import drive_pictures, suited
-from .run_spec import RunSpec
+from .run_spec import RunSpec, Start
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
@@ -54,7 +54,7 @@ def typed_pose(text: str, units: Units, wanted: str) -> F64:
 
 
 def start_pose(
-    start: str | F64 | None, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
+    start: Start, info: SessionInfo, log: Path, first_truth: Callable[[], F64 | None]
 ) -> F64 | None:
     """Return the pose (3,) in the map's frame at which the particles begin, or None for anywhere.
 

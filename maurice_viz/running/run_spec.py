@@ -21,6 +21,9 @@ from ..errors import OptionError
 COMMAND_LINE = "command line"  # the origin of settings in error messages
 
 
+Start = str | tuple[float, ...] | None  # words, or a pose in meters and radians
+
+
 @dataclass(frozen=True, slots=True)
 class RunSpec:
     """One run as it is asked for; what is None is as the configuration or the session has it."""
@@ -29,10 +32,27 @@ class RunSpec:
     feature: str | None = None
     particles: int | None = None
     seed: int = 0
-    start: str | F64 | None = None  # see `start_pose`
+    start: Start = None  # see `start_pose`
     config: Path | None = None  # a configuration file, over the preset
     settings: Mapping[str, Any] = field(default_factory=dict)  # by key of the configuration, over all others
     name: str = ""  # of the run; empty: after preset and feature, or its configuration file
+
+    @classmethod
+    def of(
+        cls,
+        preset: str | None,
+        feature: str | None,
+        particles: int | None,
+        seed: int,
+        start: str | F64 | None,
+        config: str | Path | None,
+        settings: Mapping[str, Any] | None,
+        sensors: Sequence[str],
+    ) -> RunSpec:
+        """Return a run from arguments as the public functions have them."""
+        file = None if config is None else Path(config)
+        place = start_of(start)
+        return cls(preset, feature, particles, seed, place, file, settings_with(settings, sensors))
 
     @property
     def label(self) -> str:
@@ -54,6 +74,11 @@ class RunSpec:
             if str(problem.file) == COMMAND_LINE:
                 raise OptionError(problem.message) from None
             raise
+
+
+def start_of(start: str | F64 | None) -> Start:
+    """Return a start that can be compared: a pose as three numbers."""
+    return start if start is None or isinstance(start, str) else tuple(np.asarray(start, float).tolist())
 
 
 def settings_with(settings: Mapping[str, Any] | None, sensors: Sequence[str]) -> dict[str, Any]:
@@ -87,7 +112,7 @@ def words_of(specs: Sequence[RunSpec]) -> list[str]:
         return [spec.label for spec in specs]
     (spec,) = specs
     numbers = {"particles": spec.particles, "seed": spec.seed or None}
-    start = "start" if isinstance(spec.start, np.ndarray) else spec.start
+    start = "start" if isinstance(spec.start, tuple) else spec.start
     files = [None if file is None else file.stem for file in (spec.config, motion_file(spec.settings))]
     words = [spec.name or None, spec.preset, spec.feature, *files, start]
     words += [f"{name} {value}" for name, value in numbers.items() if value is not None]

@@ -8,12 +8,15 @@ import pkgutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 import maurice_loaders as ml
 import maurice_viz as mv
 from maurice_loaders.errors import InputError
+from maurice_loaders.session_log.writer import SessionWriter
+from maurice_mcl.values.session import SessionInfo
 from maurice_viz.cli.app import COMMANDS, app, load
 from maurice_viz.cli.shared.options import LIVE
 from maurice_viz.listener import SILENT
@@ -84,6 +87,22 @@ def test_an_output_says_all_or_nothing(small_session, tmp_path):
     assert not (tmp_path / "b.rrd").exists()
 
 
+def test_a_start_may_be_a_pose(small_session):
+    typed, measured = (
+        mv.replay(small_session, particles=50, start=start)
+        for start in ("1.6,0.6,0", np.array([1.6, 0.6, 0.0]))
+    )
+    assert typed.runs[0].score == measured.runs[0].score
+
+
+def test_a_drive_without_pictures_is_refused_for_that(tmp_path):
+    with SessionWriter(tmp_path / "wheels.log", SessionInfo("wheels")) as log:
+        log.odometry(0.0, [0.1, 0.0, 0.2])
+        log.odometry(1.0, [0.1, 0.0, 0.2])
+    with pytest.raises(InputError, match="found no pictures"):
+        mv.replay(tmp_path / "wheels.log")
+
+
 FUNCTIONS = [name for name in mv.__all__ if inspect.isfunction(getattr(mv, name))]
 
 
@@ -92,7 +111,8 @@ def test_the_public_functions_say_the_same_thing_the_same_way(name):
     signature = inspect.signature(getattr(mv, name))
     given = signature.parameters
     assert not str(signature.return_annotation).startswith("tuple"), "a result has names"
-    assert "options" not in given, "how a recording is read is called `reading`"
+    assert not {"options", "keep_going"} & set(given), "how a recording is read is called `reading`"
+    assert ("sensors" in given) == ("settings" in given), "what has a filter has its sensors"
     if "reading" in given:
         assert (given["reading"].annotation, given["reading"].default) == ("ReadingOptions | None", None)
     if "listener" in given:

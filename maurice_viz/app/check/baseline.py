@@ -45,18 +45,18 @@ class BaselineRuns:
 
     def of(self, session: str, updates: int) -> Mapping[int, RunTrack]:
         """Return the runs of a drive by seed. InputError where there are none, or of another drive."""
-        found = self.tracks.get(session)
-        if found is None:
+        tracks = self.tracks.get(session)
+        if tracks is None:
             names = ", ".join(map(repr, self.tracks))
             raise InputError(
                 self.file, f"found runs of {names}, and none of {session!r}; save a baseline of it"
             )
-        lengths = {len(one.off_m) for one in found.values()}
+        lengths = {len(track.off_m) for track in tracks.values()}
         if lengths != {updates}:
             was = ", ".join(map(str, sorted(lengths)))
             what = f"found runs of {session!r} with {was} updates, and it has {updates} now"
             raise InputError(self.file, f"{what}: another drive; save a new baseline")
-        return found
+        return tracks
 
 
 def baseline_bytes(drives: Iterable[DriveRuns]) -> bytes:
@@ -73,9 +73,9 @@ def baseline_bytes(drives: Iterable[DriveRuns]) -> bytes:
         for drive in drives
         for track in drive.tracks
     ]
-    held = io.BytesIO()
-    pl.DataFrame(rows, schema=dict(SCHEMA)).write_parquet(held, compression="zstd")
-    return held.getvalue()
+    content = io.BytesIO()
+    pl.DataFrame(rows, schema=dict(SCHEMA)).write_parquet(content, compression="zstd")
+    return content.getvalue()
 
 
 def read_baseline(file: Path) -> BaselineRuns:
@@ -94,9 +94,9 @@ def read_baseline(file: Path) -> BaselineRuns:
     tracks: dict[str, dict[int, RunTrack]] = {}
     configurations: dict[str, str] = {}
     for row in rows.iter_rows(named=True):
-        off_m = np.array([np.nan if one is None else one for one in row["off_m"]], np.float64)
+        off_m = np.array([np.nan if value is None else value for value in row["off_m"]], np.float64)
         flags = [np.array(row[name], bool) for name in FLAGS]
-        if {len(one) for one in flags} != {len(off_m)}:
+        if {len(flag) for flag in flags} != {len(off_m)}:
             raise InputError(
                 file, f"found a run of {row['session']!r} whose columns differ in length; {expected}"
             )

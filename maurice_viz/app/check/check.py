@@ -20,7 +20,7 @@ from maurice_mcl.values.library import Library
 from ...errors import OptionError
 from ...listener import SILENT, Listener
 from ...running.open import AnySession
-from ...running.run_spec import RunSpec, settings_with
+from ...running.run_spec import RunSpec
 from .baseline import baseline_bytes, read_baseline
 from .drive import CheckedFilter, DriveCheck, check_drive
 from .failure import expect_new_artifacts
@@ -36,7 +36,7 @@ class CheckResult:
 
     >>> import maurice_viz as mv
     >>> result = mv.check("session.log", max_error_m=0.3, localized_by=5, particles=50)
-    >>> result.passed, [one.title for one in result.drives[0].demands]
+    >>> result.passed, [demand.title for demand in result.drives[0].demands]
     (True, ['localized by step 5', 'not lost from then on', 'mean error at most 0.3 m'])
     """
 
@@ -126,7 +126,7 @@ def check(
     """
     demands = Demands(max_error_m, localized_by, converged_by, min_localized)
     files = CheckFiles(_path(against), _path(save_baseline), _path(junit), _path(artifacts), force)
-    spec = RunSpec(preset, feature, particles, 0, start, _path(config), settings_with(settings, sensors))
+    spec = RunSpec.of(preset, feature, particles, 0, start, config, settings, sensors)
     _expect_sense(demands, seeds, files)
     files.check()
     baseline = None if files.against is None else read_baseline(files.against)
@@ -149,8 +149,8 @@ def _checked(
     if not sessions:
         raise OptionError("found no session to check")
     drives: list[DriveCheck] = []
-    for one in sessions:
-        drives.append(check_drive(asked, one, [drive.session for drive in drives], listener))
+    for source in sessions:
+        drives.append(check_drive(asked, source, [drive.session for drive in drives], listener))
     return tuple(drives)
 
 

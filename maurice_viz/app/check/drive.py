@@ -6,6 +6,7 @@ import hashlib
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ class DriveCheck:
     @property
     def passed(self) -> bool:
         """Whether every demand holds and nothing grew worse."""
-        return all(one.passed for one in self.demands) and all(one.passed for one in self.changes)
+        return all(result.passed for result in self.demands) and all(result.passed for result in self.changes)
 
     @property
     def doubts(self) -> list[str]:
@@ -74,14 +75,14 @@ class DriveCheck:
     @property
     def changes_said(self) -> list[str]:
         """The numbers of every change, in words."""
-        return [self._said(one) for one in self.changes]
+        return [self._said(change) for change in self.changes]
 
-    def _said(self, one: BaselineChange) -> str:
-        values = (one.before, one.now, one.difference, one.low, one.high)
-        before, now, by, low, high = (self.figure(one.kind, v) for v in values)
+    def _said(self, change: BaselineChange) -> str:
+        values = (change.before, change.now, change.difference, change.low, change.high)
+        before, now, by, low, high = (self.figure(change.kind, v) for v in values)
         return (
-            f"{one.title}: {before} before, {now} now, difference {by} ({low} to {high}, 95 % interval), "
-            f"{one.pairs} seeds, p = {one.p:.2g}"
+            f"{change.title}: {before} before, {now} now, difference {by} ({low} to {high}, 95 % interval), "
+            f"{change.pairs} seeds, p = {change.p:.2g}"
         )
 
     def figure(self, kind: str, value: float) -> str:
@@ -96,22 +97,22 @@ class DriveCheck:
             "passed": self.passed,
             "updates": len(self.steps),
             "configuration": self.made.configuration,
-            "demands": [one.to_json() for one in self.demands],
-            "against": [one.to_json() for one in self.changes],
+            "demands": [demand.to_json() for demand in self.demands],
+            "against": [change.to_json() for change in self.changes],
             "uncertain": self.doubts,
-            "runs": [self._run(one) for one in self.runs],
+            "runs": [self._run(run) for run in self.runs],
             "failure": None if self.failure is None else self.failure.to_json(),
         }
 
-    def _run(self, one: RunJudgement) -> dict[str, Any]:
-        first = one.first_failed_at
+    def _run(self, run: RunJudgement) -> dict[str, Any]:
+        first = run.first_failed_at
         return {
-            "seed": one.seed,
-            "passed": one.passed,
-            "met": dict(one.met),
-            "error_m": one.error_m,
-            "localized_after": one.found_after,
-            "converged_after": one.converged_after,
+            "seed": run.seed,
+            "passed": run.passed,
+            "met": dict(run.met),
+            "error_m": run.error_m,
+            "localized_after": run.found_after,
+            "converged_after": run.converged_after,
             "first_failed_step": None if first is None else self.steps[first],
         }
 
@@ -143,24 +144,23 @@ def check_drive(
     run = make_runs(session, library, [asked.spec], listener)[0]
     moments, tracks = _run_all(run, session, asked, listener)
     name = _unique(session.info.name or drive_name(session.path), taken)
-    made = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
-    found = _judged(made, session, library, moments, asked, listener)
+    tracked = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
+    result = _judged(tracked, session, library, moments, asked, listener)
     has_truth = any(moment.truth is not None for moment in moments)
-    unseen = blind_spots(found.demands, has_truth=has_truth, start_known=run.start is not None)
-    found = replace(found, unseen=tuple(unseen))
-    if not found.passed:
-        replayed = Replayed(session, library, run, found.steps)
-        worst = _worst(found, asked)
-        found = replace(found, failure=failed_run(replayed, *worst, found.session, asked.artifacts, listener))
-    return replace(found, took_s=time.perf_counter() - began)
+    unseen = blind_spots(result.demands, has_truth=has_truth, start_known=run.start is not None)
+    result = replace(result, unseen=tuple(unseen))
+    if not result.passed:
+        replayed = Replayed(session, library, run, result.steps)
+        worst = _worst(result, asked)
+        result = replace(
+            result, failure=failed_run(replayed, *worst, result.session, asked.artifacts, listener)
+        )
+    return replace(result, took_s=time.perf_counter() - began)
 
 
 def _unique(name: str, taken: Sequence[str]) -> str:
-    number, found = 1, name
-    while found in taken:
-        number += 1
-        found = f"{name} ({number})"
-    return found
+    names = chain([name], (f"{name} ({number})" for number in count(2)))
+    return next(free for free in names if free not in taken)
 
 
 def _run_all(
@@ -201,12 +201,12 @@ def _expect_long_enough(session: AnySession, moments: list[Moment], demands: Dem
             found = f"found {here} steps{before}, too few to judge --{name}-by {limit}"
             raise InputError(session.path, f"{found}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
     counted = zip(demands.counting(updates, starts).tolist(), moments, strict=True)
-    if demands.need_truth and not any(counts and one.truth is not None for counts, one in counted):
+    if demands.need_truth and not any(counts and moment.truth is not None for counts, moment in counted):
         raise InputError(session.path, f"found no true pose after step {demands.grace}, so no error counts")
 
 
 def _judged(
-    made: DriveRuns,
+    drive: DriveRuns,
     session: AnySession,
     library: Library,
     moments: list[Moment],
@@ -214,9 +214,9 @@ def _judged(
     listener: Listener,
 ) -> DriveCheck:
     starts, scale = starts_of(moments), scale_for(session.info.display_units, library.arena)
-    runs = tuple(judge_run(one, starts, asked.demands) for one in made.tracks)
-    found = DriveCheck(
-        made=made,
+    runs = tuple(judge_run(track, starts, asked.demands) for track in drive.tracks)
+    result = DriveCheck(
+        made=drive,
         path=session.path,
         steps=tuple(moment.frame.step for moment in moments),
         scale=scale,
@@ -224,34 +224,34 @@ def _judged(
         demands=demand_results(runs, asked.demands, scale),
     )
     if asked.baseline is None:
-        return found
-    before = asked.baseline.of(made.session, len(moments))
-    if asked.baseline.configurations[made.session] != made.configuration:
-        listener.remark(f"{made.session}: the filter's settings differ from those of the baseline")
+        return result
+    before = asked.baseline.of(drive.session, len(moments))
+    if asked.baseline.configurations[drive.session] != drive.configuration:
+        listener.remark(f"{drive.session}: the filter's settings differ from those of the baseline")
     known = any(moment.truth is not None for moment in moments)
     demands = asked.demands
     if known and demands.max_error_m is None:
         demands = replace(demands, max_error_m=np.inf)  # so that errors and losses are compared
     old = {track.seed: judge_run(track, starts, demands) for track in before.values()}
-    new = [judge_run(track, starts, demands) for track in made.tracks]
-    return replace(found, changes=changes(old, new, demands, scale))
+    new = [judge_run(track, starts, demands) for track in drive.tracks]
+    return replace(result, changes=changes(old, new, demands, scale))
 
 
-def _worst(found: DriveCheck, asked: CheckedFilter) -> tuple[int, int]:
+def _worst(result: DriveCheck, asked: CheckedFilter) -> tuple[int, int]:
     """Return seed and update, from 0, to look at: where the first demand that does not hold is first failed.
 
     Where only a change fails, the seed whose error grew most, at the update at which it grew most.
     """
-    for demand in found.demands:
-        failed = [one for one in found.runs if demand.kind in one.failed_at]
+    for demand in result.demands:
+        failed = [run for run in result.runs if demand.kind in run.failed_at]
         if failed and not demand.passed:
             return failed[0].seed, failed[0].failed_at[demand.kind]
     assert asked.baseline is not None
-    before = asked.baseline.of(found.session, len(found.steps))
+    before = asked.baseline.of(result.session, len(result.steps))
     grown = {
         track.seed: np.nan_to_num(track.off_m - before[track.seed].off_m)
-        for track in found.made.tracks
+        for track in result.made.tracks
         if track.seed in before
     }
-    seed = max(grown, key=lambda one: float(grown[one].sum()))
+    seed = max(grown, key=lambda seed: float(grown[seed].sum()))
     return seed, int(grown[seed].argmax())

@@ -54,8 +54,8 @@ class FailedRun:
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
         recording = None if self.recording is None else str(self.recording)
-        found = {"seed": self.seed, "step": self.step, "recording": recording}
-        return found | {"diagnosis": self.diagnosis.to_json()}
+        place = {"seed": self.seed, "step": self.step, "recording": recording}
+        return place | {"diagnosis": self.diagnosis.to_json()}
 
 
 def failed_run(
@@ -63,7 +63,7 @@ def failed_run(
 ) -> FailedRun:
     """Make the run of a seed again; say why it failed and, with a folder, draw the steps around an update."""
     step = replayed.steps[update]
-    around = replayed.steps[max(update - AROUND, 0) : update + AROUND + 1]
+    steps = replayed.steps[max(update - AROUND, 0) : update + AROUND + 1]
     words = re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
     folder = None if artifacts is None else artifacts / words
     file = None if folder is None else folder / f"seed-{seed}-step-{step}.rrd"
@@ -72,14 +72,14 @@ def failed_run(
     run = replace(replayed.run, localizer=replace(replayed.run.localizer, seed=seed))
     session = replayed.session
     total, has_truth = session.overview()
-    scene = Scene(session.info, replayed.library, has_truth, len(around))
+    scene = Scene(session.info, replayed.library, has_truth, len(steps))
     playback = Playback(
         shared(run_together([run], session.moments())),
         total,
         [RunView.of(run.label, run.localizer, run.start)],
         scene,
         lambda collector: None,
-        drawn=range(around[0], around[-1] + 1),
+        drawn=range(steps[0], steps[-1] + 1),
     )
     output = OutputOptions(
         rrd=file, headless=True, no_recording=file is None, force=True, detail=Detail.LIGHT.value
@@ -87,12 +87,12 @@ def failed_run(
     scores = play(playback, output, listener)
     result = scores.runs[0]
     diagnosis = RunDiagnosis(result.label, result.verdict, None, session.info.display_units)
-    found = FailedRun(seed, step, diagnosis, file)
+    failed = FailedRun(seed, step, diagnosis, file)
     if folder is not None:
-        write_whole(folder / f"{DIAGNOSIS}.txt", f"{found.text}\n".encode(), force=True)
-        as_json = json.dumps(found.to_json(), indent=1)
+        write_whole(folder / f"{DIAGNOSIS}.txt", f"{failed.text}\n".encode(), force=True)
+        as_json = json.dumps(failed.to_json(), indent=1)
         write_whole(folder / f"{DIAGNOSIS}.json", as_json.encode(), force=True)
-    return found
+    return failed
 
 
 def expect_new_artifacts(folder: Path, *, force: bool) -> None:

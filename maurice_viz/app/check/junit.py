@@ -15,7 +15,7 @@ def junit_xml(drives: Sequence[DriveCheck]) -> str:
     """Return JUnit XML: a suite for each drive, a case for each demand and for each change."""
     suites = ET.Element("testsuites", name="maurice-replay check")
     for drive in drives:
-        cases = [(one.kind, one.title, one.passed, one.said) for one in drive.demands]
+        cases = [(demand.kind, demand.title, demand.passed, demand.said) for demand in drive.demands]
         changes = zip(drive.changes, drive.changes_said, strict=True)
         cases += [
             (f"{one.kind} worse", f"{one.title}, against the baseline", one.passed, said)
@@ -41,8 +41,8 @@ def junit_xml(drives: Sequence[DriveCheck]) -> str:
 
 def _count(into: ET.Element, suites: Sequence[ET.Element]) -> None:
     """Write how many cases there are and how many failed."""
-    into.set("tests", str(sum(len(one.findall("testcase")) for one in suites)))
-    into.set("failures", str(sum(len(one.findall("testcase/failure")) for one in suites)))
+    into.set("tests", str(sum(len(suite.findall("testcase")) for suite in suites)))
+    into.set("failures", str(sum(len(suite.findall("testcase/failure")) for suite in suites)))
     into.set("errors", "0")
     into.set("skipped", "0")
 

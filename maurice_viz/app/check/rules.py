@@ -104,7 +104,7 @@ def demand_results(runs: Sequence[RunJudgement], demands: Demands, scale: Scale)
     """Count the runs that meet each demand."""
     results = []
     for kind in demands.kinds:
-        met = sum(one.met[kind] for one in runs)
+        met = sum(run.met[kind] for run in runs)
         share = rate(met, len(runs))
         results.append(
             DemandResult(
@@ -139,9 +139,9 @@ def said(length_m: float, scale: Scale) -> str:
 
 def _after(after: Sequence[int | None], found_at: Sequence[Sequence[bool]], what: str) -> str:
     """Say how long runs searched, and of those that were not found at every start, at which they were not."""
-    known = [one for one in after if one is not None]
+    known = [count for count in after if count is not None]
     parts = [f"after {np.median(known):g} (median), {max(known)} at worst"] if known else []
-    counts = Counter(_missed(one) for one in found_at if not all(one))
+    counts = Counter(_missed(reached) for reached in found_at if not all(reached))
     parts += [f"{said.format(what)} in {count} run{'s' * (count > 1)}" for said, count in counts.items()]
     return ", ".join(parts)
 
@@ -153,23 +153,23 @@ def _missed(found: Sequence[bool]) -> str:
 
 
 def _localized(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    return _after([one.found_after for one in runs], [one.found_at[LOCALIZED] for one in runs], "localized")
+    return _after([run.found_after for run in runs], [run.found_at[LOCALIZED] for run in runs], "localized")
 
 
 def _converged(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    after = [one.converged_after for one in runs]
-    return _after(after, [one.found_at[CONVERGED] for one in runs], "converged")
+    after = [run.converged_after for run in runs]
+    return _after(after, [run.found_at[CONVERGED] for run in runs], "converged")
 
 
 def _error(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    errors_m = [one.error_m for one in runs if one.error_m is not None]
+    errors_m = [run.error_m for run in runs if run.error_m is not None]
     if len(errors_m) == 1:
         return said(errors_m[0], scale)
     return f"{said(float(np.mean(errors_m)), scale)} on average, {said(max(errors_m), scale)} at worst"
 
 
 def _lost(runs: Sequence[RunJudgement], scale: Scale) -> str:
-    lost = [one.seed for one in runs if KEPT in one.failed_at]
+    lost = [run.seed for run in runs if KEPT in run.failed_at]
     more = f" and {len(lost) - 3} more" if len(lost) > 3 else ""
     return f"lost with seed {', '.join(map(str, lost[:3]))}{more}" if lost else "never lost"
 
@@ -180,33 +180,33 @@ FOUND: Mapping[str, Words] = {LOCALIZED: _localized, KEPT: _lost, ERROR: _error,
 
 def doubts(results: Sequence[DemandResult]) -> list[str]:
     """Return in a line each what so few runs cannot tell for certain, and of which demands."""
-    found: dict[str, list[str]] = {}
-    for one in results:
-        if one.runs < 2 or one.is_certain or (one.passed and one.needed >= 1):
+    titles_of: dict[str, list[str]] = {}
+    for result in results:
+        if result.runs < 2 or result.is_certain or (result.passed and result.needed >= 1):
             continue  # no number of runs shows that all meet it
-        advice = f"{enough(one.needed)} runs without a failure would show {one.needed:.0%}"
-        if not one.passed:
-            advice = f"{one.needed:.0%} is not excluded, and more --seeds would tell"
-        met = f"met by {one.met} of {one.runs} runs"
-        text = f"{met}, so the rate is {one.low:.0%} to {one.high:.0%}; {advice}"
-        found.setdefault(text, []).append(one.title)
-    return [f"{', '.join(titles)}: {text}" for text, titles in found.items()]
+        advice = f"{enough(result.needed)} runs without a failure would show {result.needed:.0%}"
+        if not result.passed:
+            advice = f"{result.needed:.0%} is not excluded, and more --seeds would tell"
+        met = f"met by {result.met} of {result.runs} runs"
+        text = f"{met}, so the rate is {result.low:.0%} to {result.high:.0%}; {advice}"
+        titles_of.setdefault(text, []).append(result.title)
+    return [f"{', '.join(titles)}: {text}" for text, titles in titles_of.items()]
 
 
 def blind_spots(results: Sequence[DemandResult], *, has_truth: bool, start_known: bool) -> list[str]:
     """Return in a line each what runs that are sure of a place do not show."""
-    titles = [one.title for one in results if one.kind == CONVERGED]
+    titles = [result.title for result in results if result.kind == CONVERGED]
     if not titles:
         return []
-    found = []
+    spots = []
     if not has_truth:
         right = "without true poses a run that is sure of a wrong place meets it too"
-        found.append(f"{titles[0]}: {right}; `diagnose` says where a run was probably lost")
+        spots.append(f"{titles[0]}: {right}; `diagnose` says where a run was probably lost")
     if start_known:
-        found.append(
+        spots.append(
             f"{titles[0]}: the start is given, so runs are sure at once; --start global asks for a search"
         )
-    return found
+    return spots
 
 
 def enough(needed: float) -> int:
@@ -222,18 +222,18 @@ def changes(
     Mean errors are tested by Student's t, rates by McNemar's exact test, all together by Holm's adjustment.
     """
     pairs = [(before[run.seed], run) for run in now if run.seed in before]
-    found = []
+    changed = []
     errors = [(a.error_m, b.error_m) for a, b in pairs if a.error_m is not None and b.error_m is not None]
     if errors:
         old, new = np.array(errors, np.float64).T
         p = p_value(partial(mean, new - old, None), UNCHANGED_M)
-        found.append(_change("mean error", ERROR, old, new, mean(new - old), p))
+        changed.append(_change("mean error", ERROR, old, new, mean(new - old), p))
     for kind in (name for name in demands.kinds if name != ERROR):
         old, new = np.array([[a.met[kind], b.met[kind]] for a, b in pairs], np.float64).T
         difference, title = rate_difference(old > 0, new > 0), title_of(kind, demands, scale)
-        found.append(_change(title, kind, old, new, difference, sign_flip(new - old)))
-    adjusted = holm([change.p for change in found])
-    return tuple(replace(change, p=p) for change, p in zip(found, adjusted, strict=True))
+        changed.append(_change(title, kind, old, new, difference, sign_flip(new - old)))
+    adjusted = holm([change.p for change in changed])
+    return tuple(replace(change, p=p) for change, p in zip(changed, adjusted, strict=True))
 
 
 def _change(title: str, kind: str, old: F64, new: F64, by: Interval, p: float) -> BaselineChange:

@@ -50,7 +50,7 @@ def note(text: str) -> None:
 def print_json(value: object) -> None:
     """Print a result as JSON; paths are texts."""
     text = json.dumps(value, default=str, ensure_ascii=False, indent=2)
-    escaped = CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)  # those that JSON itself leaves
+    escaped = CONTROLS.sub(lambda match: f"\\u{ord(match[0]):04x}", text)  # those that JSON itself leaves
     results.print(JSONHighlighter()(escaped), soft_wrap=True)
 
 

@@ -115,8 +115,8 @@ def _text(name: str, value: Any) -> str:
 def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
     name = KEYS.get(key, key if key in FIELDS else None)
     if name is None:
-        near = difflib.get_close_matches(key, KEYS, n=1)
-        advice = f"did you mean {near[0]}?" if near else f"there are {', '.join(KEYS)}"
+        matches = difflib.get_close_matches(key, KEYS, n=1)
+        advice = f"did you mean {matches[0]}?" if matches else f"there are {', '.join(KEYS)}"
         raise OptionError(f"--reading has no key {key!r}; {advice}")
     try:
         parsed = _value(name, value)
