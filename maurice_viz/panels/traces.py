@@ -8,13 +8,14 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from maurice_mcl.reasons.explanation import offset
+
 from ..drawing.arrow import doubles_of, row_of, scalars
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import BAR, DEAD, RGB, RUN_COLORS, font_safe
-from ..text.narration import errors
 from .events import EventLines, name_of
 from .panel import Panel, StepUpdate, set_phase, set_place
 from .population import ANCESTORS, SURVIVORS
@@ -97,9 +98,9 @@ class TracesPanel(Panel):
         record, truth, scale = update.record, update.moment.truth, self._scale
         set_phase(rec, update.moment, Phase.ESTIMATE)
         if truth is not None:
-            distance_m, angle = errors(record.estimate, truth)
-            self._log(rec, POSITION_ERROR, scale.length(distance_m))
-            self._log(rec, HEADING_ERROR, float(np.degrees(angle)))
+            off = offset(record.estimate.pose, truth)
+            self._log(rec, POSITION_ERROR, scale.length(off.apart_m))
+            self._log(rec, HEADING_ERROR, float(np.degrees(off.turned_rad)))
         spread = scale.length(float(np.hypot(*record.mean_estimate.sd_m)))
         self._log(rec, SPREAD, spread)
         rec.log(

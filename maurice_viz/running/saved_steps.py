@@ -11,6 +11,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.runs.writer import StepRows, moment_of, picture_hash, record_of, weighted_of
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.reasons.explanation import PoseOffset, offset
 from maurice_mcl.scoring.events import EventDetector, RunEvent
 from maurice_mcl.scoring.lost_signal import LostSignal
 from maurice_mcl.sensor.model import SensorModel
@@ -23,7 +24,6 @@ from ..listener import Listener
 from ..playback import ResultCollector, RunResult
 from ..style import MISSING, Scale
 from ..text.causes import with_failures
-from ..text.narration import errors
 
 NO_PICTURE: U8 = np.full((90, 120, 3), MISSING, np.uint8)  # shown where the session's picture is not there
 
@@ -137,14 +137,14 @@ class Track:
     def add(self, moment: Moment, record: StepRecord, start: F64 | None) -> None:
         """Take in the next update; `start` (3,) is where the run began, where that is known."""
         truth = moment.truth
-        apart, angle = (np.nan, np.nan) if truth is None else errors(record.estimate, truth)
+        off = PoseOffset(np.nan, np.nan) if truth is None else offset(record.estimate.pose, truth)
         share = record.effective_sample_size / record.weighted.size
         motions, knows = record.frame.motions, self._signal.add(record)
         values = (
             float(moment.frame.step),
             moment.frame.time_s,
-            apart,
-            angle,
+            off.apart_m,
+            off.turned_rad,
             float(np.hypot(*record.mean_estimate.sd_m)),
             record.estimate.confidence,
             share,

@@ -15,17 +15,17 @@ import numpy as np
 from maurice_mcl.reasons.explanation import (
     ASKED,
     ESTIMATE,
+    LEAST_NATS,
     TRUTH,
     WINNER,
-    ChannelExplanation,
     EntryExplanation,
     PoseOffset,
     StepExplanation,
+    where_lost,
 )
 from maurice_mcl.sensor.descriptors import chromaticity, color_grid, hog, tiny
 from maurice_mcl.sensor.descriptors.channel import BINS, HIGH, LOW, WIDTH
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.values.arrays import F64
 
 from ..style import Scale
 
@@ -112,7 +112,6 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
 }
 
 
-LEAST_NATS = 0.05  # less is no reason
 MOST_CHANNELS = 3  # that a sentence lists
 LARGE_FACTOR = 1e6  # a larger factor is no more informative
 
@@ -137,16 +136,6 @@ REFERENCES = {
         "asked for", "Reference asked for", "the reference asked for", "the pose asked for"
     ),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Where:
-    """The run of elements in which one reference loses most against another."""
-
-    name: str  # "blue 96 to 119"
-    nats: float  # lost there
-    picture: float  # mean of these elements in the picture, in the channel's unit
-    reference: float  # ... at the reference
 
 
 def say_step(step: StepExplanation, scale: Scale) -> list[str]:
@@ -186,41 +175,6 @@ def headline(step: StepExplanation) -> str:
     return f"{first}. {of.capitalize()}'s reference is {behind}."
 
 
-def where_lost(mine: ChannelExplanation, best: ChannelExplanation) -> Where | None:
-    """Find the run of elements in which a reference loses most against another, by one channel; else None.
-
-    Within a run, which lies in one plane, the picture has either more than the reference throughout, or less.
-    Its sum above the mean of all elements is the largest, so that it ends where little is lost.
-    """
-    more = np.asarray(mine.nats - best.nats, np.float64)
-    planes = planes_of(mine.channel, len(more))
-    runs = [
-        (plane, *_largest_run(row - more.mean()))
-        for side in (mine.sample > mine.reference, mine.sample < mine.reference)
-        for plane, row in enumerate(np.where(side, more, 0.0).reshape(planes.count, -1))
-    ]
-    plane, first, last, _ = max(runs, key=lambda run: run[3])
-    begin = plane * (len(more) // planes.count)
-    at = slice(begin + first, begin + last + 1)
-    lost = float(more[at].sum())
-    if lost < LEAST_NATS:
-        return None
-    name = planes.name(plane, first, last)
-    return Where(name, lost, float(mine.sample[at].mean()), float(mine.reference[at].mean()))
-
-
-def _largest_run(values: F64) -> tuple[int, int, float]:
-    """Return the first and last element of the run with the largest sum, and that sum (Kadane)."""
-    most, ends, total, first = -math.inf, (0, 0), 0.0, 0
-    for k, value in enumerate(values.tolist()):
-        if total <= 0:
-            total, first = 0.0, k
-        total += value
-        if total > most:
-            most, ends = total, (first, k)
-    return *ends, most
-
-
 def _winner(step: StepExplanation, scale: Scale) -> str:
     winner, explained = step.winner, step.of(WINNER)
     by = sorted(winner.channels, key=lambda c: -c.loses)
@@ -255,13 +209,14 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
     first = int(order[0])
     mine, best = entry.channels[first], winner.channels[first]
     text = f"{_capital(mine.channel)} costs it {costs[first]:.1f} nats"
-    where = where_lost(mine, best)
-    if where is not None:
+    planes = planes_of(mine.channel, len(mine.sample))
+    run = where_lost(mine, best, planes.count)
+    if run is not None:
         unit = CHANNELS[mine.channel].unit if mine.channel in CHANNELS else "the channel's unit"
-        text += f", {where.nats:.1f} of them at {where.name}"
-        less, picture, reference = where.picture < where.reference, where.picture, where.reference
-        text += f", where the picture has {'less' if less else 'more'}"
-        values = " against ".join(f"{v:.1f}" if v >= 10 else f"{v:.2g}" for v in (picture, reference))
+        text += f", {run.nats:.1f} of them at {planes.name(run.plane, run.first, run.last)}"
+        text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
+        pair = (run.picture, run.reference)
+        values = " against ".join(f"{value:.1f}" if value >= 10 else f"{value:.2g}" for value in pair)
         text += f" ({values}, {unit})"
     more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LEAST_NATS]
     return f"{text}; {', '.join(more[:MOST_CHANNELS])}." if more else f"{text}."

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER, RESAMPLED
+from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import say_recovery_test
 from maurice_mcl.values.arrays import F64, Bool
-from maurice_mcl.values.geometry import angle_between, circular_mean
-from maurice_mcl.values.records import Belief, Estimate, StepRecord
+from maurice_mcl.values.records import Estimate, StepRecord
 from maurice_mcl.values.session import Moment
 
 from ..entities import PHASES_PER_STEP, Phase
@@ -35,17 +38,9 @@ def _shows(length_m: float, scale: Scale) -> bool:
     return round(abs(scale.length(length_m)), scale.units.digits) > 0
 
 
-def spread_m(belief: Belief) -> float:
-    """Return the weighted radial standard deviation of a cloud in meters."""
-    weights = belief.weights
-    xy = belief.poses[:, :2].astype(np.float64)
-    return float(np.sqrt(weights @ ((xy - weights @ xy) ** 2).sum(axis=1)))
-
-
-def errors(estimate: Estimate, truth: F64) -> tuple[float, float]:
-    """Return the distance in meters and the unsigned angle in radians between estimate and truth."""
-    off_m = float(np.hypot(*(estimate.pose[:2] - truth[:2])))
-    return off_m, angle_between(float(estimate.pose[2]), float(truth[2]))
+def spread(cloud: Estimate, scale: Scale) -> str:
+    """Return the radial standard deviation of a whole cloud with its unit."""
+    return scale.say(math.hypot(*cloud.sd_m))
 
 
 def effective(record: StepRecord) -> str:
@@ -61,8 +56,8 @@ def estimated(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
     text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
     if truth is None:
         return f"{text} (truth not known)."
-    off_m, off_rad = errors(estimate, truth)
-    return f"{text}; **error {scale.say(off_m)}, {np.degrees(off_rad):.0f} deg**."
+    off = offset(estimate.pose, truth)
+    return f"{text}; **error {scale.say(off.apart_m)}, {np.degrees(off.turned_rad):.0f} deg**."
 
 
 NOT_THERE = {
@@ -78,7 +73,8 @@ def _is_recorded(record: StepRecord) -> bool:
 
 def cloud(record: StepRecord, scale: Scale) -> str:
     """Describe the published cloud."""
-    return f"The published cloud spreads over {scale.say(spread_m(record.weighted))}. {effective(record)}"
+    width = spread(weighted_mean(record.weighted), scale)
+    return f"The published cloud spreads over {width}. {effective(record)}"
 
 
 def moved(record: StepRecord, scale: Scale) -> str:
@@ -103,13 +99,13 @@ ALL_ROUND_RAD = np.pi / 2  # a larger circular deviation is about no single head
 
 def predicted(record: StepRecord, scale: Scale) -> str:
     """Describe how the cloud moved."""
-    cloud = record.predicted
-    _, heading = circular_mean(cloud.poses[:, 2], cloud.weights)
-    turned = f"{np.degrees(heading):.0f} deg" if heading < ALL_ROUND_RAD else "every heading"
+    cloud = weighted_mean(record.predicted)
+    turned = f"{np.degrees(cloud.heading_sd_rad):.0f} deg"
+    turned = turned if cloud.heading_sd_rad < ALL_ROUND_RAD else "every heading"
     toward = ", some toward the pose that a sensor proposes" if GUIDED in record.events else ""
     return (
         f"Odometry says {motion(record.frame.motions, scale)}. Every particle moved so, with its own noise"
-        f"{toward}; the cloud now spreads over {scale.say(spread_m(cloud))} and {turned}."
+        f"{toward}; the cloud now spreads over {spread(cloud, scale)} and {turned}."
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from maurice_datasets.trials.rows import SCHEMA
+from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.comparison import (
     APART_FOR,
     ComparisonResult,
@@ -25,7 +26,6 @@ from maurice_mcl.values.radii import Radii
 from ..playback import RunResult
 from ..style import COLOR_WORDS, Scale, Units
 from .causes import steps_text
-from .narration import errors
 
 Cell = Callable[[RunResult], str]
 
@@ -221,8 +221,8 @@ class StepWords:
         moment, record = steps[label]
         cells = [f"{plain(label)} ({COLOR_WORDS[number]})"]
         if self._has_truth and moment.truth is not None:
-            off_m, off_rad = errors(record.estimate, moment.truth)
-            cells += [self._number(off_m), f"{np.degrees(off_rad):.0f}"]
+            off = offset(record.estimate.pose, moment.truth)
+            cells += [self._number(off.apart_m), f"{np.degrees(off.turned_rad):.0f}"]
         elif self._has_truth:
             cells += ["-", "-"]
         if _on_one_drive(pairs):

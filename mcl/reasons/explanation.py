@@ -264,3 +264,52 @@ def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
     total = parts.sum(axis=0)
     share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
     return np.asarray(share * np.maximum(-comparison.log_likelihood.astype(np.float64), 0.0))
+
+
+LEAST_NATS = 0.05  # less is no reason
+
+
+@dataclass(frozen=True, slots=True)
+class LostRun:
+    """The run of elements, within one plane of a descriptor, in which a reference loses most to another."""
+
+    plane: int
+    first: int  # element of the plane
+    last: int
+    nats: float  # lost there
+    picture: float  # mean of these elements in the picture, in the channel's unit
+    reference: float  # ... at the reference
+
+
+def where_lost(mine: ChannelExplanation, best: ChannelExplanation, planes: int) -> LostRun | None:
+    """Find the run of elements in which a reference loses most against another, by one channel; else None.
+
+    Within a run, which lies in one of `planes` of equal length, the picture has more than the reference
+    throughout, or less. Its sum above the mean of all elements is the largest, so that it ends where little
+    is lost.
+    """
+    more = np.asarray(mine.nats - best.nats, np.float64)
+    runs = [
+        (plane, *_largest_run(row - more.mean()))
+        for side in (mine.sample > mine.reference, mine.sample < mine.reference)
+        for plane, row in enumerate(np.where(side, more, 0.0).reshape(planes, -1))
+    ]
+    plane, first, last, _ = max(runs, key=lambda run: run[3])
+    begin = plane * (len(more) // planes)
+    at = slice(begin + first, begin + last + 1)
+    nats = float(more[at].sum())
+    if nats < LEAST_NATS:
+        return None
+    return LostRun(plane, first, last, nats, float(mine.sample[at].mean()), float(mine.reference[at].mean()))
+
+
+def _largest_run(values: F64) -> tuple[int, int, float]:
+    """Return the first and last element of the run with the largest sum, and that sum (Kadane)."""
+    most, ends, total, first = -np.inf, (0, 0), 0.0, 0
+    for k, value in enumerate(values.tolist()):
+        if total <= 0:
+            total, first = 0.0, k
+        total += value
+        if total > most:
+            most, ends = total, (first, k)
+    return *ends, most

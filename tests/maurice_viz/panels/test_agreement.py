@@ -13,8 +13,9 @@ import maurice_viz as mv
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import make_localizer
-from maurice_mcl.filter.estimate import share_within
+from maurice_mcl.filter.estimate import share_within, weighted_mean
 from maurice_mcl.filter.localizer import run
+from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import KINDS, OF_RUN, EventDetector
 from maurice_mcl.values.records import PICTURE
 from maurice_mcl.values.session import Moment
@@ -166,10 +167,10 @@ def test_traces_scores_and_verdict_agree(drive):
     rows = defaultdict(list)
     for moment, record in played:
         collector.add(moment, {RUN.label: record})
-        distance, angle = narration.errors(record.estimate, moment.truth)
-        rows["position_error"].append(scale.length(distance))
-        rows["heading_error"].append(np.degrees(angle))
-        rows["spread"].append(scale.length(narration.spread_m(record.weighted)))
+        off = offset(record.estimate.pose, moment.truth)
+        rows["position_error"].append(scale.length(off.apart_m))
+        rows["heading_error"].append(np.degrees(off.turned_rad))
+        rows["spread"].append(scale.length(np.hypot(*weighted_mean(record.weighted).sd_m)))
         rows["confidence"].append(
             share_within(record.weighted, record.estimate.pose, record.estimate.radii.confidence_m)
         )
@@ -252,7 +253,7 @@ def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
 
 def test_band_and_lines_of_events_are_those_of_the_records(drive):
     played, path, scale = drive
-    spread = np.array([scale.length(narration.spread_m(record.weighted)) for _, record in played])
+    spread = np.array([scale.length(np.hypot(*weighted_mean(record.weighted).sd_m)) for _, record in played])
     band = recordings.having(recordings.rows(path, RUN.trace("two_sigma")), "Measurements:values")
     middle, variance = (
         np.array([row.values[f"Measurements:{name}"][0] for row in band]) for name in ("values", "variances")
@@ -265,7 +266,7 @@ def test_band_and_lines_of_events_are_those_of_the_records(drive):
             if event.kind in LINE_COLORS and not event.continues:
                 expected[event.kind].append(event.step)
     assert {"kidnapped", "reseeded"} <= set(expected)
-    most = max(scale.length(narration.errors(record.estimate, moment.truth)[0]) for moment, record in played)
+    most = max(scale.length(offset(record.estimate.pose, moment.truth).apart_m) for moment, record in played)
     radii = played[0][1].estimate.radii  # by which the run is judged
     for name, limit_m in (("right", radii.right_m), ("lost", radii.lost_m)):
         drawn = recordings.rows(path, f"{RUN.trace('position_error')}/limits/{name}")

@@ -13,6 +13,7 @@ from helpers import viz_recordings as recordings
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
+from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.sensor.distances import contributions
 from maurice_mcl.values.library import Library
 from maurice_viz import entities
@@ -24,7 +25,6 @@ from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import Detail
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
-from maurice_viz.text import narration as narrate_parts
 from maurice_viz.viewer import sinks
 from maurice_viz.viewer.sinks import recording
 
@@ -165,9 +165,9 @@ def test_traces_are_those_of_the_records(drawn):
     }
     for moment, record in played:
         assert moment.truth is not None
-        apart, angle = narrate_parts.errors(record.estimate, moment.truth)
-        expected["position_error"].append(apart / 0.0254)
-        expected["heading_error"].append(float(np.degrees(angle)))
+        off = offset(record.estimate.pose, moment.truth)
+        expected["position_error"].append(off.apart_m / 0.0254)
+        expected["heading_error"].append(float(np.degrees(off.turned_rad)))
         expected["confidence"].append(record.estimate.confidence)
         expected["effective_sample"].append(record.effective_sample_size / record.weighted.size)
     for quantity, values in expected.items():

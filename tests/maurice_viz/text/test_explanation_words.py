@@ -13,12 +13,18 @@ from helpers import viz_fakes as fakes
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
-from maurice_mcl.reasons.explanation import Asked, ChannelExplanation, StepExplanation, explain_step
+from maurice_mcl.reasons.explanation import (
+    Asked,
+    ChannelExplanation,
+    StepExplanation,
+    explain_step,
+    where_lost,
+)
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F32
 from maurice_mcl.values.library import Library
 from maurice_viz.style import scale_for
-from maurice_viz.text.explanation import KNOWN, ordinal, planes_of, say_behind, say_step, where_lost
+from maurice_viz.text.explanation import KNOWN, ordinal, planes_of, say_behind, say_step
 from maurice_viz.text.explanation_table import brief_table, to_json
 
 
@@ -48,18 +54,19 @@ def test_it_names_where_most_is_lost():
     nats[56 + 10 : 56 + 13] = 1.0
     reference[56 + 10 : 56 + 13] = 8.0
     mine, best = channel("color", nats, nothing, reference), channel("color", nothing, nothing, nothing)
-    where = where_lost(mine, best)
-    assert where.name == "blue 96 to 119"  # 16 + 8 * 10 to 16 + 8 * 12 + 7
+    where = where_lost(mine, best, 3)
+    name = planes_of("color", 84).name(where.plane, where.first, where.last)
+    assert name == "blue 96 to 119"  # 16 + 8 * 10 to 16 + 8 * 12 + 7
     assert where.nats == pytest.approx(3.0)
     assert (where.picture, where.reference) == (0, 8)
     sample, reference, nats = (np.zeros(84, np.float32) for _ in range(3))
     sample[5:8], reference[8:12] = 20.0, 15.0
     nats[5:12] = (1, 1, 1, 2, 2, 2, 2)
     mine, best = channel("color", nats, sample, reference), channel("color", 0 * nats, sample, sample)
-    where = where_lost(mine, best)
+    where = where_lost(mine, best, 3)
     assert (where.picture, where.reference) == (0, 15)
     same = np.ones(84, np.float32)
-    assert where_lost(channel("color", same, same, same), channel("color", same, same, same)) is None
+    assert where_lost(channel("color", same, same, same), channel("color", same, same, same), 3) is None
 
 
 @pytest.mark.parametrize("name", sorted(KNOWN))

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from helpers import viz_fakes as fakes
+from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.metrics import Scorer, Success
@@ -16,7 +18,6 @@ from maurice_viz.entities import Phase
 from maurice_viz.playback import RunResult
 from maurice_viz.style import UNITS, Scale, units_named
 from maurice_viz.text import narration as narrate
-from maurice_viz.text import narration as narrate_parts
 from maurice_viz.text.score_json import to_json
 
 INCHES = Scale(UNITS["in"])
@@ -41,17 +42,18 @@ def estimate(x_in: float, y_in: float, heading_deg: float) -> Estimate:
     ],
 )
 def test_motion(motions, said):
-    assert narrate_parts.motion(np.array(motions), INCHES) == said
+    assert narrate.motion(np.array(motions), INCHES) == said
 
 
 def test_spread_errors_and_reseeding_by_hand():
     poses = np.array([[3, 0, 0], [-3, 0, 0], [0, 4, 0], [0, -4, 0]], np.float32)
-    assert narrate_parts.spread_m(Belief(poses, uniform_log_weights(4), np.zeros(2))) == pytest.approx(
-        np.sqrt(12.5)
+    poses[:, :2] *= INCH
+    cloud = weighted_mean(Belief(poses, uniform_log_weights(4), np.zeros(2)))
+    assert narrate.spread(cloud, INCHES) == "3.5 in"  # the root of 12.5
+    text = narrate.estimated(
+        SimpleNamespace(estimate=estimate(3, 4, 179)), np.array([0, 0, np.radians(-179)]), INCHES
     )
-    apart, angle = narrate_parts.errors(estimate(3, 4, 179), np.array([0, 0, np.radians(-179)]))
-    assert apart == pytest.approx(5 * INCH)
-    assert np.degrees(angle) == pytest.approx(2)
+    assert "error 5.0 in, 2 deg" in text
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     fresh = np.array([0, 0, 0, 0, 1, 1], bool)
     said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
@@ -80,9 +82,7 @@ def test_summaries_have_units_and_no_unknown_error():
     assert f"Best match: entry {best}, quality {record.sighting.comparison.quality[best]:.3f}." in said
     assert "Effective sample size 25 of 50 (50%). Resampled." in said
     assert len(said) < 320
-    said = narrate_parts.estimated(
-        fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES
-    )
+    said = narrate.estimated(fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES)
     assert "truth not known" in said
     assert "error" not in said
 
