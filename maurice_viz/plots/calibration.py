@@ -87,7 +87,7 @@ def figure_bytes(drawing: Figure, kind: str, dpi: int | None = None) -> bytes:
 
 
 def against_normal(axes: Axes, values: F64, spread: Spread, unit: str) -> None:
-    """Draw a histogram of errors (n,) and the normal distribution of their mean and sd, in trials a bin."""
+    """Draw a histogram of errors and the normal distribution of their mean and sd, in trials a bin."""
     from matplotlib.ticker import MaxNLocator
 
     mean, sd = spread.mean.value, spread.sd.value
@@ -116,12 +116,12 @@ class ShownFit:
 
     @property
     def turns_deg(self) -> tuple[F64, F64]:
-        """Measured and actual turns (n,)."""
+        """Measured and actual turns, one per trial."""
         return np.degrees(self.trials.turns.measured_rad), np.degrees(self.trials.turns.actual_rad)
 
     @property
     def residual_deg(self) -> F64:
-        """The residual of every turn after the gain (n,)."""
+        """The residual of every turn after the gain."""
         measured, actual = self.turns_deg
         return np.asarray(actual - self.fit.turns.gain.value * measured)
 

@@ -63,8 +63,8 @@ class ChartLine:
 
     label: str
     run: int  # number of the run: chooses color and dashes
-    x: F64  # (S,)
-    y: F64  # (S,)
+    x: F64  # (U,)
+    y: F64  # (U,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,7 +74,7 @@ class MapPath:
 
     kind: str
     text: str
-    poses: F64  # (S, 3), NaN where not known
+    poses: F64  # (U, 3), NaN where not known
     dashes: str = ""
     has_ends: bool = True
 
@@ -163,7 +163,7 @@ class DrawnMap(DrawnFloor):
 
 
 def unbroken(places: F64, moved_m: F64, jump_m: float = USUAL.lost_m) -> list[F64]:
-    """Cut a path (S, 2) where a step jumps, and leave out what is not known."""
+    """Cut a path (U, 2) where a step jumps, and leave out what is not known."""
     distance = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
     jumps = ~(distance <= np.maximum(jump_m, JUMP_OF_MOTION * moved_m[1:]))  # also where it is not known
     parts = np.split(places, np.flatnonzero(jumps) + 1)
@@ -171,7 +171,7 @@ def unbroken(places: F64, moved_m: F64, jump_m: float = USUAL.lost_m) -> list[F6
 
 
 def thin_path(places: F64) -> F64:
-    """Leave out steps of a very long path (S, 2), evenly; the ends stay."""
+    """Leave out steps of a very long path (U, 2), evenly; the ends stay."""
     if len(places) <= MAX_POINTS:
         return places
     return np.asarray(places[np.linspace(0, len(places) - 1, MAX_POINTS).round().astype(int)])

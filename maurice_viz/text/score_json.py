@@ -102,8 +102,6 @@ def _alone_json(result: RunResult) -> dict[str, Any] | None:
 
 
 VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
-IN_OBSTACLE = ("obstacle", "first", "last")
-INCIDENT = ("kind", "step", "last", "expected", "actual", "words", "alike")
 
 
 def _verdict_json(result: RunResult, scale: Scale) -> dict[str, Any]:
@@ -112,10 +110,10 @@ def _verdict_json(result: RunResult, scale: Scale) -> dict[str, Any]:
         "left_map": list(verdict.left_map),
         "text": say_verdict(verdict, scale),
     }
-    facts["in_obstacles"] = [_values(stay, IN_OBSTACLE) for stay in verdict.in_obstacles]
+    facts["in_obstacles"] = [asdict(stay) for stay in verdict.in_obstacles]
     facts["episodes"] = [asdict(episode) | {"text": episode.account} for episode in verdict.episodes]
     facts["failures"] = [failure_json(failure, scale) for failure in verdict.failures]
-    return facts | {"causes": [_values(incident, INCIDENT) for incident in verdict.incidents]}
+    return facts | {"causes": [asdict(incident) for incident in verdict.incidents]}
 
 
 def failure_json(failure: Failure, scale: Scale) -> dict[str, Any]:

@@ -49,8 +49,8 @@ class BudgetLine:
     """What a filter reaches with one part made perfect."""
 
     part: str  # one of PARTS
-    errors_m: F64  # (S,) mean position error of each seed's run, over updates 4 to the last
-    lost: Bool  # (S,) whether each run was ever lost
+    errors_m: F64  # (R,) mean position error of each run, over updates 4 to the last
+    lost: Bool  # (R,) whether each run was ever lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def _spread(library: Library) -> tuple[float, float]:
 
 
 def _perfect(poses: F64, entries: int, truth: F64 | None, sd_m: float, sd_rad: float) -> Comparison:
-    """Return what a perfect sensor would say of references (R, 3), of which the first are a library's."""
+    """Return what a perfect sensor would say of poses (K, 3), of which the first are a library's."""
     log = np.zeros(len(poses))
     if truth is not None:
         away = np.square(poses[:, :2] - truth[:2]).sum(axis=1) / sd_m**2

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from maurice_mcl.reasons.causes import CAUSES, INCIDENTS
 from maurice_mcl.reasons.diagnosis import decide, stories_of
 from maurice_mcl.reasons.evidence import Surprise, UpdateEvidence
 from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
@@ -247,3 +250,11 @@ def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_
     assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("kidnapped", "data")  # carried in less time
     assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
     assert run(left=True).kind == "left_map"
+
+
+@pytest.mark.parametrize(("page", "kinds"), [("diagnose.md", CAUSES), ("commands.md", INCIDENTS)])
+def test_the_docs_have_a_row_for_each_kind_and_cause_in_the_tables_order(page, kinds):
+    text = (Path(__file__).parents[3] / "docs" / page).read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
+    assert [name for name in rows if name in kinds] == list(kinds)
+    assert {kind.cause for kind in INCIDENTS.values()} < set(CAUSES)
