@@ -36,7 +36,6 @@ CAUSES: Mapping[str, CauseKind] = {
     NUMERIC: CauseKind("no weight left", "all weights were zero, or all but one"),
     LIBRARY_GAP: CauseKind("no reference near", "no reference is near the true place"),
     LIGHTING: CauseKind("the light changed", "the light is not that of the references"),
-    AMBIGUITY: CauseKind("places look alike", "other places look the same"),
     VIEW: CauseKind(
         "the view changed", "something is in view that the references do not show, or the map changed"
     ),
@@ -44,6 +43,7 @@ CAUSES: Mapping[str, CauseKind] = {
     RESAMPLING: CauseKind(
         "chance in resampling", "particles at the true place had weight, and were not copied, by chance"
     ),
+    AMBIGUITY: CauseKind("places look alike", "other places look the same"),
     PROPOSAL: CauseKind("no particle there", "no particle was at the true place"),
     UNKNOWN: CauseKind("not known", "none of these"),
 }  # in the order in which they are looked for
