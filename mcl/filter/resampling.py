@@ -89,11 +89,6 @@ def always(belief: Belief, step: int) -> bool:
     return True
 
 
-def never(belief: Belief, step: int) -> bool:
-    """Never resample; shows the effect of resampling."""
-    return False
-
-
 def below_effective(share: float) -> ResamplePolicy:
     """Resample when the effective sample size falls below a share (0 to 1) of N (Liu and Chen 1995)."""
 

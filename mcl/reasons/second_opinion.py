@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..filter.localizer import Localizer
 from ..filter.proposal import poses_of_entries, uniform_poses
 from ..filter.resampling import systematic
-from ..scoring.lost_signal import MOST_NATS, RATE, BeliefNumbers, LostSignal
+from ..scoring.lost_signal import MOST_NATS, RATE, BeliefNumbers, LostSignal, probability
 from ..values.arrays import F32, F64, I32
 from ..values.randomness import Domain, stream
 from ..values.records import Opinion, StepRecord
@@ -202,10 +202,8 @@ class SecondOpinion:
             return None  # nothing to compare with, or a channel that gives no numbers
         self.second.see(record.frame.motions, record.sighting.comparison.explained_by_channels.relative[0])
         features = self._reader.features(numbers, self.second.shares(record.estimate.pose))
-        odds = sum(weight * features[name] for name, weight in OPINION.items())
         self._sensed += RATE * (sensed_ahead(record, self.second.localizer) - self._sensed)
-        odds += SENSED_SHARE * self._sensed
-        self.not_lost = 1 / (1 + math.exp(-odds))
+        self.not_lost = probability(OPINION, features, SENSED_SHARE * self._sensed)
         return self.not_lost
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -86,6 +86,20 @@ PROBABLY_LOST_BELOW = 0.06  # the probability below which it is probably lost ..
 KNOWS_ABOVE = 0.5  # ... and above which it knows where it is: it can be lost, or is so no longer
 
 
+def probability(weights: Mapping[str, float], features: Mapping[str, float], more: float = 0.0) -> float:
+    """Return what a logistic regression says of features with the names of its weights; `more` log odds."""
+    log_odds = sum(weight * features[name] for name, weight in weights.items())
+    return 1 / (1 + math.exp(-(log_odds + more)))
+
+
+@dataclass(frozen=True, slots=True)
+class SignalSummary:
+    """What the lost signal said of one run."""
+
+    share: float  # of the updates at which it knew where it is: a probability of at least one half
+    at_end: float  # the probability at the last update
+
+
 @dataclass(slots=True)
 class LostSignal:
     """Follows one run, without truth; keeps two running means.
@@ -103,6 +117,8 @@ class LostSignal:
     _gain: float | None = None
     _gap: float = 0.0
     _knew: bool = False
+    _updates: int = 0  # whose probability is known
+    _sure: int = 0  # of them, at which it knew where it is
 
     def add(self, record: StepRecord) -> float | None:
         """Process the next update; return the probability that its estimate is right, None if not known.
@@ -110,22 +126,25 @@ class LostSignal:
         A second opinion in the record decides, where it is there: it knows more than the filter itself.
         """
         if record.opinion is not None:
-            return self._say(record.opinion.not_lost, record.opinion.alarm_below)
+            return self._judge(record.opinion.not_lost, record.opinion.alarm_below)
         numbers = BeliefNumbers.of(record)
         return None if numbers is None else self.see(numbers)
 
     def see(self, now: BeliefNumbers) -> float:
         """Process the numbers of the next update."""
-        found = self.features(now)
-        odds = sum(weight * found[name] for name, weight in WEIGHTS.items())
-        return self._say(1 / (1 + math.exp(-odds)), PROBABLY_LOST_BELOW)
+        return self._judge(probability(WEIGHTS, self.features(now)), PROBABLY_LOST_BELOW)
 
-    def _say(self, knows: float, lost_below: float) -> float:
+    def _judge(self, knows: float, lost_below: float) -> float:
         self.knows = knows
+        self._updates, self._sure = self._updates + 1, self._sure + (knows >= KNOWS_ABOVE)
         self._knew |= knows > KNOWS_ABOVE
         still = self.probably_lost and knows <= KNOWS_ABOVE
         self.probably_lost = self._knew and (knows < lost_below or still)
         return knows
+
+    def summary(self) -> SignalSummary | None:
+        """Return the summary up to now; None where nothing is known of how well pictures fit elsewhere."""
+        return None if self.knows is None else SignalSummary(self._sure / self._updates, self.knows)
 
     def features(self, now: BeliefNumbers) -> dict[str, float]:
         """Return what the probability of the next update is made of, by the names of WEIGHTS."""
@@ -143,35 +162,6 @@ class LostSignal:
             "spread": math.log(max(now.spread, LEAST)),
             "survivors": math.log(max(now.survivors, LEAST)),
         }
-
-
-@dataclass(frozen=True, slots=True)
-class SignalSummary:
-    """What the lost signal said of one run."""
-
-    share: float  # of the updates at which it knew where it is: a probability of at least one half
-    at_end: float  # the probability at the last update
-
-
-@dataclass(slots=True)
-class SignalCollector:
-    """Follows the lost signal of one run and sums it up."""
-
-    _signal: LostSignal = field(default_factory=LostSignal)
-    _known: int = 0
-    _knew: int = 0
-
-    def add(self, record: StepRecord) -> None:
-        """Process the next update."""
-        knows = self._signal.add(record)
-        if knows is not None:
-            self._known, self._knew = self._known + 1, self._knew + (knows >= KNOWS_ABOVE)
-
-    def result(self) -> SignalSummary | None:
-        """Return the summary up to now; None where nothing is known of how well pictures fit elsewhere."""
-        if self._signal.knows is None:
-            return None
-        return SignalSummary(self._knew / self._known, self._signal.knows)
 
 
 def _clipped(nats: float) -> float:

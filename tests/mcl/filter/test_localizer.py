@@ -20,7 +20,7 @@ from maurice_mcl.filter.localizer import (
 )
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.filter.proposal import ProposedParticles, belief_at, uniform_belief
-from maurice_mcl.filter.resampling import always, never
+from maurice_mcl.filter.resampling import always
 from maurice_mcl.scoring.events import EventDetector
 from maurice_mcl.scoring.metrics import Scorer
 from maurice_mcl.sensor.ahead import compared as compare_picture
@@ -157,7 +157,8 @@ def test_each_step_starts_from_the_last_ones_belief(world):
 
 def test_without_resampling_weights_multiply(world):
     localizer = replace(
-        _localizer(world, particles=300), resampling=replace(_localizer(world).resampling, when=never)
+        _localizer(world, particles=300),
+        resampling=replace(_localizer(world).resampling, when=lambda belief, step: False),
     )
     state, total = localizer.initialize(None), np.zeros(300)
     for moment in world.drive.all_moments[:4]:

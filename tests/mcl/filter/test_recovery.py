@@ -30,7 +30,6 @@ from maurice_mcl.filter.resampling import (
     adapted_size,
     always,
     every,
-    never,
 )
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.map import Arena
@@ -48,6 +47,11 @@ def _library():
 
 NEAREST = nearest_reference(_library(), Arena((0.0, 0.0, 4.0, 3.0), np.zeros((0, 4))))
 WHERE = regions(NEAREST, 16)
+
+
+def never(belief, step):
+    """Do not resample."""
+    return False
 
 
 def _choosing(scheme="systematic", when=never, roughening=0.0, kld=None, strategy=none, draw_evenly=False):

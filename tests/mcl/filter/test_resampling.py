@@ -279,7 +279,6 @@ UNEVEN = _effective([2, 1, 1])  # 1 / (1/4 + 1/16 + 1/16) = 8/3 of 3
 
 def test_policies_and_ends_by_hand():
     assert all(resampling.always(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
-    assert not any(resampling.never(belief, step) for belief in (EVEN, UNEVEN) for step in (1, 2))
     assert not resampling.below_effective(0.999)(EVEN, 1)
     assert [step for step in range(1, 11) if resampling.every(3)(EVEN, step)] == [3, 6, 9]
     assert all(resampling.every(1)(EVEN, step) for step in range(1, 5))

@@ -12,7 +12,7 @@ from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.reasons.explanation import Asked, explain_step
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.reasons.surroundings import Surroundings
-from maurice_mcl.scoring.lost_signal import BeliefNumbers, LostSignal, SignalCollector
+from maurice_mcl.scoring.lost_signal import BeliefNumbers, LostSignal
 from maurice_mcl.values.pose_sensor import EXACT, Shown
 
 
@@ -77,14 +77,13 @@ def test_the_second_filter_reads_channels_alone(drive, sensor):
 
 def test_without_a_channel_nothing_is_known_without_truth(drive, sensor):
     localizer = made([sensor], drive, replace(mcl.tiny_library(), index={}))
-    opinion, signal, collector = SecondOpinion.of(localizer), LostSignal(), SignalCollector()
+    opinion, signal = SecondOpinion.of(localizer), LostSignal()
     steps = []
     for moment, record in mcl.run(localizer, drive):
         steps.append((replace(moment, truth=None), record))
         assert opinion.added_to(record).opinion is None
         assert signal.add(record) is None
-        collector.add(record)
-    assert collector.result() is None
+    assert signal.summary() is None
     builder = DiagnosisBuilder(localizer)
     for moment, record in steps:
         builder.add(moment, record)

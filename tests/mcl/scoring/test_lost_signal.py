@@ -11,7 +11,7 @@ import maurice_mcl as mcl
 from helpers.step_records import at, made, moment
 from maurice_mcl.scoring.episodes import EpisodeFinder
 from maurice_mcl.scoring.events import PROBABLY_LOST, EventDetector
-from maurice_mcl.scoring.lost_signal import WEIGHTS, BeliefNumbers, LostSignal, SignalCollector
+from maurice_mcl.scoring.lost_signal import WEIGHTS, BeliefNumbers, LostSignal
 from maurice_mcl.values.records import LibraryEvidence, StepRecord
 
 RIGHT = BeliefNumbers(-2.0, -7.0, -1.0, 1.0, 0.3, 0.3)
@@ -78,13 +78,13 @@ def test_events_say_when_it_is_probably_lost_and_the_state_does_so_without_truth
 
 
 def test_the_summary_of_a_run():
-    collector, finder = SignalCollector(), EpisodeFinder()
-    assert collector.result() is None
+    signal, finder = LostSignal(), EpisodeFinder()
+    assert signal.summary() is None
     for step in range(1, 31):
         one = record(step, -11.0 if 13 <= step < 20 else -2.0)
-        collector.add(one)
+        signal.add(one)
         finder.add(moment(one), one)
-    found = collector.result()
+    found = signal.summary()
     assert found is not None
     [(first, last)] = finder.doubts
     assert 13 <= first <= 17
