@@ -55,18 +55,19 @@ def reference_poses(nodes: F64, headings: int) -> F64:
     return np.array(poses)
 
 
-def placed_poses(nominal: F64, seed: int, surveyor: Surveyor) -> F64:
+def placed_poses(nominal: F64, seed: int, surveyor: Surveyor, first: int = 0) -> F64:
     """Return where the references (L, 3) really were: each a little off its nominal pose."""
-    rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.SURVEY_PLACING)
+    rng = stream(Domain.SIMULATOR, seed, first, SimPurpose.SURVEY_PLACING)
     sd = np.array([surveyor.place_sd_m, surveyor.place_sd_m, surveyor.heading_sd_rad])
     return np.asarray(nominal + rng.standard_normal(nominal.shape) * sd)
 
 
-def references(nodes: F64, camera: CameraSession, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
-    """Return the nominal pose (3,) and the picture of each reference."""
-    nominal = reference_poses(nodes, surveyor.headings)
-    placed = placed_poses(nominal, camera.seed, surveyor)
-    for number, (label, pose) in enumerate(zip(nominal, placed, strict=True)):
+def references(
+    nominal: F64, camera: CameraSession, surveyor: Surveyor, first: int = 0
+) -> Iterator[tuple[F64, U8]]:
+    """Return nominal pose (3,) and picture of each reference (L, 3); those of a later survey from LATER on."""
+    placed = placed_poses(nominal, camera.seed, surveyor, first)
+    for number, (label, pose) in enumerate(zip(nominal, placed, strict=True), start=first):
         yield label, camera.take(number, pose)
 
 
@@ -102,15 +103,6 @@ def _surveyor_of(world: World) -> Surveyor:
     return Surveyor(headings=world.headings)
 
 
-def added_references(nominal: F64, camera: CameraSession, surveyor: Surveyor) -> Iterator[tuple[F64, U8]]:
-    """Return the nominal pose (3,) and the picture of each reference (L, 3) of a later survey."""
-    sd = np.array([surveyor.place_sd_m, surveyor.place_sd_m, surveyor.heading_sd_rad])
-    rng = stream(Domain.SIMULATOR, camera.seed, LATER, SimPurpose.SURVEY_PLACING)
-    placed = nominal + rng.standard_normal(nominal.shape) * sd
-    for number, (label, pose) in enumerate(zip(nominal, placed, strict=True), start=LATER):
-        yield label, camera.take(number, pose)
-
-
 def write_survey(
     path: Path,
     world: World,
@@ -120,17 +112,15 @@ def write_survey(
     poses: F64 | None = None,
 ) -> None:
     """Write the covered pictures, then every reference with its nominal pose, or those at `poses` (L, 3)."""
-    total = len(world.nodes) * surveyor.headings if poses is None else len(poses)
-    taken = references(world.nodes, camera, surveyor)
-    if poses is not None:
-        taken = added_references(poses, camera, surveyor)
+    nominal, first = (reference_poses(world.nodes, surveyor.headings), 0) if poses is None else (poses, LATER)
+    taken = references(nominal, camera, surveyor, first)
     with SessionWriter(path, _survey_info(world, camera), kind="survey") as log:
         for number in range(surveyor.covered):
             log.image(number * FRAME_S, camera.take_covered(number), covered=True, camera="front")
         t_s = surveyor.covered * FRAME_S
         for number, (pose, picture) in enumerate(taken, start=1):
             log.image(t_s + number * SURVEY_S, picture, pose=pose, camera="front")
-            report(number, total, "survey")
+            report(number, len(nominal), "survey")
 
 
 def cached_survey(world: World, seed: int, report: Progress, *, half_resolution: bool = False) -> Path:

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from maurice_datasets.render.camera_session import survey_camera
-from maurice_datasets.surveys import Surveyor, added_references
+from maurice_datasets.surveys import LATER, Surveyor, references
 from maurice_datasets.trials.drives import Bench, Drive, open_drive, world_of
 from maurice_datasets.trials.plan import SessionSpec
 from maurice_datasets.trials.statistics import Clusters, Interval, mean
@@ -63,7 +63,7 @@ def subset(library: Library, kept: Bool) -> Library:
 def with_poses(library: Library, poses: F64, arena: int) -> Library:
     """Return a library with references taken by the simulated surveyor at poses (L, 3)."""
     camera = survey_camera(world_of("two-rooms", arena, "nominal"), arena)
-    taken = list(added_references(poses, camera, Surveyor()))
+    taken = list(references(poses, camera, Surveyor(), LATER))
     index = {}
     for name in NEEDED:
         one = library.index[name]

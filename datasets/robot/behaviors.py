@@ -81,8 +81,6 @@ def _outlines(arena: Arena) -> tuple[F64, F64]:
 
 DICE = 16  # uniform numbers per update; a behavior that leaves something to chance looks at them
 
-Command = tuple[float, float]  # turn_rad, then forward_m
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Senses:
@@ -93,7 +91,6 @@ class Senses:
     bumped: bool = False  # the last motion ended where the robot ran into something: contact switches
     unseen: bool = False  # a motion was completed and no picture has been taken since
     goal_rad: float | None = None  # bearing of the next point on the path to the goal; None without a goal
-    command: Command | None = None  # the next one of the list, in teleoperation
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,15 +156,6 @@ class AvoidCollision:
 
 
 @dataclass(frozen=True, slots=True)
-class Teleoperate:
-    """Follow a list of commands."""
-
-    def propose(self, senses: Senses) -> BehaviorProposal | None:
-        """Pass the command on."""
-        return None if senses.command is None else BehaviorProposal("teleoperation", 3, *senses.command)
-
-
-@dataclass(frozen=True, slots=True)
 class GoToPoint:
     """Head for the next point on the path, up to 22.5 degrees off: no heading is preferred."""
 
@@ -205,7 +193,7 @@ class Wander:
         return BehaviorProposal("wandering", 0, bearing, min(length, open_m))
 
 
-def most_open(proximity: Proximity, stride: Stride) -> Command:
+def most_open(proximity: Proximity, stride: Stride) -> tuple[float, float]:
     """Return the sensor's bearing in which the robot can go farthest, in [-pi, pi), and how far."""
     open_m = [proximity.open_m(float(b), stride.half_width_m) for b in proximity.bearings_rad]
     best = int(np.argmax(open_m))

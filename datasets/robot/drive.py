@@ -6,7 +6,7 @@ proximity sensors. Every update is a turn of any size, a straight, and a picture
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,12 +22,10 @@ from .behaviors import (
     AvoidCollision,
     Behavior,
     BehaviorProposal,
-    Command,
     GoToPoint,
     Localize,
     Ring,
     Senses,
-    Teleoperate,
     Wander,
     choose,
     sense,
@@ -37,20 +35,8 @@ from .planner import Raster, free_pose
 
 REACHED_M = 9.0 * INCH_M  # a goal counts as reached from here
 KIDNAP_M = 48 * INCH_M  # a kidnapped robot is put down at least so far away
-BEHAVIORS: tuple[Behavior, ...] = (Localize(), Teleoperate(), AvoidCollision(), GoToPoint(), Wander())
+BEHAVIORS: tuple[Behavior, ...] = (Localize(), AvoidCollision(), GoToPoint(), Wander())
 STAY = BehaviorProposal("nobody", -1)
-
-
-@dataclass(frozen=True, slots=True)
-class Instructions:
-    """What the robot is asked to do, besides what it senses."""
-
-    goal_rad: float | None = None  # bearing of the next point on the path to a goal
-    command: Command | None = None  # from a list
-
-
-Wish = Callable[[int, F64], Instructions | None]  # by update and true pose (3,); None: that is all
-Carry = Callable[[int, F64], F64 | None]  # where the robot is carried after an update; None: nowhere
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,13 +66,13 @@ class Robot:
     spins_at: range = range(0)  # updates at which its wheels spin
 
     def decide(
-        self, step: int, pose: F64, wanted: Instructions, last: DriveUpdate | None, unseen: bool
+        self, step: int, pose: F64, goal_rad: float, last: DriveUpdate | None, unseen: bool
     ) -> BehaviorProposal | None:
         """Sense everything once and let the arbiter choose among the behaviors."""
-        around = sense(self.arena, pose, self.ring, self.chance(step, SimPurpose.PROXIMITY))
+        proximity = sense(self.arena, pose, self.ring, self.chance(step, SimPurpose.PROXIMITY))
         dice = self.chance(step, SimPurpose.WANDER).random(DICE)
         bumped = last is not None and last.straight.bumped
-        return choose(self.behaviors, Senses(around, dice, bumped, unseen, wanted.goal_rad, wanted.command))
+        return choose(self.behaviors, Senses(proximity, dice, bumped, unseen, goal_rad))
 
     def move(self, step: int, pose: F64, chosen: BehaviorProposal) -> DriveUpdate:
         """Carry out what was chosen, as well as chance lets it."""
@@ -128,37 +114,22 @@ def drive(
     After update `kidnap_at` the robot is carried to a place drawn evenly from all that are far enough away.
     """
     begin = free_pose(map_, robot.chance(0, SimPurpose.START)) if start is None else start
-    guide = Guide(map_, robot.seed)
-
-    def wish(step: int, pose: F64) -> Instructions | None:
-        return Instructions(goal_rad=guide.bearing(pose)) if step <= updates else None
-
-    def carry(step: int, pose: F64) -> F64 | None:
-        at = robot.chance(step, SimPurpose.KIDNAP)
-        return free_pose(map_, at, pose, KIDNAP_M) if step == kidnap_at else None
-
-    return begin, go(robot, begin, wish, carry)
+    return begin, _updates(robot, map_, begin, updates, kidnap_at)
 
 
-def steer(robot: Robot, start: F64, commands: Sequence[Command]) -> Iterator[DriveUpdate]:
-    """Teleoperate from a pose (3,): one update per command (turn_rad, forward_m), stopped only by contact."""
-
-    def wish(step: int, pose: F64) -> Instructions | None:
-        return Instructions(command=commands[step - 1]) if step <= len(commands) else None
-
-    return go(robot, start, wish)
-
-
-def go(robot: Robot, pose: F64, wish: Wish, carry: Carry = lambda step, pose: None) -> Iterator[DriveUpdate]:
-    """Run the behaviors from a pose (3,) until no more is asked: one completed motion is one update."""
-    step, last, unseen = 1, None, False
-    while (wanted := wish(step, pose)) is not None:
-        chosen = robot.decide(step, pose, wanted, last, unseen) or STAY
+def _updates(
+    robot: Robot, map_: Raster, pose: F64, updates: int, kidnap_at: int | None
+) -> Iterator[DriveUpdate]:
+    """Run the behaviors from a pose (3,): one completed motion is one update."""
+    guide, last, unseen, step = Guide(map_, robot.seed), None, False, 1
+    while step <= updates:
+        chosen = robot.decide(step, pose, guide.bearing(pose), last, unseen) or STAY
         if last is None or not chosen.look:
             last, unseen = robot.move(step, pose, chosen), True
             pose = last.pose
             continue
-        carried = carry(step, pose)
+        at = robot.chance(step, SimPurpose.KIDNAP)
+        carried = free_pose(map_, at, pose, KIDNAP_M) if step == kidnap_at else None
         yield replace(last, kidnapped_to=carried)
         pose = pose if carried is None else carried
         step, unseen = step + 1, False

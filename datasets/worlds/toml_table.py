@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
+
+from maurice_mcl.values.setting_rules import Rule, choice, number, text, truth
 
 from .plan import Choice, Number, NumberRange, Rect, Word, WorldError
 
 FARTHEST = 1e5  # no length of a building is longer, in inches
-MOST_NUMBER = 1e300
 
 
 class Table:
@@ -40,25 +40,29 @@ class Table:
             self.fail(key, "is missing; add it")
         return self._left.pop(key)
 
+    def checked(self, key: str, rule: Rule, value: Any) -> Any:
+        """Return a value as a rule takes it."""
+        try:
+            return rule(self.named(key), value)
+        except ValueError as problem:
+            raise WorldError(self.file, str(problem)) from None
+
     def text(self, key: str, default: str | None = None) -> str:
         """Read a word."""
         value = default if default is not None and not self.has(key) else self.take(key)
-        if not isinstance(value, str) or not value.strip():
-            self.fail(key, f"found {value!r}, expected a word in quotes")
-        return value
+        word: str = self.checked(key, text, value)
+        if not word.strip():
+            self.fail(key, "found an empty text, expected a word in quotes")
+        return word
 
     def one_of(self, key: str, known: tuple[str, ...], default: str | None = None) -> str:
         """Read one of some words."""
-        value = self.text(key, default)
-        if value not in known:
-            self.fail(key, f"found {value!r}; there are {', '.join(known)}")
-        return value
+        word: str = self.checked(key, choice(*known), self.text(key, default))
+        return word
 
-    def flag(self, key: str, default: bool = False) -> bool:
-        """Read true or false."""
-        value = self.take(key) if self.has(key) else default
-        if not isinstance(value, bool):
-            self.fail(key, f"found {value!r}, expected true or false")
+    def flag(self, key: str) -> bool:
+        """Read true or false; false where the key is missing."""
+        value: bool = self.checked(key, truth, self.take(key)) if self.has(key) else False
         return value
 
     def tables(self, key: str) -> tuple[Table, ...]:
@@ -96,15 +100,10 @@ class Table:
         self, key: str, value: object, unit: float = 1.0, low: float = -FARTHEST, high: float = FARTHEST
     ) -> float:
         """Check one number, and bring it to inches or radians by `unit`."""
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            self.fail(key, f"found {value!r}, expected a number")
-        if abs(value) > MOST_NUMBER:  # true of infinity, and of integers that no float can hold
-            self.fail(key, "found a number without bound, expected a finite number")
-        if math.isnan(value):
-            self.fail(key, "found nan, expected a finite number")
-        if not low <= value * unit <= high:
-            self.fail(key, f"found {value:g}, expected {low / unit:g} to {high / unit:g}")
-        return float(value * unit)
+        if isinstance(value, str):
+            self.fail(key, f"found {value!r:.60}, expected a number")
+        given: float = self.checked(key, number(low / unit, high / unit), value)
+        return given * unit
 
     def drawn(
         self, key: str, value: object, unit: float = 1.0, low: float = -FARTHEST, high: float = FARTHEST

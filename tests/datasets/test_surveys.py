@@ -29,7 +29,7 @@ def test_references_have_headings_and_errors():
 def test_surveys_have_their_own_lights_and_poses(world):
     camera, surveyor = survey_camera(world, 0), Surveyor(headings=1)
     nodes = np.array([[1.2, 1.9], [1.65, 1.9]])
-    made = list(references(nodes, camera, surveyor))
+    made = list(references(reference_poses(nodes, 1), camera, surveyor))
     assert np.array_equal([pose for pose, _ in made], reference_poses(nodes, 1))
     actual = placed_poses(reference_poses(nodes, 1), 0, surveyor)
     assert np.array_equal(made[1][1], camera.take(1, actual[1]))

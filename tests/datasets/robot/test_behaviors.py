@@ -12,7 +12,6 @@ from maurice_datasets.robot.behaviors import (
     Ring,
     Senses,
     Stride,
-    Teleoperate,
     Wander,
     choose,
     distances,
@@ -36,8 +35,8 @@ def around(**near_in: float) -> Proximity:
     return Proximity(BEARINGS, ranges, RING.reach_m)
 
 
-def test_commands_and_priorities():
-    pressed = Senses(around(s0=4.0), MIDDLE, bumped=True, unseen=True, goal_rad=0.1, command=(1.0, 1.0))
+def test_priorities():
+    pressed = Senses(around(s0=4.0), MIDDLE, bumped=True, unseen=True, goal_rad=0.1)
     chosen = choose(BEHAVIORS, pressed)
     assert chosen.look
     assert (chosen.turn_rad, chosen.forward_m) == (0, 0)
@@ -45,18 +44,14 @@ def test_commands_and_priorities():
     names = [
         choose(BEHAVIORS, senses)
         for senses in (
-            Senses(near, MIDDLE, goal_rad=0.1, command=(0.3, 0.2)),
             Senses(near, MIDDLE, goal_rad=0.1),
             Senses(around(), MIDDLE, goal_rad=0.1),
             Senses(around(), MIDDLE),
         )
     ]
-    expected = ["teleoperation", "collision avoidance", "going to a point", "wandering"]
+    expected = ["collision avoidance", "going to a point", "wandering"]
     assert [n and n.behavior for n in names] == expected
     assert choose((), Senses(around(), MIDDLE)) is None
-    proposal = Teleoperate().propose(Senses(around(), MIDDLE, command=(-0.7, 0.31)))
-    assert (proposal.turn_rad, proposal.forward_m) == (-0.7, 0.31)
-    assert Teleoperate().propose(Senses(around(), MIDDLE)) is None
 
 
 @pytest.mark.parametrize("die", [0.0, 0.2, 0.5, 0.8, 0.999])

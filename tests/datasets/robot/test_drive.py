@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chisquare
 
-from maurice_datasets.robot.behaviors import Localize, Wander
-from maurice_datasets.robot.drive import KIDNAP_M, DriveUpdate, Robot, drive, steer
+from maurice_datasets.robot.behaviors import BehaviorProposal, Localize, Wander
+from maurice_datasets.robot.drive import KIDNAP_M, DriveUpdate, Robot, drive
 from maurice_datasets.robot.motion import Chassis, draw_luck
 from maurice_datasets.robot.planner import is_free, raster
 from maurice_datasets.tasks import SimPurpose
@@ -123,15 +123,12 @@ def test_a_given_start_is_where_it_starts(world):
     assert np.array_equal(next(updates).turn.path[0], here)
 
 
-def test_commands_are_driven_and_end_at_walls():
-    arena = Arena((-5, -5, 5, 5), np.zeros((0, 4)))
-    commands = [(0.5, 0.2), (-1.0, 0.0), (0.0, 0.4)]
-    updates = list(steer(Robot(arena, 1), np.zeros(3), commands))
-    told = [(u.turn.measured[2] / 1.3695, u.straight.measured[0]) for u in updates]
-    assert np.array(told) == pytest.approx(np.array(commands))
-    assert {u.behavior for u in updates} == {"teleoperation"}
+def test_a_movement_is_measured_as_chosen_and_ends_at_walls():
+    open_floor, here = Arena((-5, -5, 5, 5), np.zeros((0, 4))), np.zeros(3)
+    update = Robot(open_floor, 1).move(1, here, BehaviorProposal("going", 1, 0.5, 0.2))
+    assert (update.turn.measured[2] / 1.3695, update.straight.measured[0]) == pytest.approx((0.5, 0.2))
     wall = Arena((-5, -5, 5, 5), np.array([[1.0, -5, 1.0, 5]]))
-    (update,) = steer(Robot(wall, 1), np.zeros(3), [(0.0, 4.0)])
+    update = Robot(wall, 1).move(1, here, BehaviorProposal("going", 1, 0.0, 4.0))
     assert update.straight.bumped
     assert update.pose[0] < 1.0
 
