@@ -69,8 +69,8 @@ def note_of(folder: Path, key: str) -> str:
 
 def _files_in(folder: Path) -> list[Path]:
     """Return all files of a folder but its note."""
-    found = (Path(place, name) for place, _, names in os.walk(folder) for name in names)
-    return [file for file in found if file != folder / NOTE and file.is_file()]
+    files = (Path(place, name) for place, _, names in os.walk(folder) for name in names)
+    return [path for path in files if path != folder / NOTE and path.is_file()]
 
 
 def cached(kind: str, key: str, make: Callable[[Path], object]) -> Path:

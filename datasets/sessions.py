@@ -205,12 +205,12 @@ class SimulatedSession:
         camera, carried = self.set_up.camera, False
         for number, segment in enumerate(self.set_up.course.segments(), start=1):
             motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
-            told = [KIDNAPPED] if carried else []
-            told += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
+            texts = [KIDNAPPED] if carried else []
+            texts += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
             carried = segment.kidnapped_to is not None
             image = camera.take(number, segment.pose)
             frame = Frame(number, segment.t_s, np.array(motions).reshape(-1, 3), image, "")
-            yield Moment(frame, segment.pose, (*told, *camera.events(number)))
+            yield Moment(frame, segment.pose, (*texts, *camera.events(number)))
 
 
 def simulated_session(plan: SimulationPlan, surveyed: World | None = None) -> SimulatedSession:

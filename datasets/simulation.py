@@ -100,8 +100,8 @@ class Stage:
 
 def parse_span(text: str) -> range:
     """Read updates like "34" or "34-37", or none from empty text. ValueError for anything else."""
-    found = re.fullmatch(r"(\d+)(?:-(\d+))?", text.strip())
-    first, last = (int(found[1]), int(found[2] or found[1])) if found else (0, -1)
+    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text.strip())
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, -1)
     if text.strip() and not 1 <= first <= last:
         raise ValueError(f"found updates {text!r}, expected one like 34, or a range like 34-37")
     return range(first, last + 1)
@@ -146,16 +146,16 @@ def driven(plan: SimulationPlan, world: World, map_: Raster) -> Course:
 
 def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Course:
     """Follow a recorded path, moved to where it fits. InputError if it fits nowhere."""
-    found = read_recording(path, plan.updates)
-    at = fit(map_, found.track, stream(Domain.SIMULATOR, plan.seed, 0, SimPurpose.START))
+    recorded = read_recording(path, plan.updates)
+    at = fit(map_, recorded.track, stream(Domain.SIMULATOR, plan.seed, 0, SimPurpose.START))
     if at is None:
-        size = " x ".join(f"{v:.1f} m" for v in np.ptp(found.track, axis=0))
+        size = " x ".join(f"{v:.1f} m" for v in np.ptp(recorded.track, axis=0))
         smallest = f"{SCALES[-1]:.0%} of its size"
-        found_ = f"found a path of {size} that fits nowhere into {world.name}, not even at {smallest}"
-        raise InputError(path, f"{found_}; take a larger world or fewer --updates")
+        why = f"found a path of {size} that fits nowhere into {world.name}, not even at {smallest}"
+        raise InputError(path, f"{why}; take a larger world or fewer --updates")
     scaled = "" if at.scale == 1 else f", path and odometry scaled to {at.scale:.0%} to fit"
-    notes = [f"path and odometry are recorded: {found.name}{scaled}"]
-    if found.carried:
-        notes.append(f"the recorded robot was carried, or its truth jumps: {found.carried} times")
-    start, count = at.pose(found.start), len(found.segments)
-    return Course(start, count, lambda: found.placed(at), found.motion, tuple(notes))
+    notes = [f"path and odometry are recorded: {recorded.name}{scaled}"]
+    if recorded.carried:
+        notes.append(f"the recorded robot was carried, or its truth jumps: {recorded.carried} times")
+    start, count = at.pose(recorded.start), len(recorded.segments)
+    return Course(start, count, lambda: recorded.placed(at), recorded.motion, tuple(notes))

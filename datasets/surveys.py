@@ -65,7 +65,7 @@ def placed_poses(nominal: F64, seed: int, surveyor: Surveyor, first: int = 0) ->
 def references(
     nominal: F64, camera: CameraSession, surveyor: Surveyor, first: int = 0
 ) -> Iterator[tuple[F64, U8]]:
-    """Return nominal pose (3,) and picture of each reference (L, 3); those of a later survey from LATER on."""
+    """Return nominal pose (3,) and picture of each reference (L, 3); a later survey's from LATER on."""
     placed = placed_poses(nominal, camera.seed, surveyor, first)
     for number, (label, pose) in enumerate(zip(nominal, placed, strict=True), start=first):
         yield label, camera.take(number, pose)
@@ -191,10 +191,10 @@ def read_poses(path: Path) -> F64:
     expected = "expected a table (.csv) with the columns x_m, y_m and heading_deg, as `library check` writes"
     try:
         rows = list(csv.DictReader(read_bounded(path, "a table", MOST_TABLE_BYTES).decode().splitlines()))
-        found = [[float(row[name]) for name in POSE_COLUMNS] for row in rows]
+        values = [[float(row[name]) for name in POSE_COLUMNS] for row in rows]
     except (OSError, UnicodeDecodeError, KeyError, TypeError, ValueError, csv.Error) as problem:
         raise InputError(path, f"cannot be read ({' '.join(str(problem).split())}); {expected}") from None
-    poses = np.array(found, np.float64).reshape(-1, 3)
+    poses = np.array(values, np.float64).reshape(-1, 3)
     if not len(poses) or not (np.abs(poses) < FARTHEST).all():
         raise InputError(path, f"found {'a pose out of range' if len(poses) else 'no pose'}; {expected}")
     return np.column_stack([poses[:, :2], wrap(np.radians(poses[:, 2]))])
@@ -204,13 +204,13 @@ def surveyed_world(
     name_or_path: str | Path, seed: int, tier: str, spacing_m: float | None, headings: int | None
 ) -> World:
     """Draw a world, with another spacing or number of headings than its file says where one is given."""
-    plan, found = load_plan(name_or_path), check_tier(name_or_path, tier)
+    plan, known_tier = load_plan(name_or_path), check_tier(name_or_path, tier)
     library = plan.library
     if spacing_m is not None:
         library = replace(library, spacing_in=spacing_m / INCH_M)
     if headings is not None:
         library = replace(library, headings=headings)
-    return build_world(replace(plan, library=library), seed, TIERS[found])
+    return build_world(replace(plan, library=library), seed, TIERS[known_tier])
 
 
 def views(world: World, seed: int, count: int) -> F64:

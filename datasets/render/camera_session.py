@@ -63,14 +63,14 @@ class CameraSession:
     def notes(self) -> tuple[str, ...]:
         """Return what differs from the survey, in a few words each, for a log's header."""
         conditions = self.conditions
-        told = {
+        holds = {
             "automatic gain": conditions.gain == "auto",
             "half resolution: every other column read, and handed over twice": conditions.half_resolution,
             f"gain drifts by up to {conditions.drift:.0%}": conditions.drift > 0,
             f"white balance drifts by up to {conditions.tint:.0%}": conditions.tint > 0,
             f"people in {conditions.occluded:.0%} of the pictures": conditions.occluded > 0,
         }
-        return tuple(text for text, holds in told.items() if holds)
+        return tuple(text for text, is_so in holds.items() if is_so)
 
     def stands(self, number: int, pose: F64) -> tuple[StandingPerson, ...]:
         """Return the people who stand in view in one picture."""

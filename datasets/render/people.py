@@ -62,27 +62,27 @@ def skins(prism: Prism, texture: F32) -> list[Skin]:
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     down = np.array(prism.bottom) - np.array(prism.top)
     edges = np.round(np.linspace(0, texture.shape[1], prism.sides + 1)).astype(int)
-    made = []
+    wrapped = []
     for k in range(prism.sides):
         corner = np.array(prism.top) + np.append(oval[k], 0.0)
         strip = halvings(np.ascontiguousarray(texture[:, edges[k] : edges[k + 1]]))
         face = LitFace(corner, np.append(oval[k + 1] - oval[k], 0.0), down, strip)
-        made.append(Skin(face, (out[k], out[k + 1])))
-    return made
+        wrapped.append(Skin(face, (out[k], out[k + 1])))
+    return wrapped
 
 
 def _size_of(prism: Prism) -> Size:
     tall = float(np.linalg.norm(np.subtract(prism.top, prism.bottom)))
-    around = 1.6 * (prism.thick + prism.wide)
-    return max(8, round(tall * PER_M)), max(8 * prism.sides, round(around * PER_M))
+    circumference = 1.6 * (prism.thick + prism.wide)
+    return max(8, round(tall * PER_M)), max(8 * prism.sides, round(circumference * PER_M))
 
 
 def _trouser(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
     rows, columns = size
-    height, around = np.linspace(1, 0, rows)[:, None], np.linspace(-np.pi, np.pi, columns)[None, :]
+    height, angle = np.linspace(1, 0, rows)[:, None], np.linspace(-np.pi, np.pi, columns)[None, :]
     creased = np.exp(-(((height - 0.46) / 0.08) ** 2)) + 1.4 * np.exp(-(((height - 0.07) / 0.07) ** 2))
     folds = noise(rng, size, (rows / 32, columns / 3)) * creased + noise(rng, size, (rows / 3, columns / 14))
-    worn = 0.35 * np.cos(around / 2) ** 4 * np.exp(-(((height - 0.6) / 0.25) ** 2))
+    worn = 0.35 * np.cos(angle / 2) ** 4 * np.exp(-(((height - 0.6) / 0.25) ** 2))
     light = np.clip(0.9 + 0.25 * folds + 0.07 * noise(rng, size, (1, 1)) + worn, 0.3, 2)
     light[:, [columns // 4, 3 * columns // 4]] *= 0.5
     light[-max(rows // 50, 1) :] *= 0.5
@@ -111,17 +111,17 @@ def _shoe(rng: np.random.Generator, size: Size, color: Rgb) -> F32:
 def _legs(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
     color = near(rng, TROUSERS[int(rng.integers(len(TROUSERS)))], 0.15)
     leather = SHOES[int(rng.integers(len(SHOES)))]
-    step, apart = float(rng.uniform(-0.13, 0.13)), float(rng.uniform(0.09, 0.13))
-    made = []
+    step, half_gap = float(rng.uniform(-0.13, 0.13)), float(rng.uniform(0.09, 0.13))
+    parts = []
     for side in (1, -1):
-        ankle = (side * step, side * apart)
+        ankle = (side * step, side * half_gap)
         leg = Prism((*ankle, 0.05), (0.0, side * 0.085, 0.88), 0.165, 0.155, 8)
         x, y = ankle[0] + 0.055, ankle[1]
         foot = Prism((x, y, 0.0), (x - 0.02, y, 0.055), 0.30, 0.105)
         instep = Prism((x - 0.02, y, 0.05), (x - 0.055, y, 0.10), 0.22, 0.09)
-        made += [(leg, _trouser(rng, _size_of(leg), color)), (foot, _shoe(rng, _size_of(foot), leather))]
-        made.append((instep, tint(leather, 1 + 0.1 * noise(rng, _size_of(instep), (3, 3)))))
-    return made
+        parts += [(leg, _trouser(rng, _size_of(leg), color)), (foot, _shoe(rng, _size_of(foot), leather))]
+        parts.append((instep, tint(leather, 1 + 0.1 * noise(rng, _size_of(instep), (3, 3)))))
+    return parts
 
 
 def _upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
@@ -131,16 +131,16 @@ def _upper_body(rng: np.random.Generator) -> list[tuple[Prism, F32]]:
     shoulders = Prism((0.0, 0.0, 1.39), (0.0, 0.0, 1.46), 0.18, 0.30)
     neck = Prism((0.0, 0.0, 1.43), (0.015, 0.0, 1.56), 0.11, 0.11)
     skull = Prism((0.02, 0.0, 1.53), (0.02, 0.0, 1.77), 0.20, 0.155)
-    made = [(part, cloth(rng, _size_of(part), color)) for part in (chest, shoulders)]
-    made.append((neck, tint(tone, 0.8 + 0.05 * noise(rng, _size_of(neck), (4, 4)))))
-    made.append((skull, _head(rng, _size_of(skull), tone, hair)))
+    parts = [(part, cloth(rng, _size_of(part), color)) for part in (chest, shoulders)]
+    parts.append((neck, tint(tone, 0.8 + 0.05 * noise(rng, _size_of(neck), (4, 4)))))
+    parts.append((skull, _head(rng, _size_of(skull), tone, hair)))
     for side in (1, -1):
         swing = float(rng.uniform(-0.12, 0.16))
         arm = Prism((swing, side * 0.25, 0.84), (0.0, side * 0.215, 1.42), 0.105, 0.095)
         hand = Prism((swing + 0.015, side * 0.25, 0.70), (swing, side * 0.25, 0.85), 0.08, 0.045)
-        made.append((arm, cloth(rng, _size_of(arm), color)))
-        made.append((hand, tint(tone, 1 + 0.1 * noise(rng, _size_of(hand), (4, 4)))))
-    return made
+        parts.append((arm, cloth(rng, _size_of(arm), color)))
+        parts.append((hand, tint(tone, 1 + 0.1 * noise(rng, _size_of(hand), (4, 4)))))
+    return parts
 
 
 def figure(rng: np.random.Generator) -> tuple[Skin, ...]:
@@ -202,8 +202,8 @@ def stands_at(arena: Arena, pose: F64, seed: int, number: int, share: float) -> 
         if len(chosen) == count:
             break
     return tuple(
-        StandingPerson(float(places[k, 0]), float(places[k, 1]), float(turned[k]), int(one))
-        for k, one in zip(chosen, who, strict=False)
+        StandingPerson(float(places[k, 0]), float(places[k, 1]), float(turned[k]), int(person))
+        for k, person in zip(chosen, who, strict=False)
     )
 
 
@@ -228,8 +228,8 @@ def crossed(eye: F64, places: F64, starts: F64, ends: F64) -> Bool:
         )
 
     to = places[:, None]
-    apart = side(eye, to, starts) * side(eye, to, ends) < 0
-    return np.asarray((apart & (side(starts, ends, eye) * side(starts, ends, to) < 0)).any(axis=1))
+    straddles = side(eye, to, starts) * side(eye, to, ends) < 0
+    return np.asarray((straddles & (side(starts, ends, eye) * side(starts, ends, to) < 0)).any(axis=1))
 
 
 def people(

@@ -61,10 +61,10 @@ class RecordedPath:
 def read_recording(path: Path, updates: int) -> RecordedPath:
     """Read at most so many updates from a folder of odometry or a log with truth; InputError for none."""
     path = session_in(path)
-    found = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
-    if not found.segments:
+    recorded = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
+    if not recorded.segments:
         raise InputError(path, "found no movement with truth before and after it; choose a longer recording")
-    return found
+    return recorded
 
 
 def read_tables(folder: Path, updates: int) -> RecordedPath:

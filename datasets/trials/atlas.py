@@ -117,13 +117,13 @@ def reliability(updates: pl.DataFrame) -> tuple[ReliabilityBin, ...]:
         pl.struct(KEY).hash().alias("run"),
         (pl.col("off_m") <= pl.col("right_m")).alias("right"),
     )
-    found = []
+    bins = []
     for (number,), some in sorted(binned.group_by("bin"), key=lambda pair: pair[0]):
         if len(some) < LEAST_UPDATES:
             continue
         mean = some["confidence"].mean()
         assert isinstance(number, int)
-        found.append(
+        bins.append(
             ReliabilityBin(
                 low=number / BINS,
                 high=(number + 1) / BINS,
@@ -132,4 +132,4 @@ def reliability(updates: pl.DataFrame) -> tuple[ReliabilityBin, ...]:
                 updates=len(some),
             )
         )
-    return tuple(found)
+    return tuple(bins)

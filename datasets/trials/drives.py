@@ -59,21 +59,21 @@ class Bench:
         """Return the filter that `make_localizer` would make, without a seed. InputError for what none is."""
         key = repr(sorted(settings.items()))
         if key not in self._localizers:
-            self._localizers[key] = self._made(settings)
+            self._localizers[key] = self._build(settings)
         return self._localizers[key]
 
-    def _made(self, settings: Settings) -> Localizer:
+    def _build(self, settings: Settings) -> Localizer:
         try:
             library = self._library(settings)
             configuration = available(configuration_of(settings), library)[0]
             given = configuration.parameters
             shared = repr((given.sensor, given.references, given.map))
-            like = self._sensors.get(shared)
-            if like is None:
+            alike = self._sensors.get(shared)
+            if alike is None:
                 chosen = adapted(configuration, library, self.nearest)[0].parameters
-                like = build_localizer(library, None, chosen, reference=self.nearest)
-                self._sensors[shared] = like
-            return build_localizer(library, None, given, reference=self.nearest, sensor=like.sensor)
+                alike = build_localizer(library, None, chosen, reference=self.nearest)
+                self._sensors[shared] = alike
+            return build_localizer(library, None, given, reference=self.nearest, sensor=alike.sensor)
         except (KeyError, ValueError) as problem:
             raise InputError(None, str(problem)) from None
 
@@ -141,7 +141,7 @@ class RenderedSession:
         frames = [Frame(*values) for values in zip(*of_frames, strict=True)]
         truths = [None if np.isnan(pose).any() else pose for pose in arrays["truths"]]
         events = map(tuple, texts["events"])
-        return cls(info, tuple(Moment(*one) for one in zip(frames, truths, events, strict=True)))
+        return cls(info, tuple(Moment(*fields) for fields in zip(frames, truths, events, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

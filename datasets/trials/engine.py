@@ -96,8 +96,8 @@ def _results(
     elif workers <= 1:
         yield map(_alone, jobs)
     else:
-        with in_processes(_alone, jobs, workers) as found:
-            yield found
+        with in_processes(_alone, jobs, workers) as results:
+            yield results
 
 
 @contextmanager
@@ -118,11 +118,11 @@ def in_processes(
     )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "A worker stopped", UserWarning)
-        found = parallel(joblib.delayed(work)(one) for one in items)
+        results = parallel(joblib.delayed(work)(item) for item in items)
         try:
-            yield found
+            yield results
         finally:
-            found.close()
+            results.close()
 
 
 def _alone(job: Job) -> list[Row]:

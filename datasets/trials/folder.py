@@ -86,7 +86,7 @@ class TrialsFolder:
     def settings_of(self, row: Row) -> dict[str, Any]:
         """Return all that the variant of a row sets."""
         variants = self._part_of(row)["variants"]
-        listed = tuple(Variant(one["label"], one["settings"]) for one in variants["listed"])
+        listed = tuple(Variant(variant["label"], variant["settings"]) for variant in variants["listed"])
         return dict(Variants(variants["settings"], variants["grid"], listed)[row["variant"]].settings)
 
     def _part_of(self, row: Row) -> dict[str, Any]:

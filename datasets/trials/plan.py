@@ -118,8 +118,8 @@ class Variants:
 
     def __getitem__(self, number: int) -> Variant:
         if number >= self.combinations:
-            found = self.listed[number - self.combinations]
-            return Variant(found.label, {**self.settings, **found.settings})
+            variant = self.listed[number - self.combinations]
+            return Variant(variant.label, {**self.settings, **variant.settings})
         chosen: dict[str, Any] = {}
         for key, values in reversed(list(self.grid.items())):
             number, at = divmod(number, len(values))
@@ -306,13 +306,13 @@ def _variants(file: Path, tree: Mapping[str, Any]) -> Variants:
             raise InputError(file, f"variant {number}: found {show(given)}, expected a table")
         own = flatten({key: value for key, value in given.items() if key != "label"})
         listed.append(Variant(str(given.get("label", label_of(own))), own))
-    _expect_distinct(file, "variants: found the label", [one.label for one in listed])
+    _expect_distinct(file, "variants: found the label", [variant.label for variant in listed])
     variants = Variants(flatten(tree.get("settings", {})), grid, tuple(listed))
     alone = [{key: value} for key, values in grid.items() for value in values]
     first = {key: values[0] for key, values in grid.items() if values}
     try:
-        tried = [*({**first, **one} for one in alone), *(dict(variant.settings) for variant in listed), {}]
-        for own in tried:
+        listed_settings = [dict(variant.settings) for variant in listed]
+        for own in ({}, *({**first, **setting} for setting in alone), *listed_settings):
             configuration_of({**variants.settings, **own})
     except ValueError as problem:
         raise InputError(file, str(problem).removeprefix("plan: ")) from None

@@ -117,8 +117,8 @@ class RowStore:
             new = True
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
         if new:
-            held = {"format": FORMAT, "hash": plan.hash, "plan": plan.to_json()}
-            write_whole(file, json.dumps(held, indent=1).encode(), force=True)
+            manifest = {"format": FORMAT, "hash": plan.hash, "plan": plan.to_json()}
+            write_whole(file, json.dumps(manifest, indent=1).encode(), force=True)
         store = cls(folder)
         store._read()
         return store
@@ -157,13 +157,13 @@ class RowStore:
 
 def _is_as_held(file: Path, plan: Plan) -> bool:
     """Return whether a folder's plan is this one; False: this one has more seeds. InputError for others."""
-    held = _manifest(file)
-    if held["hash"] == plan.hash:
+    manifest = _manifest(file)
+    if manifest["hash"] == plan.hash:
         return True
-    before, after = held["plan"], plan.to_json()
+    before, after = manifest["plan"], plan.to_json()
     if _seedless(before) == _seedless(after) and all(map(le, _seeds(before), _seeds(after))):
         return False
-    name = held["plan"].get("name", "?")
+    name = manifest["plan"].get("name", "?")
     what = f"found trials of the plan {name} as it was then, and {plan.name} differs in more than more seeds"
     raise InputError(file, f"{what}; choose another folder")
 
@@ -204,21 +204,21 @@ def expect_trials(folder: Path) -> None:
 
 def read_plan_of(folder: Path) -> dict[str, Any]:
     """Return the plan of a folder, as plain values."""
-    found: dict[str, Any] = _manifest(folder / MANIFEST)["plan"]
-    return found
+    plan: dict[str, Any] = _manifest(folder / MANIFEST)["plan"]
+    return plan
 
 
 def _manifest(file: Path) -> dict[str, Any]:
     """Return what the file says of the folder: its format, and the plan with its hash."""
     try:
-        held = read_json(file.read_bytes())
-        if not isinstance(held["hash"], str) or not isinstance(held["plan"]["parts"], list):
+        manifest = read_json(file.read_bytes())
+        if not isinstance(manifest["hash"], str) or not isinstance(manifest["plan"]["parts"], list):
             raise TypeError
     except (OSError, ValueError, KeyError, TypeError):
         raise InputError(
             file, "cannot be read, expected the plan of the trials; restore it, or choose another folder"
         ) from None
-    return dict(held)
+    return dict(manifest)
 
 
 def _files(folder: Path) -> list[Path]:
@@ -228,8 +228,8 @@ def _files(folder: Path) -> list[Path]:
 def _frame(file: Path, columns: Sequence[str]) -> pl.DataFrame:
     """Read columns of a file of rows; InputError for one that is damaged, or is none of ours."""
     try:
-        held = pl.read_parquet_schema(file)
-        missing = [name for name in columns if name in LATER and name not in held]
+        columns_there = pl.read_parquet_schema(file)
+        missing = [name for name in columns if name in LATER and name not in columns_there]
         rows = pl.read_parquet(file, columns=[name for name in columns if name not in missing])
         rows = rows.with_columns(pl.lit(None, TYPES[name]).alias(name) for name in missing).select(columns)
         what = next(

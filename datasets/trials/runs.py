@@ -89,13 +89,14 @@ def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int
     rows: dict[int, Row] = {}
     again: list[int] = []
     steppers: list[RunTally] = []
-    for one in _begun(job, drive, numbers or range(len(job.asked)), together=not numbers):
-        if isinstance(one, tuple):
-            rows[one[0]] = _failed(job.asked[one[0]], job.spec, one[1])
+    for tally in _begun(job, drive, numbers or range(len(job.asked)), together=not numbers):
+        if isinstance(tally, tuple):
+            number, problem = tally
+            rows[number] = _failed(job.asked[number], job.spec, problem)
         else:
-            steppers.append(one)
+            steppers.append(tally)
     moments: list[Moment] = []
-    truths = TruthRanks({id(one.localizer.sensor): one.localizer.sensor for one in steppers})
+    truths = TruthRanks({id(tally.localizer.sensor): tally.localizer.sensor for tally in steppers})
     for stepper, why in _stepped(drive, steppers, moments, truths):
         steppers.remove(stepper)
         if len(stepper.numbers) > 1 and not isinstance(why, Unread):
@@ -104,13 +105,13 @@ def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int
         rows |= {number: _failed(job.asked[number], job.spec, why) for number in stepper.numbers}
     oracle = oracle_m(drive.bench.library, [moment.truth for moment in moments])
     for stepper in steppers:
-        told = truths.columns(stepper.localizer.sensor, moments)
-        told["right_m"] = stepper.localizer.radii.right_m
-        told |= _about_filter(job.asked[stepper.numbers[0]])
+        about_runs = truths.columns(stepper.localizer.sensor, moments)
+        about_runs["right_m"] = stepper.localizer.radii.right_m
+        about_runs |= _about_filter(job.asked[stepper.numbers[0]])
         for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
             asked = job.asked[number]
             about = _about(asked, job.spec) | {"arena": drive.arena, "oracle_m": oracle}
-            rows[number] = about | figures.row() | told
+            rows[number] = about | figures.row() | about_runs
             if figures.failed:
                 localizer = replace(stepper.localizer, seed=asked.seed)
                 rows[number]["failure"] = _cause(drive, localizer, first=figures.tracks)
@@ -142,12 +143,12 @@ def _begun(
         key = repr(sorted(asked.settings.items())) if batched else str(number)
         alike.setdefault(key, []).append((number, localizer))
     arena = drive.bench.library.arena
-    for some in alike.values():
+    for pairs in alike.values():
         try:
-            runs, localizers = zip(*some, strict=True)
+            runs, localizers = zip(*pairs, strict=True)
             yield RunTally.begin(runs, localizers, drive.start, arena)
         except Exception as problem:
-            yield from ((number, problem) for number, _ in some)
+            yield from ((number, problem) for number, _ in pairs)
 
 
 def _stepped(
@@ -243,7 +244,7 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
             users.setdefault(spec.drive, []).append((part, spec.label))
     for spec, seeds in _drives(users):
         waiting: list[TrialRun] = []
-        for asked in (one for one in _asked(users[spec], seeds) if one.key not in done):
+        for asked in (trial for trial in _asked(users[spec], seeds) if trial.key not in done):
             waiting.append(asked)
             if len(waiting) == most:
                 yield Job(spec, seeds[0], tuple(waiting))
@@ -275,7 +276,7 @@ def _asked(users: Sequence[tuple[Part, str]], seeds: Sequence[int]) -> Iterator[
     for part, label in users:
         varied = tuple(part.variants.varied)
         for variant in range(len(part.variants)):
-            one = part.variants[variant]
+            chosen = part.variants[variant]
             for seed in seeds:
                 if seed < part.seeds:
-                    yield TrialRun(part.name, label, variant, one.label, one.settings, varied, seed)
+                    yield TrialRun(part.name, label, variant, chosen.label, chosen.settings, varied, seed)

@@ -43,12 +43,13 @@ class Interval:
         """
         if not np.isfinite(self.value):
             return "not known"
-        value, low, high = (f"{one * factor:{sign}.{digits}f}" for one in (self.value, self.low, self.high))
+        numbers = (self.value, self.low, self.high)
+        value, low, high = (f"{number * factor:{sign}.{digits}f}" for number in numbers)
         return f"{value} ({low} to {high})" if np.isfinite(self.low) else f"{value} (no interval)"
 
     def to_json(self) -> dict[str, float | int | None]:
         """Return it as plain values; what is not known is None."""
-        return {key: one if np.isfinite(one) else None for key, one in asdict(self).items()}
+        return {key: figure if np.isfinite(figure) else None for key, figure in asdict(self).items()}
 
 
 UNKNOWN = Interval(np.nan, np.nan, np.nan, 0)  # of no runs

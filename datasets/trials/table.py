@@ -78,12 +78,15 @@ def _equals(rows: pl.DataFrame, name: str, value: str) -> pl.Expr:
 def with_settings(rows: pl.DataFrame) -> pl.DataFrame:
     """Return rows with a column for every setting in their JSON that is no column yet."""
     unique = rows["settings"].unique().drop_nulls().to_list()
-    told = {text: json.loads(text) for text in unique}
+    settings = {text: json.loads(text) for text in unique}
     names = [
-        name for name in dict.fromkeys(key for one in told.values() for key in one) if name not in SCHEMA
+        name
+        for name in dict.fromkeys(key for values in settings.values() for key in values)
+        if name not in SCHEMA
     ]
     for name in names:
-        values = dict(zip(told, _of_one_type([one.get(name) for one in told.values()]), strict=True))
+        column = _of_one_type([values.get(name) for values in settings.values()])
+        values = dict(zip(settings, column, strict=True))
         rows = rows.with_columns(rows["settings"].replace_strict(values, default=None).alias(name))
     return rows
 
@@ -211,8 +214,8 @@ def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list
 
 def _varied(rows: pl.DataFrame) -> list[str]:
     """Return the columns of settings."""
-    told = {key for text in rows["settings"].unique().drop_nulls() for key in json.loads(text)}
-    return [name for name in rows.columns if name in told]
+    keys = {key for text in rows["settings"].unique().drop_nulls() for key in json.loads(text)}
+    return [name for name in rows.columns if name in keys]
 
 
 def _known(rows: pl.DataFrame, name: str) -> str:

@@ -28,8 +28,9 @@ class TruthRanks:
 
     def columns(self, sensor: SensorModel, moments: Sequence[Moment]) -> dict[str, Any]:
         """Return what a row tells of the truth, update by update."""
-        truths = [(np.nan, np.nan) if one.truth is None else one.truth[:2].tolist() for one in moments]
-        x, y = zip(*truths, strict=True) if truths else ((), ())
+        truths = [moment.truth for moment in moments]
+        places = [(np.nan, np.nan) if truth is None else truth[:2].tolist() for truth in truths]
+        x, y = zip(*places, strict=True) if places else ((), ())
         return {"true_x_m": list(x), "true_y_m": list(y), "truth_rank": self.ranks.get(id(sensor), [])}
 
 

@@ -19,7 +19,7 @@ from maurice_mcl.scoring.comparison import (
 )
 from maurice_mcl.scoring.dead_reckoning import CAMERA, SENSORS
 from maurice_mcl.scoring.episodes import SEARCHING
-from maurice_mcl.scoring.metrics import LEFT, SEGMENT_OF_RIGHT, RelativeError
+from maurice_mcl.scoring.metrics import LEFT_TRUTH, SEGMENT_RADII, RelativeError
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.radii import Radii
 
@@ -139,8 +139,8 @@ def _length(value_m: float | None, units: Units) -> str:
 
 def _segment(results: Sequence[RunResult], units: Units) -> str:
     """Return the length of a segment of the relative pose error, which follows from a run's radii."""
-    lengths = {f"{_length(SEGMENT_OF_RIGHT * run.radii.right_m, units)} {units.name}" for run in results}
-    return lengths.pop() if len(lengths) == 1 else f"{SEGMENT_OF_RIGHT:g} x right"
+    lengths = {f"{_length(SEGMENT_RADII * run.radii.right_m, units)} {units.name}" for run in results}
+    return lengths.pop() if len(lengths) == 1 else f"{SEGMENT_RADII:g} x right"
 
 
 def _relative(error: RelativeError | None, units: Units) -> str:
@@ -185,7 +185,7 @@ def _success(result: RunResult, preset: str, units: Units) -> str:
     success = next((success for success in result.score.success if success.preset == preset), None)
     if success is None:
         return "-"
-    if success.failed == LEFT:
+    if success.failed == LEFT_TRUTH:
         return f"left the truth at step {success.failed_at_step}"
     if success.at_step is not None and success.at_m is not None and success.at_s is not None:
         length = f"{_length(success.at_m, units)} {units.name}"

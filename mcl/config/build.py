@@ -103,9 +103,9 @@ def make_localizer(
 
 
 def _without(library: Library, missing: Sequence[str]) -> str:
-    left = f"the library {library.name!r} holds no {', '.join(missing)}: the other channels are used alone"
-    found = "maurice_loaders.with_landmarks(library) finds some in its pictures"
-    return f"{left}; {found}" if "landmarks" in missing else left
+    lacking = f"the library {library.name!r} holds no {', '.join(missing)}: the other channels are used alone"
+    advice = "maurice_loaders.with_landmarks(library) finds some in its pictures"
+    return f"{lacking}; {advice}" if "landmarks" in missing else lacking
 
 
 def available(configuration: Configuration, library: Library) -> tuple[Configuration, tuple[str, ...]]:
@@ -139,8 +139,8 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
 def _with_weights(
     configuration: Configuration, weights: Mapping[str, float], library: Library
 ) -> Configuration:
-    made = Setting("sensor.weights", weights, f"library {library.name}")
-    settings = tuple(made if one.key == made.key else one for one in configuration.settings)
+    setting = Setting("sensor.weights", weights, f"library {library.name}")
+    settings = tuple(setting if other.key == setting.key else other for other in configuration.settings)
     p = configuration.parameters
     parameters = replace(p, sensor=replace(p.sensor, weights=weights))
     return replace(configuration, parameters=parameters, settings=settings)
@@ -212,25 +212,25 @@ def adapted(
     if sensor.sharpness == 0 or not model.weights or any(name not in library.index for name in model.weights):
         return configuration, None
     table = LeftOutTable.of(model)
-    found = score_places(table, fit=is_sparse(nearest))
+    scored = score_places(table, fit=is_sparse(nearest))
     origins = {setting.key: setting.origin for setting in configuration.settings}
     chosen = any(origins[key] != "default" for key in ("sensor.widening", "sensor.scales"))
     ours = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
-    if chosen or not ours or (found.widening == 1 and not found.stretched):
-        return configuration, replace(found, widening=1.0, stretched={})
-    changed: dict[str, Any] = {"sensor.widening": found.widening}
-    if found.stretched:
-        scales = {name: sensor.scale_of(name) * factor for name, factor in found.stretched.items()}
+    if chosen or not ours or (scored.widening == 1 and not scored.stretched):
+        return configuration, replace(scored, widening=1.0, stretched={})
+    changed: dict[str, Any] = {"sensor.widening": scored.widening}
+    if scored.stretched:
+        scales = {name: sensor.scale_of(name) * factor for name, factor in scored.stretched.items()}
         score = score_places(replace(table, sensor=replace(model, parameters=replace(sensor, scales=scales))))
-        found = replace(score, stretched=found.stretched)
-        factors = {name: found.widening * factor for name, factor in found.stretched.items()}
+        scored = replace(score, stretched=scored.stretched)
+        factors = {name: scored.widening * factor for name, factor in scored.stretched.items()}
         scales = {name: sensor.scale_of(name) * factor for name, factor in factors.items()}
-        changed = {"sensor.widening": found.widening, "sensor.scales": scales}
-    made = {key: Setting(key, value, f"library {library.name}") for key, value in changed.items()}
-    settings = tuple(made.get(one.key, one) for one in configuration.settings)
-    widened = replace(sensor, widening=found.widening, scales=changed.get("sensor.scales", sensor.scales))
+        changed = {"sensor.widening": scored.widening, "sensor.scales": scales}
+    changes = {key: Setting(key, value, f"library {library.name}") for key, value in changed.items()}
+    settings = tuple(changes.get(setting.key, setting) for setting in configuration.settings)
+    widened = replace(sensor, widening=scored.widening, scales=changed.get("sensor.scales", sensor.scales))
     parameters = replace(configuration.parameters, sensor=widened)
-    return replace(configuration, parameters=parameters, settings=settings), found
+    return replace(configuration, parameters=parameters, settings=settings), scored
 
 
 def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) -> SensorModel:

@@ -189,32 +189,32 @@ def configure(layers: Iterable[Layer], sensors: Collection[str] | None = ()) -> 
     Raises ValueError in one line with the origin, the key, the value and its range; InputError for a sensor
     that cannot be loaded.
     """
-    found = {key: Setting(key, value, "default") for key, value in defaults().items()}
+    settings = {key: Setting(key, value, "default") for key, value in defaults().items()}
     for layer in layers:
         for key, value in layer.values.items():
-            found[key] = Setting(key, _checked(key, value, layer.origin), layer.origin)
+            settings[key] = Setting(key, _checked(key, value, layer.origin), layer.origin)
     if sensors is not None:
-        outside, weights = found["sensor.outside"], found["sensor.weights"]
+        outside, weights = settings["sensor.outside"], settings["sensor.weights"]
         names = [load_sensor(spelled).name for spelled in outside.value]
         for name in weights.value:
             _in_layer(weights.origin, check_channel, weights.key, name, (*sensors, *names))
         if names:
             added = {name: 1.0 for name in names if name not in weights.value}
-            found["sensor.weights"] = replace(weights, value={**weights.value, **added})
-    values = {key: setting.value for key, setting in found.items()}
+            settings["sensor.weights"] = replace(weights, value={**weights.value, **added})
+    values = {key: setting.value for key, setting in settings.items()}
     if values["resampling.kld.least"] > values["resampling.kld.most"]:
         least, most = values["resampling.kld.least"], values["resampling.kld.most"]
-        origin = found["resampling.kld.least"].origin
+        origin = settings["resampling.kld.least"].origin
         raise ValueError(
             f"{origin}: resampling.kld.least: found {least}, expected at most resampling.kld.most, {most}"
         )
     if 0 < values["radii.lost_m"] < values["radii.right_m"]:
         lost, right = values["radii.lost_m"], values["radii.right_m"]
-        origin = found["radii.lost_m"].origin
+        origin = settings["radii.lost_m"].origin
         raise ValueError(
             f"{origin}: radii.lost_m: found {lost:g}, expected at least radii.right_m, {right:g}"
         )
-    return Configuration(_built(FilterParameters, values, ""), tuple(found[key] for key in RULES))
+    return Configuration(_built(FilterParameters, values, ""), tuple(settings[key] for key in RULES))
 
 
 def defaults() -> dict[str, Any]:

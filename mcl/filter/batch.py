@@ -157,7 +157,7 @@ def _begun(localizer: Localizer, seeds: Sequence[int], starts: Starts) -> list[F
 SIZES = {"poses": (3,), "sd_m": (2,), "mean_poses": (3,), "mean_sd_m": (2,)}  # of the others: one number
 COUNTS = ("particles", "parents", "fresh")
 WITHOUT_NUMBERS = ("seed", "radii", "steps", "times_s", "events")
-COLUMNS = tuple(one.name for one in fields(RunTrace) if one.name not in WITHOUT_NUMBERS)
+COLUMNS = tuple(column.name for column in fields(RunTrace) if column.name not in WITHOUT_NUMBERS)
 
 
 @dataclass(slots=True)
@@ -208,13 +208,13 @@ class _Numbers:
             column[run] = values[name]
         self.events[-1][run] = record.events
 
-    def put_some(self, runs: Runs, found: dict[str, NDArray[Any]]) -> None:
+    def put_some(self, runs: Runs, columns: dict[str, NDArray[Any]]) -> None:
         """Keep the numbers of some runs in which nothing out of the ordinary happened."""
         update, events = self.updates[-1], self.events[-1]
         update["particles"][runs] = self.particles
-        for name in found.keys() & update.keys():
-            update[name][runs] = found[name]
-        for run, resampled in zip(runs.tolist(), found["resampled"].tolist(), strict=True):
+        for name in columns.keys() & update.keys():
+            update[name][runs] = columns[name]
+        for run, resampled in zip(runs.tolist(), columns["resampled"].tolist(), strict=True):
             events[run] = (RESAMPLED,) if resampled else ()
 
     def traces(self, seeds: Sequence[int], radii: Radii) -> tuple[RunTrace, ...]:

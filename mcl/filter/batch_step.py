@@ -92,11 +92,11 @@ class Batch:
     ) -> None:
         """Process one frame in some runs (r,): the steps of `Localizer.step`, with one row for each run."""
         moved = self._moved(runs, frame)
-        entries, found = self._looked_up(moved, comparison, values)
+        entries, likelihood = self._looked_up(moved, comparison, values)
         sensed = self._sensed(moved, comparison)
         if sensed is not None:
-            found = found + np.float32(self.localizer.sensor.parameters.sharpness) * sensed
-        posterior = self.log_weights[runs] + found
+            likelihood = likelihood + np.float32(self.localizer.sensor.parameters.sharpness) * sensed
+        posterior = self.log_weights[runs] + likelihood
         usual = np.isfinite(posterior.max(axis=1))
         if not usual.all():
             self._alone(runs[~usual], frame, comparison, put_record)
@@ -115,7 +115,7 @@ class Batch:
             usual, clouds = ~odd, clouds.some(~odd)
             runs, moved, posterior = runs[usual], moved[:, usual], posterior[usual]
             evidence, log_evidence = evidence[usual], log_evidence[usual]
-            states = [state for state, one in zip(states, odd, strict=True) if not one]
+            states = [state for state, odd_run in zip(states, odd, strict=True) if not odd_run]
         if len(runs):
             numbers = batch_estimates(clouds, self.localizer.radii)
             numbers |= {"log_evidence": log_evidence, "calibrated_evidence": evidence}
@@ -132,7 +132,7 @@ class Batch:
         poses: F32 = self.poses[:, runs].reshape(3, -1).T
         for number, motion in enumerate(frame.motions):
             words = self._words(frame.step, Purpose.MOTION, number)[runs]
-            bits = [random_bits(one, 2 * particles) for one in words]
+            bits = [random_bits(seed_words, 2 * particles) for seed_words in words]
             noise = normals_of(np.concatenate(bits))
             if localizer.outliers.share > 0:
                 rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[runs])
@@ -146,39 +146,39 @@ class Batch:
         references, nearest = self.localizer.sensor.references, self.localizer.reference
         poses, shape = moved.reshape(3, -1).T, moved.shape[1:]
         if values is None or not isinstance(references, InterpolatedReference):
-            entries, found, _ = references.look(
+            entries, likelihood, _ = references.look(
                 comparison.of_references, poses, self.localizer.library.origin
             )
         else:
             cell, heading = nearest.bins_of(poses, self.localizer.library.origin)
             entries = nearest.entries_at(cell, heading)
-            found, _ = references.among_places(values.take, cell, heading)
-        return entries.reshape(shape), found.reshape(shape)
+            likelihood, _ = references.among_places(values.take, cell, heading)
+        return entries.reshape(shape), likelihood.reshape(shape)
 
     def _sensed(self, moved: F32, comparison: Comparison) -> F32 | None:
         """Return the nats (r, N) of the pose sensors at every particle; None if none said anything."""
-        found = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T)
-        return None if found is None else found.reshape(moved.shape[1:])
+        nats = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T)
+        return None if nats is None else nats.reshape(moved.shape[1:])
 
     def _evidence(self, prior: F64, entries: I32, comparison: Comparison) -> F64:
         """Return the calibrated evidence (r,): `log_mean_likelihood` of every row."""
         bins = len(comparison.cost) + 1
         row = np.arange(len(entries))[:, None] * bins
-        held = np.bincount((entries + 1 + row).ravel(), prior.ravel(), len(entries) * bins)
+        shares = np.bincount((entries + 1 + row).ravel(), prior.ravel(), len(entries) * bins)
         explained = comparison.explained_by_channels
         with np.errstate(divide="ignore"):
-            mean = np.log(np.vecdot(explained.relative[0], held.reshape(-1, bins)[:, 1:]))
+            mean = np.log(np.vecdot(explained.relative[0], shares.reshape(-1, bins)[:, 1:]))
         return np.asarray(mean + explained.top, np.float64)
 
     def _recoveries(self, runs: Runs, evidence: F64) -> tuple[Bool, list[RecoveryState]]:
         """Return in which runs recovery acts, and its next states."""
         particles = self.log_weights.shape[1]
-        found = [
-            self.localizer.recovery.strategy(one, self.recovery[run])
-            for run, one in zip(runs.tolist(), evidence.tolist(), strict=True)
+        recoveries = [
+            self.localizer.recovery.strategy(nats, self.recovery[run])
+            for run, nats in zip(runs.tolist(), evidence.tolist(), strict=True)
         ]
-        acts = [recovery.expand or round(recovery.share * particles) > 0 for recovery in found]
-        return np.array(acts, bool), [recovery.state for recovery in found]
+        acts = [recovery.expand or round(recovery.share * particles) > 0 for recovery in recoveries]
+        return np.array(acts, bool), [recovery.state for recovery in recoveries]
 
     def _resampled(
         self, runs: Runs, moved: F32, posterior: F64, weights: F64, step: int
@@ -197,7 +197,7 @@ class Batch:
             self.poses[:, kept], self.log_weights[kept] = moved[:, ~copied], posterior[~copied]
         if copied.any():
             words = self._words(step, Purpose.RESAMPLE)[runs[copied]]
-            of = _parents(resampling.scheme, weights[copied], [generator(one) for one in words])
+            of = _parents(resampling.scheme, weights[copied], [generator(run_words) for run_words in words])
             parents[copied] = 1 + np.count_nonzero(of[:, 1:] != of[:, :-1], axis=1)
             of += np.flatnonzero(copied)[:, None] * particles
             self.poses[:, runs[copied]] = moved.reshape(3, -1).take(of, axis=1)

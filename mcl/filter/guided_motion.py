@@ -21,7 +21,7 @@ import numpy as np
 from ..values.arrays import F32, F64
 from ..values.geometry import wrap
 from ..values.setting_rules import number
-from .sensor_proposal import SURE
+from .sensor_proposal import LEAST_VARIANCE
 
 UNIT = np.float32(0.5)  # standard deviations by which noise is changed to see what it does
 
@@ -54,7 +54,7 @@ def guided_motion(
     still, by_noise = _linearized(move, drawn)
     off = pose - still
     off[:, 2] = wrap(off[:, 2])
-    seen = covariance + SURE * np.eye(3)
+    seen = covariance + LEAST_VARIANCE * np.eye(3)
     predicted = by_noise @ np.swapaxes(by_noise, 1, 2) + seen
     # a draw from the noise's posterior: one from its prior, moved by what it does not explain (Matheron)
     missed = rng.standard_normal((len(off), 3)) @ np.linalg.cholesky(seen).T
@@ -64,8 +64,8 @@ def guided_motion(
     follows = rng.random(len(off)) < share
     normals = np.where(follows[:, None], drawn.normals + change, drawn.normals)
     # Bayes: the posterior's density over the prior's, at any noise
-    apart = _log_normal(off - _applied(by_noise, normals), np.broadcast_to(seen, predicted.shape))
-    gain = apart - _log_normal(off, predicted)
+    seen_density = _log_normal(off - _applied(by_noise, normals), np.broadcast_to(seen, predicted.shape))
+    gain = seen_density - _log_normal(off, predicted)
     correction = -np.logaddexp(np.log1p(-share), np.log(share) + gain)
     noise = (normals * drawn.widths).astype(np.float32)
     return move(_by_movement(noise)), correction

@@ -58,7 +58,7 @@ ALL_ZERO = "all weights zero"
 GUIDED = "guided"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
-TOLD = 0.5  # share of the weight that references have to speak for before recovery decides
+KNOWN_SHARE = 0.5  # share of the weight that references have to speak for before recovery decides
 NO_OUTLIERS = MotionOutliers()
 USUALLY_GUIDED = GuidedMotionParameters()
 
@@ -135,7 +135,7 @@ class Localizer:
             estimate, mean_estimate = estimates(weighted, self.radii)
         with _timed(took, "resample"):
             recovery = Recovery(0.0, state.recovery)
-            if left or is_told(proposal, sighting):
+            if left or references_speak(proposal, sighting):
                 recovery = self.recovery.strategy(usable_evidence(evidence, left), state.recovery)
             resampled = self.resample(weighted, recovery, frame.step)
         with _timed(took, "recover"):
@@ -270,22 +270,24 @@ def weigh(proposal: ProposedParticles, log_likelihood: F32) -> tuple[Belief, flo
     return Belief(proposal.belief.poses, posterior, proposal.belief.origin), log_evidence
 
 
-def is_told(proposal: ProposedParticles, sighting: Sighting) -> bool:
+def references_speak(proposal: ProposedParticles, sighting: Sighting) -> bool:
     """Return whether references speak for half of the cloud: else a picture does not tell that it is lost."""
     if sighting.known is None:
         return True
     weights = np.exp(proposal.prior_log_weights)
-    return float(weights @ sighting.known) >= TOLD * float(weights.sum())
+    return float(weights @ sighting.known) >= KNOWN_SHARE * float(weights.sum())
 
 
 def calibrated_evidence(proposal: ProposedParticles, sighting: Sighting) -> tuple[float, F64]:
     """Return the log mean of exp(-cost) over the proposed particles: of all sensors, of each channel (C,)."""
     comparison, prior, known = sighting.comparison, proposal.prior_log_weights, sighting.known
-    held = entry_weights(np.exp(prior), sighting.entries, len(comparison.cost), known)
-    by_channel = log_mean_likelihood(comparison.channels_explained, held)
+    weights = entry_weights(np.exp(prior), sighting.entries, len(comparison.cost), known)
+    by_channel = log_mean_likelihood(comparison.channels_explained, weights)
     if sighting.sensed is not None:
-        held = entry_weights(np.exp(prior + sighting.sensed), sighting.entries, len(comparison.cost), known)
-    return float(log_mean_likelihood(comparison.explained_by_channels, held)[0]), by_channel
+        weights = entry_weights(
+            np.exp(prior + sighting.sensed), sighting.entries, len(comparison.cost), known
+        )
+    return float(log_mean_likelihood(comparison.explained_by_channels, weights)[0]), by_channel
 
 
 def usable_evidence(evidence: float, left: bool) -> float:

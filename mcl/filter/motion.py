@@ -22,7 +22,7 @@ from ..values.map import Grid
 from ..values.records import Belief
 from ..values.setting_rules import SHARE, number
 
-MOST = 1e6  # of a header's constants; larger ones lead to poses beyond float32
+MOST_CONSTANT = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 
 
 class MotionModel(Protocol):
@@ -95,7 +95,7 @@ def _drift(floor: str, spec: Any) -> FloorDrift:
 def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
         raise ValueError(f"{name} must be a finite number, found {value!r}")
-    if abs(value) > MOST:  # compares whole numbers of any length
+    if abs(value) > MOST_CONSTANT:  # compares whole numbers of any length
         raise ValueError(f"{name} must be a number up to 1e6 in size, found {value!r:.60}")
     if value < 0 and "bias" not in name.rsplit(".", 1)[1]:
         raise ValueError(f"{name} must not be negative, found {value!r}")

@@ -24,7 +24,7 @@ from ..values.pose_sensor import PoseProposal
 from ..values.records import Belief, uniform_log_weights
 from ..values.setting_rules import SHARE, number
 from .resampling import systematic
-from .sensor_proposal import OF_SENSORS, density, draw_poses
+from .sensor_proposal import SENSOR_SHARE, density, draw_poses
 
 # Pose sampling: evenly over free space, or from the likelihood of a picture.
 
@@ -180,7 +180,7 @@ def mixture_proposal(
     """
     count = round(parameters.share * predicted.size)
     kept = systematic(predicted.weights, predicted.size - count, rng)
-    sensors = round(OF_SENSORS * count) if proposals else 0
+    sensors = round(SENSOR_SHARE * count) if proposals else 0
     drawn = likely_poses(log_likelihood, nearest.grid, where, count - sensors, predicted.origin, rng)
     if sensors:
         drawn = np.concatenate([drawn, draw_poses(proposals, sensors, predicted.origin, rng)])
@@ -199,10 +199,10 @@ def mixture_proposal(
         # the densities of the table above are even within the poses nearest to an entry: per m^2 and rad here
         sizes = np.maximum(where.sizes(), 1)  # no pose is nearest to one of size 0
         per_pose = 1 / (sizes * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
-        found = sensors / predicted.size * density(proposals, poses, predicted.origin)
+        of_sensors = sensors / predicted.size * density(proposals, poses, predicted.origin)
         part = np.append(np.stack([p, mixture]) * per_pose, [[1.0], [1.0]], axis=1)[:, entries]
         with np.errstate(divide="ignore"):
-            correction = np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + found))
+            correction = np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + of_sensors))
     belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
     return ProposedParticles(belief, np.asarray(correction))
 

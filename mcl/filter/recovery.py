@@ -29,7 +29,7 @@ from ..values.records import (
 from ..values.setting_rules import NATS, SHARE, choice, number, whole
 from .proposal import MixtureParameters, Regions, likely_poses, uniform_poses
 from .resampling import Resampled
-from .sensor_proposal import OF_SENSORS, draw_poses, proposals_of
+from .sensor_proposal import SENSOR_SHARE, draw_poses, proposals_of
 
 # a bad picture counts as one so far below the mean at most (Huber 1981), and so much less than a good one
 BAD_SDS, BAD_SHARE = 2.0, 0.1
@@ -196,7 +196,7 @@ class RecoveryStep:
             drawn = uniform_poses(grid, fresh, copies.origin, rng)
         else:
             proposals = proposals_of(comparison)
-            sensors = round(OF_SENSORS * fresh) if proposals else 0
+            sensors = round(SENSOR_SHARE * fresh) if proposals else 0
             likely, origin = comparison.log_likelihood, copies.origin
             drawn = likely_poses(likely, grid, self.regions, fresh - sensors, origin, rng)
             if sensors:

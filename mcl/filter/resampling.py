@@ -30,8 +30,8 @@ def multinomial(weights: F64, n: int, rng: np.random.Generator) -> I32:
     # sorted uniforms from exponential gaps (Devroye 1986, V.3), so that the search runs forward
     gaps = rng.standard_exponential(n + 1).cumsum()
     cumulative, last = _cumulative(weights)
-    found = cumulative.searchsorted(gaps[:-1] / gaps[-1], side="right")
-    return np.asarray(np.minimum(found, last), np.int32)
+    parents = cumulative.searchsorted(gaps[:-1] / gaps[-1], side="right")
+    return np.asarray(np.minimum(parents, last), np.int32)
 
 
 def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
@@ -54,14 +54,14 @@ def stratified(weights: F64, n: int, rng: np.random.Generator) -> I32:
 def residual(weights: F64, n: int, rng: np.random.Generator) -> I32:
     """Copy the integer part of n * w, then draw the rest from the remainders (Liu and Chen 1998)."""
     share = weights * (n / weights.sum(dtype=np.float64))
-    whole = np.floor(share).astype(np.int32)
-    missing = n - int(whole.sum())
-    left = share - whole
-    if missing > 0 and left.sum() > 0:
-        whole += np.bincount(multinomial(left, missing, rng), minlength=len(weights)).astype(np.int32)
+    copies = np.floor(share).astype(np.int32)
+    missing = n - int(copies.sum())
+    remainders = share - copies
+    if missing > 0 and remainders.sum() > 0:
+        copies += np.bincount(multinomial(remainders, missing, rng), minlength=len(weights)).astype(np.int32)
     elif missing:  # rounding error
-        whole[int(weights.argmax())] += missing
-    return np.repeat(np.arange(len(weights), dtype=np.int32), whole)
+        copies[int(weights.argmax())] += missing
+    return np.repeat(np.arange(len(weights), dtype=np.int32), copies)
 
 
 def _cumulative(weights: F64) -> tuple[F64, int]:

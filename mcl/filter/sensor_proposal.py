@@ -11,20 +11,20 @@ from ..values.geometry import wrap, wrap_angle
 from ..values.pose_sensor import PoseProposal, PoseSensor
 from ..values.records import Belief, Comparison
 
-OF_SENSORS = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
-COVERED = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself
-NEAR_RAD = np.pi / 6
-SURE = 1e-6  # added to variances (m^2, rad^2), so that no covariance is singular
+SENSOR_SHARE = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
+TRACKED_SHARE = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself
+TRACKED_RAD = np.pi / 6
+LEAST_VARIANCE = 1e-6  # added to variances (m^2, rad^2), so that no covariance is singular
 
 
 def proposals_of(comparison: Comparison) -> list[PoseProposal]:
     """Return what the pose sensors propose for a frame."""
-    return [one.proposal for one in comparison.sensed if one.proposal is not None]
+    return [reading.proposal for reading in comparison.sensed if reading.proposal is not None]
 
 
 def can_propose(sensors: Iterable[PoseSensor]) -> bool:
     """Return whether one of the pose sensors proposes poses at all."""
-    return any(getattr(one, "proposes", False) for one in sensors)
+    return any(getattr(sensor, "proposes", False) for sensor in sensors)
 
 
 def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float) -> list[PoseProposal]:
@@ -36,16 +36,18 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
     deviation below `reach_m`, does not follow one thing alone, which may have been moved; one that searches
     does.
     """
-    found, together = [], _deviation_m(predicted) < reach_m
-    turned = _deviation_rad(predicted) > NEAR_RAD
-    for one in proposals:
-        near = np.array([_held_near(pose, predicted, reach_m) for pose in one.poses])
-        kept = (near < COVERED) | turned
-        if together and one.of_one_thing is not None:
-            kept &= ~one.of_one_thing
+    parts, together = [], _deviation_m(predicted) < reach_m
+    turned = _deviation_rad(predicted) > TRACKED_RAD
+    for proposal in proposals:
+        near = np.array([_weight_near(pose, predicted, reach_m) for pose in proposal.poses])
+        kept = (near < TRACKED_SHARE) | turned
+        if together and proposal.of_one_thing is not None:
+            kept &= ~proposal.of_one_thing
         if kept.any():
-            found.append(PoseProposal(one.poses[kept], one.covariances[kept], one.weights[kept]))
-    return found
+            parts.append(
+                PoseProposal(proposal.poses[kept], proposal.covariances[kept], proposal.weights[kept])
+            )
+    return parts
 
 
 def tracked(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float) -> tuple[F64, F64] | None:
@@ -54,13 +56,15 @@ def tracked(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: float
     It is that with the most weight of both, in the map's frame; None where the cloud tracks none
     (`elsewhere`).
     """
-    best, found = 0.0, None
-    for one in proposals:
-        for pose, covariance, weight in zip(one.poses, one.covariances, one.weights.tolist(), strict=True):
-            near = _held_near(pose, predicted, reach_m)
-            if near >= COVERED and near * weight > best:
-                best, found = near * weight, (pose, covariance)
-    return found
+    most, mode = 0.0, None
+    for proposal in proposals:
+        for pose, covariance, weight in zip(
+            proposal.poses, proposal.covariances, proposal.weights.tolist(), strict=True
+        ):
+            near = _weight_near(pose, predicted, reach_m)
+            if near >= TRACKED_SHARE and near * weight > most:
+                most, mode = near * weight, (pose, covariance)
+    return mode
 
 
 def _deviation_m(belief: Belief) -> float:
@@ -76,12 +80,12 @@ def _deviation_rad(belief: Belief) -> float:
     return float(np.sqrt(-2 * np.log(np.clip(mean, 1e-12, 1.0))))
 
 
-def _held_near(pose: F64, predicted: Belief, reach_m: float) -> float:
+def _weight_near(pose: F64, predicted: Belief, reach_m: float) -> float:
     """Return the weight of the particles near a pose (3,) in the map's frame."""
     x, y, heading = predicted.poses.T
     away = np.hypot(x - (pose[0] - predicted.origin[0]), y - (pose[1] - predicted.origin[1]))
     turned = np.abs(wrap_angle(heading - pose[2]))
-    return float(predicted.weights[(away < reach_m) & (turned < NEAR_RAD)].sum())
+    return float(predicted.weights[(away < reach_m) & (turned < TRACKED_RAD)].sum())
 
 
 def draw_poses(proposals: Sequence[PoseProposal], n: int, origin: F64, rng: np.random.Generator) -> F32:
@@ -91,9 +95,9 @@ def draw_poses(proposals: Sequence[PoseProposal], n: int, origin: F64, rng: np.r
     spread = np.linalg.cholesky(covariances)[which]
     poses = means[which] + np.einsum("nij,nj->ni", spread, rng.standard_normal((n, 3)))
     poses[:, :2] -= origin
-    found: F32 = poses.astype(np.float32)
-    found[:, 2] = wrap(found[:, 2])
-    return found
+    drawn: F32 = poses.astype(np.float32)
+    drawn[:, 2] = wrap(drawn[:, 2])
+    return drawn
 
 
 def density(proposals: Sequence[PoseProposal], poses: F32, origin: F64) -> F64:
@@ -111,7 +115,8 @@ def density(proposals: Sequence[PoseProposal], poses: F32, origin: F64) -> F64:
 
 
 def _joined(proposals: Sequence[PoseProposal]) -> tuple[F64, F64, F64]:
-    """Return weights (K,), means (K, 3) and covariances (K, 3, 3) of one mixture."""
-    weights = np.concatenate([one.weights / (one.weights.sum() * len(proposals)) for one in proposals])
-    covariances = np.concatenate([one.covariances for one in proposals]) + SURE * np.eye(3)
-    return weights, np.concatenate([one.poses for one in proposals]), covariances
+    """Return weights (M,), means (M, 3) and covariances (M, 3, 3) of one mixture."""
+    shares = [proposal.weights / (proposal.weights.sum() * len(proposals)) for proposal in proposals]
+    poses = [proposal.poses for proposal in proposals]
+    covariances = np.concatenate([proposal.covariances for proposal in proposals])
+    return np.concatenate(shares), np.concatenate(poses), covariances + LEAST_VARIANCE * np.eye(3)

@@ -21,10 +21,10 @@ from .metrics import FIRST_SCORED, score_step
 # An interval for the mean of an autocorrelated series: the studentized moving-block bootstrap.
 
 LEVEL = 0.95
-LEAST = 24  # values; with fewer no interval is given
+LEAST_VALUES = 24  # values; with fewer no interval is given
 LEAST_BLOCKS = 6  # a block is at most a sixth of the series
 DRAWS = 2000  # the ends of an interval move by about a fiftieth of its width from one seed to another
-MOST_ALIKE = 0.97  # correlation of neighbors: no drive is long enough to estimate a higher one
+MOST_CORRELATION = 0.97  # correlation of neighbors: no drive is long enough to estimate a higher one
 
 
 def autocorrelation(values: F64) -> float:
@@ -33,13 +33,13 @@ def autocorrelation(values: F64) -> float:
     total = float(off @ off)
     if total <= 0:
         return 0.0
-    found = float(off[1:] @ off[:-1]) / total
-    return found + (1 + 3 * found) / len(values)
+    correlation = float(off[1:] @ off[:-1]) / total
+    return correlation + (1 + 3 * correlation) / len(values)
 
 
 def block_length(values: F64) -> int:
     """Return 1.1447 (a n)^(1/3), a = 4 r^2 / (1 - r^2)^2, rounded up (Andrews 1991): 1 to a sixth of n."""
-    alike = min(max(autocorrelation(values), 0.0), MOST_ALIKE)
+    alike = min(max(autocorrelation(values), 0.0), MOST_CORRELATION)
     memory = 4 * alike**2 / (1 - alike**2) ** 2
     length = int(np.ceil(1.1447 * (memory * len(values)) ** (1 / 3)))
     return min(max(length, 1), max(len(values) // LEAST_BLOCKS, 1))
@@ -47,7 +47,7 @@ def block_length(values: F64) -> int:
 
 def mean_interval(values: F64, seed: int = 0) -> tuple[float, float] | None:
     """Return a repeatable 95 % interval about the mean of a series (n,); None for fewer than 24 values."""
-    if len(values) < LEAST:
+    if len(values) < LEAST_VALUES:
         return None
     length = block_length(values)
     sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
@@ -64,8 +64,8 @@ def _critical(blocks: F64, count: int, seed: int) -> float:
     drawn = blocks[chosen]
     away = np.abs(drawn.mean(axis=1) - blocks.mean())
     error = drawn.std(axis=1) / np.sqrt(count)
-    apart = np.divide(away, error, out=np.zeros(DRAWS), where=error > 0)
-    return float(np.quantile(apart, LEVEL))
+    deviations = np.divide(away, error, out=np.zeros(DRAWS), where=error > 0)
+    return float(np.quantile(deviations, LEVEL))
 
 
 Step: TypeAlias = tuple[Moment, StepRecord]
@@ -132,9 +132,9 @@ class RunComparison:
             self._heading.append(heading)
         if not self.same_drive:
             return StepComparison(position, heading, None, None)
-        apart = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
-        self._apart.append(apart)
-        return StepComparison(position, heading, apart, self._parting(apart, first))
+        distance_m = float(np.hypot(*(other[1].estimate.pose[:2] - first[1].estimate.pose[:2])))
+        self._apart.append(distance_m)
+        return StepComparison(position, heading, distance_m, self._parting(distance_m, first))
 
     def _parting(self, apart_m: float, first: Step) -> RunEvent | None:
         moment, record = first
@@ -147,12 +147,12 @@ class RunComparison:
 
     def result(self) -> ComparisonResult:
         """Return the comparison so far."""
-        apart = self._apart
+        distances_m = self._apart
         return ComparisonResult(
             difference_of(np.array(self._position)),
             difference_of(np.array(self._heading)),
-            float(np.mean(apart)) if apart else None,
-            max(apart) if apart else None,
+            float(np.mean(distances_m)) if distances_m else None,
+            max(distances_m) if distances_m else None,
             self.parted_at,
         )
 

@@ -18,7 +18,7 @@ from .comparison import ErrorDifference, difference_of
 from .metrics import FIRST_SCORED, score_step
 
 CAMERA, SENSORS = "camera", "sensors"  # what a run had besides odometry
-WORSE = 1.1  # times the error of odometry alone, from which on a run is worse
+WORSE_FACTOR = 1.1  # times the error of odometry alone, from which on a run is worse
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class OdometryAlone:
         """Whether the sensors made it worse: by more than a tenth, with 95 % confidence on this drive."""
         interval = self.against.interval
         sure = interval is not None and interval[0] > 0
-        return sure and self.against.mean > (WORSE - 1) * self.error_mean_m
+        return sure and self.against.mean > (WORSE_FACTOR - 1) * self.error_mean_m
 
 
 @dataclass(slots=True, eq=False)
@@ -78,6 +78,8 @@ class DeadReckoning:
         if against is None:
             return None
         sensor = self.localizer.sensor
-        sees = bool(sensor.weights) or any(getattr(one, "pictures", ()) for one in sensor.sensors.values())
+        sees = bool(sensor.weights) or any(
+            getattr(pose_sensor, "pictures", ()) for pose_sensor in sensor.sensors.values()
+        )
         mean_m, final_m = float(np.mean(self._errors_m)), self._errors_m[-1]
         return OdometryAlone(mean_m, final_m, against, CAMERA if sees else SENSORS)

@@ -84,7 +84,7 @@ class RunTrack:
 
 def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:
     """Return the updates, from 0, at which a run has to find itself: the first, and after kidnappings."""
-    carried = [k for k, one in enumerate(moments) if k and one.kidnapped]
+    carried = [k for k, moment in enumerate(moments) if k and moment.kidnapped]
     return (0, *carried)
 
 
@@ -116,18 +116,20 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
     met: dict[str, bool] = {}
     failed_at: dict[str, int] = {}
     counts = demands.counting(len(track.off_m), starts)
-    found = {kind: _found_after(flags, starts) for kind, flags in _flags(track).items()}
+    after_starts = {kind: _updates_after(flags, starts) for kind, flags in _flags(track).items()}
     by = {LOCALIZED: demands.localized_by, CONVERGED: demands.converged_by}
     for kind in demands.kinds:
-        failed = _failed(kind, track, counts, found, by, starts, demands)
+        failed = _failed(kind, track, counts, after_starts, by, starts, demands)
         met[kind] = failed is None
         if failed is not None:
             failed_at[kind] = failed
     known = counts & np.isfinite(track.off_m)
     error_m = float(track.off_m[known].mean()) if known.any() else None
-    judged = {kind: _of_judged(values, starts, len(counts), by[kind]) for kind, values in found.items()}
+    judged = {
+        kind: _of_judged(values, starts, len(counts), by[kind]) for kind, values in after_starts.items()
+    }
     after = {kind: _worst(values) for kind, values in judged.items()}
-    found_at = {kind: tuple(one is not None for one in values) for kind, values in judged.items()}
+    found_at = {kind: tuple(after is not None for after in values) for kind, values in judged.items()}
     return RunJudgement(track.seed, met, failed_at, error_m, after[LOCALIZED], after[CONVERGED], found_at)
 
 
@@ -139,7 +141,7 @@ def _failed(
     kind: str,
     track: RunTrack,
     counts: Bool,
-    found: Mapping[str, Sequence[int | None]],
+    after_starts: Mapping[str, Sequence[int | None]],
     by: Mapping[str, int | None],
     starts: Sequence[int],
     demands: Demands,
@@ -154,32 +156,32 @@ def _failed(
             return None
         return int(np.flatnonzero(off_m > most_m)[0])
     limit, late = by[kind] or 0, []
-    for start, after in zip(starts, found[kind], strict=True):
+    for start, after in zip(starts, after_starts[kind], strict=True):
         if is_judged(start, starts, len(counts), limit) and (after is None or after > limit):
             late.append(start + limit - 1)
     return late[0] if late else None
 
 
 def _of_judged(
-    found: Sequence[int | None], starts: Sequence[int], updates: int, limit: int | None
+    after_starts: Sequence[int | None], starts: Sequence[int], updates: int, limit: int | None
 ) -> list[int | None]:
     """Return what was found at the first start, and at those with enough updates after them."""
     judged = [start == 0 or is_judged(start, starts, updates, limit or 1) for start in starts]
-    return [after for after, counts in zip(found, judged, strict=True) if counts]
+    return [after for after, counts in zip(after_starts, judged, strict=True) if counts]
 
 
 def is_judged(start: int, starts: Sequence[int], updates: int, limit: int) -> bool:
     """Return whether enough updates follow a start to see that a run was localized by a limit."""
-    later = [one for one in starts if one > start]
+    later = [other for other in starts if other > start]
     return (later[0] if later else updates) - start >= limit + LOCALIZED_OF[1] - 1
 
 
-def _found_after(flags: Bool, starts: Sequence[int]) -> list[int | None]:
+def _updates_after(flags: Bool, starts: Sequence[int]) -> list[int | None]:
     """Return after how many updates each start was found (`first_mostly`), counted from 1."""
     ends = [*starts[1:], len(flags)]
     return [first_mostly(flags[start:end]) for start, end in zip(starts, ends, strict=True)]
 
 
-def _worst(found: Sequence[int | None]) -> int | None:
-    known = [one for one in found if one is not None]
-    return max(known) if len(known) == len(found) else None
+def _worst(updates: Sequence[int | None]) -> int | None:
+    known = [count for count in updates if count is not None]
+    return max(known) if len(known) == len(updates) else None

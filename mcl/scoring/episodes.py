@@ -19,8 +19,8 @@ from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .near_truth import has_near
 
 KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
-MOSTLY = 0.5  # share of the steps of an episode from which on it counts as sure, or as bereft
-SURE_FOR = 10  # steps confident of a wrong place, from which on also a search that ends well has failed
+MOST_SHARE = 0.5  # share of the steps of an episode from which on it counts as sure, or as bereft
+SURE_STEPS = 10  # steps confident of a wrong place, from which on also a search that ends well has failed
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +78,12 @@ class Episode:
     @property
     def is_sure(self) -> bool:
         """Whether the filter was confident of a wrong place: in most of these steps, or long in a search."""
-        return self.sure >= SURE_FOR if self.kind == SEARCHING else self.sure > MOSTLY * self.steps
+        return self.sure >= SURE_STEPS if self.kind == SEARCHING else self.sure > MOST_SHARE * self.steps
 
     @property
     def is_bereft(self) -> bool:
         """Whether in most of these steps no particle was near the truth: weighting alone cannot find it."""
-        return self.bereft > MOSTLY * self.steps
+        return self.bereft > MOST_SHARE * self.steps
 
     @property
     def is_failure(self) -> bool:
@@ -204,8 +204,8 @@ class EpisodeFinder:
     def _end(self, step: int) -> tuple[Episode, ...]:
         """End the last episode at the step from which on the run is localized, some updates ago."""
         episode = self.episodes[-1]
-        after = [one for one in self._recent if one.step >= max(step, episode.first)]
-        before = [one.step for one in self._recent if episode.first <= one.step < step]
+        after = [update for update in self._recent if update.step >= max(step, episode.first)]
+        before = [update.step for update in self._recent if episode.first <= update.step < step]
         wrong, noticed = (
             None if at is not None and at >= step else at for at in (episode.wrong, episode.noticed)
         )
@@ -239,22 +239,22 @@ class EpisodeFinder:
 
 def _is_localized(window: tuple[_Update, ...]) -> bool:
     """Return whether a run is localized from the first of five updates on: in at least four of them."""
-    return first_mostly(np.array([one.score.localized is True for one in window], bool)) == 1
+    return first_mostly(np.array([update.score.localized is True for update in window], bool)) == 1
 
 
 def _with(episode: Episode, updates: Iterable[_Update], sign: int) -> Episode:
     """Return an episode with some updates counted (`sign` 1), the last of which is its last, or not (-1)."""
-    for one in updates:
+    for update in updates:
         wrong = episode.wrong
-        if sign > 0 and wrong is None and one.score.lost and episode.kind != SEARCHING:
-            wrong = one.step
+        if sign > 0 and wrong is None and update.score.lost and episode.kind != SEARCHING:
+            wrong = update.step
         episode = replace(
             episode,
-            last=one.step,
+            last=update.step,
             wrong=wrong,
             steps=episode.steps + sign,
-            fresh=episode.fresh + sign * one.fresh,
-            sure=episode.sure + sign * (one.score.wrong_and_confident is True),
-            bereft=episode.bereft + sign * one.bereft,
+            fresh=episode.fresh + sign * update.fresh,
+            sure=episode.sure + sign * (update.score.wrong_and_confident is True),
+            bereft=episode.bereft + sign * update.bereft,
         )
     return episode

@@ -104,9 +104,9 @@ def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
     middle = record.estimate.pose[:2] - record.weighted.origin
     reach_m = record.estimate.radii.cluster_m
     x, y = (record.weighted.poses[:, axis] - np.float32(middle[axis]) for axis in (0, 1))
-    held = record.weighted.weights * (x * x + y * y <= reach_m**2)
-    total = float(held.sum()) or 1.0
-    xx, yy, xy = (dot(held, product) / total for product in (x * x, y * y, x * y))
+    weights = record.weighted.weights * (x * x + y * y <= reach_m**2)
+    total = float(weights.sum()) or 1.0
+    xx, yy, xy = (dot(weights, product) / total for product in (x * x, y * y, x * y))
     xx, yy = xx + least_sd_m**2, yy + least_sd_m**2
     dx, dy = (truth[:2] - record.estimate.pose[:2]).tolist()
     return math.sqrt((yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy))
@@ -134,13 +134,15 @@ class Leader:
         if last is None:
             return None
         old = (now or last).estimate
-        apart = float(np.hypot(*(first.estimate.pose[:2] - old.pose[:2])))
+        jumped_m = float(np.hypot(*(first.estimate.pose[:2] - old.pose[:2])))
         jump_m = first.estimate.radii.cluster_m if limits.jump_m is None else limits.jump_m
-        if apart < jump_m:
+        if jumped_m < jump_m:
             return None
-        left = f"{now.estimate.mass:.0%}" if now else "gone"
+        share_left = f"{now.estimate.mass:.0%}" if now else "gone"
         share = f"{first.estimate.mass:.0%}"
-        return f"mode {first.identity} ({share}) leads, {say(apart)} from mode {last.identity} ({left})"
+        return (
+            f"mode {first.identity} ({share}) leads, {say(jumped_m)} from mode {last.identity} ({share_left})"
+        )
 
 
 # What a person reads: the kinds of event, and the detector that reports them for one run.
@@ -216,19 +218,19 @@ class RunEvent:
 
 def joined(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return events in order, with those that continue an earlier one joined to it."""
-    found = list[RunEvent]()
+    lines = list[RunEvent]()
     begun: dict[str, int] = {}
     for event in events:
         if not event.continues or event.kind not in begun:
-            begun[event.kind] = len(found)
-            found.append(event)
+            begun[event.kind] = len(lines)
+            lines.append(event)
             continue
-        first = found[begun[event.kind]]
+        first = lines[begun[event.kind]]
         fresh = first.fresh + event.fresh
         drawn = f"{fresh} fresh in all" if fresh else "so"
         text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}: {drawn}"
-        found[begun[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
-    return found
+        lines[begun[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
+    return lines
 
 
 UNTIL = "; until step "
@@ -266,7 +268,7 @@ class EventDetector:
         fresh = 0 if record.injected is None else int(record.injected.sum())
         order, before = list(KINDS), self._before
         self._before = frozenset(record.events)
-        happened.sort(key=lambda one: order.index(one[0]))
+        happened.sort(key=lambda event: order.index(event[0]))
         return tuple(
             RunEvent(
                 step,
@@ -379,6 +381,8 @@ def say_recovery_test(test: RecoveryTest) -> str:
     first, second = ("long-term average", "short-term") if of_average else ("threshold", "this picture")
     if not np.isfinite(test.found):
         return f"{first} {test.threshold:.1f} nats, {second}: no particle in free space"
-    apart = abs(test.threshold - test.found)
-    digits = 1 if not 0 < apart < 0.1 else min(-math.floor(math.log10(apart)), 6)  # so that they differ
+    difference = abs(test.threshold - test.found)
+    digits = (
+        1 if not 0 < difference < 0.1 else min(-math.floor(math.log10(difference)), 6)
+    )  # so that they differ
     return f"{first} {test.threshold:.{digits}f} nats, {second} {test.found:.{digits}f}"

@@ -63,14 +63,14 @@ def evidence_by_channels(record: StepRecord) -> float:
         return -math.inf
     before = record.weighted.log_weights[inside] - sighting.log_likelihood[inside] + record.log_evidence
     known = None if sighting.known is None else sighting.known[inside]
-    held = entry_weights(np.exp(before), sighting.entries[inside], len(comparison.cost), known)
-    return float(log_mean_likelihood(comparison.explained_by_channels, held)[0])
+    weights = entry_weights(np.exp(before), sighting.entries[inside], len(comparison.cost), known)
+    return float(log_mean_likelihood(comparison.explained_by_channels, weights)[0])
 
 
 # What a running mean takes over of every update: the last three make up seven eighths of it.
 RATE = 0.5
 MOST_NATS = 10.0  # a picture counts for no more, whatever stands before the camera
-LEAST = 0.02  # of shares, whose log odds would grow beyond all bounds
+LEAST_SHARE = 0.02  # of shares, whose log odds would grow beyond all bounds
 
 # Logistic regression: log odds that the estimate is right, per unit of each feature (docs/lost-signal.md).
 WEIGHTS: Mapping[str, float] = {
@@ -152,15 +152,15 @@ class LostSignal:
         first = self._gain is None
         self._gain = last if first else (1 - RATE) * (self._gain or 0.0) + RATE * last
         self._gap = gap if first else (1 - RATE) * self._gap + RATE * gap
-        mass = min(max(now.mass, LEAST), 1 - LEAST)
+        mass = min(max(now.mass, LEAST_SHARE), 1 - LEAST_SHARE)
         return {
             "constant": 1.0,
             "gain": self._gain,
             "last gain": last,
             "gap": self._gap,
             "mass": math.log(mass / (1 - mass)),
-            "spread": math.log(max(now.spread, LEAST)),
-            "survivors": math.log(max(now.survivors, LEAST)),
+            "spread": math.log(max(now.spread, LEAST_SHARE)),
+            "survivors": math.log(max(now.survivors, LEAST_SHARE)),
         }
 
 

@@ -26,7 +26,7 @@ CONVERGED_SHARE = 0.9
 LOCALIZED_OF = (4, 5)  # in at least 4 of the 5 updates that start there
 RIGHT_AT_END = (7, 10)  # correct in at least 7 of the last 10 updates
 GOAL_M = 1000 * INCH_M  # the thesis's goal for position tracking (3.6.2)
-SEGMENT_OF_RIGHT = 4.0  # length of a segment of the relative error, in radii of *right*
+SEGMENT_RADII = 4.0  # length of a segment of the relative error, in radii of *right*
 NO_TRUTH: F64 = np.full(3, np.nan)
 
 
@@ -248,7 +248,7 @@ def score_trace(
         wrong_confident_share=_share((errors.converged & ~errors.correct)[known]),
         right_at_end=mostly_at_end(errors.correct[known].tolist()),
         success=() if arena_m is None else successes(run, path, errors.off_m, arena_m),
-        relative=relative_error(path.truths[scored], run.poses[scored], SEGMENT_OF_RIGHT * run.radii.right_m),
+        relative=relative_error(path.truths[scored], run.poses[scored], SEGMENT_RADII * run.radii.right_m),
     )
 
 
@@ -338,10 +338,10 @@ def score(steps: Iterable[tuple[Moment, StepRecord]], arena: Arena | None = None
     return scorer.result()
 
 
-MORE_THAN = 0.9  # share of the weight about one point
-SD_UNDER = 0.1  # of the arena's width and depth
+SUCCESS_SHARE = 0.9  # share of the weight about one point
+SUCCESS_SD_SHARE = 0.1  # of the arena's width and depth
 IN_TIME_S = 300.0
-TOO_LATE, LEFT = "time", "left"
+TOO_LATE, LEFT_TRUTH = "time", "left"
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,8 +364,8 @@ def successes(
     "tenth": over 90 % is converged on the estimate, and the sd of all is below 10 % of the arena per axis.
     "circle": over 90 % is within 6 in of the estimate.
     """
-    narrow = (run.mean_sd_m < SD_UNDER * np.array(arena_m)).all(axis=1)
-    tenth, circle = (run.converged > MORE_THAN) & narrow, run.circle > MORE_THAN
+    narrow = (run.mean_sd_m < SUCCESS_SD_SHARE * np.array(arena_m)).all(axis=1)
+    tenth, circle = (run.converged > SUCCESS_SHARE) & narrow, run.circle > SUCCESS_SHARE
     too_far = off_m > run.radii.lost_m
     return (
         _success("tenth", tenth, run.steps, path, too_far),
@@ -379,14 +379,14 @@ def _success(preset: str, met: Bool, steps: I32, path: DrivenPath, too_far: Bool
         return Success(preset, failed=TOO_LATE, failed_at_step=int(steps[late]))
     if at is None:
         return Success(preset)
-    left = _first(too_far[at:])
+    gone = _first(too_far[at:])
     return Success(
         preset,
         at_step=int(steps[at]),
         at_m=float(path.driven_m[at]),
         at_s=float(path.times_s[at]),
-        failed=None if left is None else LEFT,
-        failed_at_step=None if left is None else int(steps[at + left]),
+        failed=None if gone is None else LEFT_TRUTH,
+        failed_at_step=None if gone is None else int(steps[at + gone]),
     )
 
 

@@ -17,7 +17,7 @@ from ..values.arrays import F32, F64, I32
 from ..values.records import Estimate, StepRecord
 
 NO_MODE = 0  # identity of particles that were never in a mode; modes count from 1
-ALONE = 0.99  # share of weight beyond which the rest is too light for another mode
+SINGLE_MODE_SHARE = 0.99  # share of weight beyond which the rest is too light for another mode
 LEAST_DESCENT = 0.25  # share of a mode's weight that must descend from another to continue it
 
 
@@ -39,17 +39,17 @@ class ModeTracker:
     def see(self, record: StepRecord) -> tuple[TrackedMode, ...]:
         """Process the next update; return its modes, heaviest first."""
         size = record.weighted.size
-        held = self._identities
-        carried = np.zeros(size, np.int32) if held is None or len(held) != size else held
-        alone = record.estimate.mass > ALONE * (1 + TIE)
-        found = (record.estimate,) if alone else modes(record.weighted, record.estimate.radii)
-        places = _places(record, found)
-        named = self._named(places, carried, record.weighted.weights, len(found))
-        now = np.where(places >= 0, np.append(named, NO_MODE).astype(np.int32)[places], carried)
+        identities = self._identities
+        carried = np.zeros(size, np.int32) if identities is None or len(identities) != size else identities
+        alone = record.estimate.mass > SINGLE_MODE_SHARE * (1 + TIE)
+        clusters = (record.estimate,) if alone else modes(record.weighted, record.estimate.radii)
+        places = _places(record, clusters)
+        names = self._named(places, carried, record.weighted.weights, len(clusters))
+        now = np.where(places >= 0, np.append(names, NO_MODE).astype(np.int32)[places], carried)
         if (parents := record.parents) is not None:
             now = np.where(parents >= 0, now[parents], NO_MODE).astype(np.int32)
         self._identities = now
-        return tuple(TrackedMode(name, one) for name, one in zip(named, found, strict=True))
+        return tuple(TrackedMode(name, cluster) for name, cluster in zip(names, clusters, strict=True))
 
     def _named(self, places: I32, carried: I32, weights: F64, count: int) -> list[int]:
         """Return identities: the largest bonds first, each to one mode; the other modes are new."""
@@ -59,24 +59,24 @@ class ModeTracker:
         least = LEAST_DESCENT * (1 - TIE)
         bonds = np.where(bonds < least * bonds.sum(axis=1, keepdims=True), 0, bonds)
         bonds[:, NO_MODE] = 0
-        named = [NO_MODE] * count
+        names = [NO_MODE] * count
         while bonds.size and bonds.max() > 0:
             mode, identity = divmod(first_heaviest(bonds), width)
-            named[mode] = identity
+            names[mode] = identity
             bonds[mode], bonds[:, identity] = 0, 0
         for mode in range(count):
-            if named[mode] == NO_MODE:
+            if names[mode] == NO_MODE:
                 self._born += 1
-                named[mode] = self._born
-        return named
+                names[mode] = self._born
+        return names
 
 
-def _places(record: StepRecord, found: Modes) -> I32:
+def _places(record: StepRecord, clusters: Modes) -> I32:
     """Return the number of the mode that each particle (N,) is in, the heaviest of several; -1: none."""
     poses, reach_m = record.weighted.poses, record.estimate.radii.cluster_m
     place = np.full(len(poses), -1, np.int32)
-    for number in reversed(range(len(found))):
-        x, y = found[number].pose[:2] - record.weighted.origin
+    for number in reversed(range(len(clusters))):
+        x, y = clusters[number].pose[:2] - record.weighted.origin
         near = np.square(poses[:, 0] - x) + np.square(poses[:, 1] - y) <= reach_m**2
         place[near] = number
     return place

@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from maurice_mcl.scoring.comparison import (
-    LEAST,
+    LEAST_VALUES,
     ComparisonResult,
     RunComparison,
     Step,
@@ -175,6 +175,6 @@ def test_the_interval_is_steady():
     assert mean_interval(one) == mean_interval(one)
     width = np.diff(mean_interval(one) or (0.0, 0.0))
     assert np.diff(mean_interval(one, seed=1) or (0.0, 0.0)) == pytest.approx(width, rel=0.1)
-    assert mean_interval(np.full(LEAST, 0.3)) == pytest.approx((0.3, 0.3))
-    assert mean_interval(np.zeros(LEAST)) == (0.0, 0.0)
-    assert mean_interval(np.zeros(LEAST - 1)) is None
+    assert mean_interval(np.full(LEAST_VALUES, 0.3)) == pytest.approx((0.3, 0.3))
+    assert mean_interval(np.zeros(LEAST_VALUES)) == (0.0, 0.0)
+    assert mean_interval(np.zeros(LEAST_VALUES - 1)) is None

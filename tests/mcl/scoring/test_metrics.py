@@ -10,7 +10,7 @@ import pytest
 
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.scoring.metrics import (
-    LEFT,
+    LEFT_TRUTH,
     TOO_LATE,
     Scorer,
     first_mostly,
@@ -314,6 +314,6 @@ def test_leaving_the_truth_is_a_failure_once_localized():
 
     found = _judged([_record(SPREAD), *(_record([0.0], at=off(k)) for k in (0, 35.9, 36.1, 0))])
     for one in found.values():
-        assert (one.at_step, one.failed, one.failed_at_step) == (2, LEFT, 4)
+        assert (one.at_step, one.failed, one.failed_at_step) == (2, LEFT_TRUTH, 4)
     for one in _judged([_record([0.0], at=HERE + 2)]).values():
-        assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT, 1)
+        assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT_TRUTH, 1)
