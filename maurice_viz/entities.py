@@ -16,7 +16,6 @@ from .style import font_safe
 STEP = "step"  # sequence: the number of the picture; shows the weighted cloud
 SESSION = "session"  # duration in seconds since the session's first record
 PHASE = "phase"  # sequence: 6 * step + slot; shows the phases of one update
-TIMELINES = (STEP, SESSION, PHASE)
 
 PHASES_PER_STEP = 6  # phases of one update on the phase timeline, whether or not they are filled
 
@@ -36,8 +35,6 @@ LIMITS = "/session/limits"  # Scalars: the error above which runs count as lost
 ERROR_UNIT = "/session/error-unit"  # TextDocument: what is plotted there, and its unit
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 CARRIED = f"{TRUTH}/carried"  # Arrows2D: from where to where a kidnapped robot was carried
-
-# many runs as a chart, beside the one that is shown
 
 RESERVED = ("world", "session", "compare", "what_happened", "runs")
 

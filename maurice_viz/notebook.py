@@ -96,8 +96,8 @@ def results(run: Place) -> pl.DataFrame:
         to_json(_collected(saved).results, Scale(units_named(saved.manifest.display_units)))["runs"][0]
         for saved in open_runs(Path(run))
     ]
-    known = [{key: value for key, value in row.items() if key != "odometry_alone"} for row in rows]
-    return pl.DataFrame([_flat(row) for row in known], infer_schema_length=None)
+    scores = [{key: value for key, value in row.items() if key != "odometry_alone"} for row in rows]
+    return pl.DataFrame([_flat(row) for row in scores], infer_schema_length=None)
 
 
 def traces(run: Place) -> pl.DataFrame:
@@ -143,14 +143,14 @@ def _collected(run: SavedRun) -> Collected:
     return collect([Restored(run, None)], Pictures(), scale, arena.size_m, SILENT)
 
 
-def _flat(row: dict[str, Any], above: str = "") -> dict[str, Any]:
-    found: dict[str, Any] = {}
+def _flat(row: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
     for key, value in row.items():
         if isinstance(value, dict):
-            found |= _flat(value, f"{above}{key}_")
+            flat |= _flat(value, f"{prefix}{key}_")
         elif not isinstance(value, (list, tuple)):
-            found[f"{above}{key}"] = value
-    return found
+            flat[f"{prefix}{key}"] = value
+    return flat
 
 
 def _traces(run: SavedRun) -> pl.DataFrame:

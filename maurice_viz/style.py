@@ -128,7 +128,7 @@ class Scale:
 
     def say_point(self, x_m: float, y_m: float) -> str:
         """Write a point: "(79.0, 16.0) in"."""
-        x, y = (f"{self.length(one):.{self.units.digits}f}" for one in (x_m, y_m))
+        x, y = (f"{self.length(coordinate_m):.{self.units.digits}f}" for coordinate_m in (x_m, y_m))
         return f"({x}, {y}) {self.units.name}"
 
     def say_pose(self, pose: F64) -> str:
@@ -248,7 +248,7 @@ def font_safe(text: str) -> str:
     """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
     if text.isascii():
         return text
-    return UNKNOWN.sub(lambda found: f"u{ord(found[0]):04X}", unicodedata.normalize("NFC", text))
+    return UNKNOWN.sub(lambda letter: f"u{ord(letter[0]):04X}", unicodedata.normalize("NFC", text))
 
 
 def font_safe_names(part: Any) -> None:

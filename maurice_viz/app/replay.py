@@ -119,9 +119,9 @@ def _replayed(
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-        from ..running.drive import open_several, playback_together  # imports Rerun
+        from ..running.drive import open_recorded, playback_of_recorded  # imports Rerun
 
-        recorded = playback_together(open_several(path, how), listener)
+        recorded = playback_of_recorded(open_recorded(path, how), listener)
         return play(recorded, output.named(["as recorded"]), listener, report=report)
     if listened:
         if isinstance(library, Library):

@@ -124,8 +124,8 @@ def thumbnail_of(path: Path, height: int) -> U8 | None:
 
 def cell_height(pictures: Sequence[Path | None]) -> int:
     """Return the height in pixels of a picture in its cell, by the shape of the first readable one."""
-    kept = [path for path in pictures if path is not None]
-    for path in kept[:TRIED]:
+    paths = [path for path in pictures if path is not None]
+    for path in paths[:TRIED]:
         image = read_picture(path)
         if image is not None:
             rows, columns = image.shape[:2]

@@ -88,8 +88,8 @@ def write(image: U8, text: str, left: float, base: float, height_px: float, ink:
     top, at = round(base) - above, round(left) - PAD
     skipped, hidden = max(-top, 0), max(-at, 0)
     part = image[top + skipped : max(top + len(shades), 0), at + hidden : max(at + shades.shape[1], 0)]
-    seen = slice(skipped, skipped + part.shape[0]), slice(hidden, hidden + part.shape[1])
-    np.copyto(part, shades[seen] + np.uint8(ink), where=inked[seen])
+    visible = slice(skipped, skipped + part.shape[0]), slice(hidden, hidden + part.shape[1])
+    np.copyto(part, shades[visible] + np.uint8(ink), where=inked[visible])
 
 
 @lru_cache(maxsize=KEPT)
@@ -97,8 +97,8 @@ def _letters(text: str, height_px: float) -> tuple[U8, Bool, int]:
     """Return a text (h, w), from 0 to LEVELS - 1, where it has ink, and how many rows are above its base."""
     width, height = text_size(text, height_px)
     above = height + PAD
-    drawn = np.zeros((above + height // 2 + PAD, width + 2 * PAD, 3), np.uint8)
-    put_text(drawn, text, PAD, above, height_px, (255, 255, 255))
-    covered = np.asarray(cv2.extractChannel(drawn, 0), np.float32) * ((LEVELS - 1) / 255)
+    image = np.zeros((above + height // 2 + PAD, width + 2 * PAD, 3), np.uint8)
+    put_text(image, text, PAD, above, height_px, (255, 255, 255))
+    covered = np.asarray(cv2.extractChannel(image, 0), np.float32) * ((LEVELS - 1) / 255)
     shades = covered.round().astype(np.uint8)
     return shades, shades > 0, above

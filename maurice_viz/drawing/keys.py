@@ -72,13 +72,6 @@ def _ring(color: RGB) -> U8:
     return strip
 
 
-def _ramp() -> U8:
-    ramp = _rgb(style.LUT)
-    strip = _strip(len(ramp) + GAP_PX)
-    strip[18:-18, : len(ramp)] = ramp
-    return strip
-
-
 def _rgb(packed_colors: U32) -> U8:
     """Unpack colors (K,) to (K, 3)."""
     shifted = [packed_colors >> 24, packed_colors >> 16 & 255, packed_colors >> 8 & 255]

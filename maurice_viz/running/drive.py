@@ -53,9 +53,9 @@ def advice_for(path: Path, drive: DriveView) -> str:
     """Return how to localize on a drive that has no library."""
     if not drive.pictures:
         return "The drive has no pictures either, and the filter needs them."
-    named = shlex.quote(str(path)) if len(drive.paths.true) else "DRIVE"
+    source = shlex.quote(str(path)) if len(drive.paths.true) else "DRIVE"
     return (
-        f"One is made from a drive with true poses: maurice-replay library build {named} -o LIBRARY --every "
+        f"One is made from a drive with true poses: maurice-replay library build {source} -o LIBRARY --every "
         "0.4m,45deg. Then replay another drive with --library LIBRARY."
     )
 
@@ -65,16 +65,16 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
 
     KeyboardInterrupt goes on when the recording up to that point is written.
     """
-    session, ways = _looked_over(whole)
-    drive = DriveView(session.info, ways, not isinstance(session.recording, Placeholders))
+    session, paths = _with_paths(whole)
+    drive = DriveView(session.info, paths, not isinstance(session.recording, Placeholders))
     advice = advice_for(session.path, drive)
     drive = replace(drive, advice=f"**{MISSING}.** {advice}")
-    drawn = _drawn_of(session, ways.moments, listener)
-    total = ways.moments if drawn is session else MOST_DRAWN
+    shown_session = _thinned(session, paths.moments, listener)
+    total = paths.moments if shown_session is session else MOST_DRAWN
     target = Drawn()
 
     def counted() -> Iterator[Moment]:
-        for number, moment in enumerate(drawn.moments()):
+        for number, moment in enumerate(shown_session.moments()):
             listener.progress(number, total, "draw")
             yield moment
 
@@ -85,31 +85,31 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
             draw_drive(rec, drive, counted())
         except KeyboardInterrupt as stop:
             stopped = stop
-    remark_skipped(drawn, listener)
+    remark_skipped(shown_session, listener)
     listener.remark(f"{MISSING}, so only the drive itself is shown. {advice}")
     if stopped is not None:
         raise type(stopped)("the recording is complete up to that point")
     return target.file
 
 
-def _looked_over(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]:
+def _with_paths(session: RecordedSession) -> tuple[RecordedSession, DrivePaths]:
     """Go through a drive once without its pictures; one without any gets gray ones."""
-    ways = _ways(session)
-    if not ways.moments:
+    paths = _paths_of(session)
+    if not paths.moments:
         session = RecordedSession(Placeholders(session.recording), session.options)
-        ways = _ways(session)
-    if not ways.moments:
+        paths = _paths_of(session)
+    if not paths.moments:
         nothing = "found neither pictures nor odometry nor true poses, so there is nothing to show"
         raise InputError(session.path, nothing)
-    return session, ways
+    return session, paths
 
 
-def _ways(session: RecordedSession) -> DrivePaths:
+def _paths_of(session: RecordedSession) -> DrivePaths:
     notes = ReadingNotes(session.options.keep_going)
     return drive_paths(session.glances(notes), session.info)
 
 
-def _drawn_of(session: RecordedSession, moments: int, listener: Listener) -> RecordedSession:
+def _thinned(session: RecordedSession, moments: int, listener: Listener) -> RecordedSession:
     """Leave out pictures of a long drive, unless it is given which ones make a moment."""
     options, stride = session.options, -(-moments // MOST_DRAWN)
     if stride <= 1 or options.min_distance_m or options.min_angle_rad:
@@ -125,8 +125,8 @@ def moments_of(log: SessionLog) -> Iterator[Moment]:
     if log.kind == "session":
         yield from log.moments()
         return
-    taken = (picture for picture in log.survey_pictures() if not picture.covered)
-    for step, picture in enumerate(taken, start=1):
+    pictures = (picture for picture in log.survey_pictures() if not picture.covered)
+    for step, picture in enumerate(pictures, start=1):
         name = "" if picture.path is None else str(picture.path)
         yield Moment(Frame(step, float(step), np.zeros((0, 3)), picture.image, name), picture.pose)
 
@@ -167,12 +167,6 @@ class AsRecorded:
     findings: ReadingNotes
     unweighted: int = 0  # clouds so far whose weights were of no use, and count as equal
     _begin_s: float | None = field(init=False, default=None)
-
-    def updates(self) -> Iterator[Mapping[str, tuple[Moment, StepRecord]]]:
-        """Yield one moment and record a cloud, in order."""
-        origin = map_of(self.localizer, self.overview).origin
-        for number, update in enumerate(self.localizer.updates(self.findings), start=1):
-            yield {self.label: self.step(self.frame(update, number), update, origin)}
 
     @property
     def radii(self) -> Radii:
@@ -260,24 +254,20 @@ def _log_weights(weights: F64 | None) -> F64 | None:
         return normalize(np.log(weights))[0]
 
 
-def open_as_recorded(path: Path, options: ReadingOptions) -> AsRecorded:
-    """Open a bag's localizer. InputError for what is no bag, and for one without particles."""
+def open_recorded(path: Path, options: ReadingOptions) -> list[AsRecorded]:
+    """Open the localizers of a bag that `localizer_topic` names, or the one that is detected.
+
+    InputError for what is no bag, and for one without particles.
+    """
     name = chosen(path, options).name
     if name not in BAGS:
         raise InputError(
             path, f"found the format {name}, expected one of {', '.join(BAGS)} for --as-recorded"
         )
-    own = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
-    if own.corrections:
-        raise InputError(path, f"--as-recorded shows a bag as it is, expected no {own.corrections[0]}")
-    return _opened(path, name, options, _topics(path, options)[0])
-
-
-def open_several(path: Path, options: ReadingOptions) -> list[AsRecorded]:
-    """Open the localizers that `localizer_topic` names, or the one that is detected. InputError as above."""
-    first, *others = _topics(path, options)
-    opened = [open_as_recorded(path, replace(options, localizer_topic=first))]
-    return opened + [_opened(path, chosen(path, options).name, options, topic) for topic in others]
+    rest = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0)  # a bag adds these itself
+    if rest.corrections:
+        raise InputError(path, f"--as-recorded shows a bag as it is, expected no {rest.corrections[0]}")
+    return [_opened(path, name, options, topic) for topic in _topics(path, options)]
 
 
 def _topics(path: Path, options: ReadingOptions) -> list[str | None]:
@@ -312,51 +302,34 @@ def together(recorded: Sequence[AsRecorded]) -> Iterator[Mapping[str, tuple[Mome
             yield {localizer.label: localizer.step(frame, own, origin) for localizer, own in pairs}
 
 
-def view_of(recorded: AsRecorded) -> RunView:
-    """Return how a recorded localizer is shown."""
-    return RunView(recorded.label, (), None, recorded.overview.most_particles, radii=recorded.radii)
-
-
-def playback_together(recorded: Sequence[AsRecorded], listener: Listener = SILENT) -> Playback:
+def playback_of_recorded(recorded: Sequence[AsRecorded], listener: Listener = SILENT) -> Playback:
     """Prepare recorded localizers for `play`, on one map that holds them all."""
-    if len(recorded) == 1:
-        return playback_as_recorded(recorded[0], listener)
-    corners = np.array([localizer.overview.arena.bounds for localizer in recorded]).reshape(-1, 2)
     first = recorded[0]
-    arena = first.overview.arena
-    if not len(arena.walls):
+    overview, arena = first.overview, first.overview.arena
+    if len(recorded) > 1 and not len(arena.walls):
+        corners = np.array([other.overview.arena.bounds for other in recorded]).reshape(-1, 2)
         arena = open_arena(np.stack([corners.min(axis=0), corners.max(axis=0)]), 0.0)
     for localizer in recorded:
         localizer.overview = replace(localizer.overview, arena=arena)
-    playing = playback_as_recorded(first, listener)
-    views = [view_of(localizer) for localizer in recorded]
+    library = map_of(first.localizer, first.overview)
+    has_pictures = first.localizer.has_pictures
+    scene = Scene(first.localizer.info, library, overview.has_truth, overview.updates, has_pictures)
+    views = [RunView(run.label, (), None, run.overview.most_particles, radii=run.radii) for run in recorded]
 
     def remarks(_: object) -> None:
+        for text in first.localizer.info.notes:
+            listener.remark(text)
         for localizer in recorded:
-            _remark(localizer, listener, first=localizer is first)
+            _remark(localizer, listener)
 
-    return Playback(together(recorded), playing.total, views, playing.scene, remarks)
-
-
-def playback_as_recorded(recorded: AsRecorded, listener: Listener = SILENT) -> Playback:
-    """Prepare a recorded localizer for `play`."""
-    seen = recorded.overview
-    library = map_of(recorded.localizer, seen)
-    scene = Scene(
-        recorded.localizer.info, library, seen.has_truth, seen.updates, recorded.localizer.has_pictures
-    )
-    return Playback(
-        recorded.updates(), seen.updates, [view_of(recorded)], scene, lambda _: _remark(recorded, listener)
-    )
+    return Playback(together(recorded), overview.updates, views, scene, remarks)
 
 
-def _remark(recorded: AsRecorded, listener: Listener, *, first: bool = True) -> None:
+def _remark(recorded: AsRecorded, listener: Listener) -> None:
     """Report what the scores stand for, and what was skipped."""
     pose = recorded.localizer.pose
     where = f"the pose of {pose.name}" if pose else "the heaviest cluster of the cloud"
     listener.remark(f"{recorded.localizer.cloud.name} {_shown(recorded.localizer)}; the estimate is {where}")
-    for text in recorded.localizer.info.notes if first else ():
-        listener.remark(text)
     if recorded.unweighted:
         listener.warning(f"the weights of {recorded.unweighted} clouds add up to nothing and count as equal")
     for warning in recorded.findings.warnings:

@@ -301,8 +301,8 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
         batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream().filter(content=VERDICT)]
     except (RuntimeError, ValueError, OSError) as problem:
         raise InputError(path, f"found no Rerun recording ({problem}); try: rerun rrd verify") from None
-    having = [batch.column(column).to_pylist() for batch in batches if column in batch.schema.names]
-    return [value for rows in having for row in rows if row for value in row]
+    columns = [batch.column(column).to_pylist() for batch in batches if column in batch.schema.names]
+    return [value for rows in columns for row in rows if row for value in row]
 
 
 def _remark_size(
@@ -321,5 +321,5 @@ def _command(name: str) -> str:
     """Return a command as this shell can find it: by name, or beside our own Python."""
     if shutil.which(name):
         return name
-    beside = Path(sys.executable).parent / name
-    return str(beside.relative_to(Path.cwd())) if beside.is_relative_to(Path.cwd()) else str(beside)
+    path = Path(sys.executable).parent / name
+    return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)

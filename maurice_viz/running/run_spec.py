@@ -57,8 +57,8 @@ class RunSpec:
     @property
     def label(self) -> str:
         """The run's name, after what distinguishes it."""
-        named = [part for part in (self.preset, self.feature) if part]
-        return self.name or "-".join(named) or (self.config.stem if self.config else "blended")
+        parts = [part for part in (self.preset, self.feature) if part]
+        return self.name or "-".join(parts) or (self.config.stem if self.config else "blended")
 
     def configuration(self) -> Configuration:
         """Return the effective values: default, preset, file, environment, then what is given here.
@@ -97,13 +97,13 @@ def combined(
     The names are checked already. OptionError for what both give.
     """
     weights = None if feature is None else weights_of(feature)
-    named = dict(zip(TWINS, (weights, particles), strict=True))
-    options = {key: value for key, value in named.items() if value is not None}
+    by_key = dict(zip(TWINS, (weights, particles), strict=True))
+    given = {key: value for key, value in by_key.items() if value is not None}
     for key in settings:
-        for twin in options:
+        for twin in given:
             if key == twin or key.startswith(f"{twin}."):
                 raise OptionError(f"{key} is given twice, by {TWINS[twin]} and by --set; give it once")
-    return options | dict(settings)
+    return given | dict(settings)
 
 
 def words_of(specs: Sequence[RunSpec]) -> list[str]:

@@ -151,12 +151,12 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
         listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
     if localizers is None or library is None:
         library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
-    known: Sequence[Localizer | None] = localizers or [None] * len(runs)
-    restored = [Restored(*pair) for pair in zip(runs, known, strict=True)]
+    localizers_known: Sequence[Localizer | None] = localizers or [None] * len(runs)
+    restored = [Restored(*pair) for pair in zip(runs, localizers_known, strict=True)]
     reading = first.reading
     odometry_from = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
-    notes_then = tuple(named for named, asked in odometry_from if asked)
-    info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes_then)
+    notes = tuple(named for named, is_so in odometry_from if is_so)
+    info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes)
     scene = Scene(info, library, first.has_truth, first.pictures)
     return Opened(runs, restored, session, scene, listener)
 

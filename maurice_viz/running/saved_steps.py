@@ -139,7 +139,7 @@ class Track:
         truth = moment.truth
         off = PoseOffset(np.nan, np.nan) if truth is None else offset(record.estimate.pose, truth)
         share = record.effective_sample_size / record.weighted.size
-        motions, knows = record.frame.motions, self._signal.add(record)
+        motions, lost_signal = record.frame.motions, self._signal.add(record)
         values = (
             float(moment.frame.step),
             moment.frame.time_s,
@@ -152,12 +152,12 @@ class Track:
             record.calibrated_evidence,
             record.log_evidence,
             float(np.hypot(motions[:, 0], motions[:, 1]).sum()),
-            np.nan if knows is None else knows,
+            np.nan if lost_signal is None else lost_signal,
         )
         self._odometry = self._reckoned(motions, truth, start)
-        known = [NOWHERE if pose is None else pose for pose in (truth, self._odometry)]
+        poses = [NOWHERE if pose is None else pose for pose in (truth, self._odometry)]
         self.rows.append(values)
-        self.poses.append(np.stack([record.estimate.pose, *known]))
+        self.poses.append(np.stack([record.estimate.pose, *poses]))
 
     def _reckoned(self, motions: F64, truth: F64 | None, start: F64 | None) -> F64 | None:
         """Add up the odometry, uncorrected, from the first true pose, or from the start."""

@@ -71,10 +71,10 @@ def _verified(run: SavedRun, listener: Listener) -> Verification:
     manifest, steps = run.manifest, 0
     session, library = session_of(run), library_of(run, listener)
     localizer = localizer_of(run, session, library)
-    again = run_filter(localizer, session, Restored(run, None).start)
+    updates = run_filter(localizer, session, Restored(run, None).start)
     second, changed = SecondOpinion.beside(localizer), changed_versions(run)
     for stored in run.steps():
-        update = next(again, None)
+        update = next(updates, None)
         if update is None:
             step, picture = stored.step["step"], str(stored.step["picture"])
             difference: RunDifference | None = RunDifference(step, "picture", picture, "no more pictures")

@@ -71,12 +71,12 @@ class ComponentLists:
 
     def as_arrow_array(self) -> Any:
         """Return lists, one per row; null where the component is not in the row."""
-        here = [values for values in self.values if values is not None]
+        present = [values for values in self.values if values is not None]
         lengths = [0 if values is None else values.length for values in self.values]
         ends = pa.array(np.cumsum([0, *lengths], dtype=np.int32))
-        gaps = len(here) < len(lengths)
+        gaps = len(present) < len(lengths)
         absent = pa.array([values is None for values in self.values]) if gaps else None
-        return pa.ListArray.from_arrays(ends, joined(here), mask=absent)
+        return pa.ListArray.from_arrays(ends, joined(present), mask=absent)
 
 
 class BlockRecording(rr.RecordingStream):

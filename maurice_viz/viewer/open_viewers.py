@@ -118,12 +118,12 @@ def look_at(port: int, step: int, patience_s: float = LOADS_S) -> bool:
         try:
             client = ViewerClient.connect(address(port))
             state = client.get_state()
-            known = list(state.recordings)
-            front = [item for item in known if item.store_id == state.active_recording]
-            shown = next(iter(front + known), None)
-            if shown is not None and any(timeline.name == STEP for timeline in shown.timelines):
-                client.set_location(shown.location)
-                client.set_time(STEP, sequence=step, play_state="paused", recording=shown.store_id)
+            recordings = list(state.recordings)
+            active = [item for item in recordings if item.store_id == state.active_recording]
+            recording = next(iter(active + recordings), None)
+            if recording is not None and any(timeline.name == STEP for timeline in recording.timelines):
+                client.set_location(recording.location)
+                client.set_time(STEP, sequence=step, play_state="paused", recording=recording.store_id)
                 return True
         except (ConnectionError, OSError, RuntimeError, ValueError):
             pass  # still starting, or still loading

@@ -50,15 +50,15 @@ def with_layout(blueprint: Blueprint, name: str) -> Blueprint:
 
 def _tabs_under(holder: dict[str, Any], containers: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
     """Return each named tab with its container; an unnamed tab is searched."""
-    found: dict[str, tuple[Any, str]] = {}
+    tabs: dict[str, tuple[Any, str]] = {}
     contents = holder.get("contents", [])
     for member in [contents] if isinstance(contents, str) else contents:
         inner = containers.get("/" + member.removeprefix("/"), {})  # the viewer writes it either way
         if inner.get("display_name"):
-            found[inner["display_name"]] = (holder, member)
+            tabs[inner["display_name"]] = (holder, member)
         elif inner.get("container_kind") == "Tabs":
-            found |= _tabs_under(inner, containers)
-    return found
+            tabs |= _tabs_under(inner, containers)
+    return tabs
 
 
 def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blueprint:
@@ -105,9 +105,9 @@ class Viewer:
         self._client.set_time(timeline, play_state="paused", recording=store, sequence=value)
         last, count, deadline = b"", 1, time.monotonic() + PATIENCE_S
         while count < alike + (last == self._last) and time.monotonic() < deadline:
-            taken = bytes(self._client.take_screenshot())
-            count = count + 1 if taken == last else 1
-            last = taken
+            picture = bytes(self._client.take_screenshot())
+            count = count + 1 if picture == last else 1
+            last = picture
             time.sleep(LOOK_EVERY_S)
         self._last = last
         return last

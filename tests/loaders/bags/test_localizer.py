@@ -37,9 +37,8 @@ from maurice_viz.panels.belief import ellipse_of
 from maurice_viz.running.drive import (
     AFTER_RESAMPLING,
     WITHOUT_CLOUD,
-    open_as_recorded,
-    open_several,
-    playback_as_recorded,
+    open_recorded,
+    playback_of_recorded,
     together,
 )
 from maurice_viz.running.output import layout_of
@@ -55,7 +54,7 @@ def updates(path: Path) -> list[RecordedUpdate]:
 
 
 def updates_shown(path: Path) -> list[tuple[Moment, StepRecord]]:
-    return [one for step in open_as_recorded(path, ReadingOptions()).updates() for one in step.values()]
+    return [one for step in together(open_recorded(path, ReadingOptions())) for one in step.values()]
 
 
 @pytest.fixture
@@ -105,10 +104,10 @@ def test_weights_that_make_no_sense_count_as_equal(weights: float, tmp_path: Pat
     ros = Ros(2)
     cloud = ros.particles(BEGIN_NS, np.zeros((3, 3)), np.full(3, weights))
     said = [Said("/particle_cloud", "nav2_msgs/ParticleCloud", BEGIN_NS, cloud)]
-    recorded = open_as_recorded(making.write_ros2(tmp_path / "bag", said), ReadingOptions())
-    ((_, record),) = (one for step in recorded.updates() for one in step.values())
+    recorded = open_recorded(making.write_ros2(tmp_path / "bag", said), ReadingOptions())
+    ((_, record),) = (pair for step in together(recorded) for pair in step.values())
     np.testing.assert_allclose(record.weighted.weights, 1 / 3)
-    assert recorded.unweighted == 1
+    assert recorded[0].unweighted == 1
 
 
 def test_a_far_pose_is_not_the_clouds(tmp_path: Path) -> None:
@@ -152,12 +151,12 @@ def test_several_localizers_are_shown_against_the_truth(tmp_path: Path) -> None:
     assert [run.score.updates for run in scores.runs] == [4, 4, 4]
     off = [run.score.position_error_mean_m for run in scores.runs]
     assert off == pytest.approx([0.0, 0.3, 0.0], abs=0.01)
-    [first, *_] = together(open_several(path, asked))
+    [first, *_] = together(open_recorded(path, asked))
     assert {record.frame.step for _, record in first.values()} == {1}
     with pytest.raises(InputError, match="expected one to 4 topics"):
-        open_several(path, ReadingOptions(localizer_topic="/amcl_pose,/amcl_pose"))
+        open_recorded(path, ReadingOptions(localizer_topic="/amcl_pose,/amcl_pose"))
     with pytest.raises(InputError, match="found no topic /nowhere"):
-        open_several(path, ReadingOptions(localizer_topic="/amcl_pose,/nowhere"))
+        open_recorded(path, ReadingOptions(localizer_topic="/amcl_pose,/nowhere"))
 
 
 def test_stand_ins_have_the_covariance() -> None:
@@ -203,11 +202,11 @@ def test_a_localizer_is_not_lost_by_a_camera_that_it_does_not_use(
 def test_bags_without_particles_are_refused(tmp_path: Path) -> None:
     path = making.write_ros1(tmp_path / "a.bag", making.drive(Ros(1)))
     with pytest.raises(InputError, match="found no cloud"):
-        open_as_recorded(path, ReadingOptions())
+        open_recorded(path, ReadingOptions())
     log = tmp_path / "session.log"
     log.write_text('{"format": "maurice-session-log", "version": 1, "kind": "session"}\n')
     with pytest.raises(InputError, match="expected one of rosbag1, rosbag2, mcap"):
-        open_as_recorded(log, ReadingOptions())
+        open_recorded(log, ReadingOptions())
 
 
 @pytest.mark.parametrize("detail", ["full", "events", "light"])
@@ -222,7 +221,7 @@ def test_no_view_is_of_what_a_bag_does_not_hold(pictures: bool, tmp_path: Path) 
     """References, histograms and likelihoods are our own filter's; a robot may have no camera."""
     said = [one for one in making.amcl_drive(Ros(2)) if pictures or "camera" not in one.topic]
     path = making.write_ros2(tmp_path / "bag", said)
-    playing = playback_as_recorded(open_as_recorded(path, ReadingOptions()))
+    playing = playback_of_recorded(open_recorded(path, ReadingOptions()))
     titles = _titles(layout_of(playing.views, playing.scene).root_container)
     assert ("Camera (px)" in titles) == pictures
     assert {"Cloud close up", "What this step did"} <= titles

@@ -119,7 +119,7 @@ def test_of_a_long_drive_some_moments_are_drawn_and_no_movement_is_lost(bare, tm
     done = run(bare, "-o", tmp_path / "a.rrd")
     assert "drawing one of every" in done.output
     session = RecordedSession(open_recording(bare))
-    fewer = list(drive_alone._drawn_of(session, session.overview()[0], SILENT).moments())
+    fewer = list(drive_alone._thinned(session, session.overview()[0], SILENT).moments())
     every = list(session.moments())
     assert 1 < len(fewer) <= 5
     together = np.concatenate([moment.frame.motions for moment in fewer])
