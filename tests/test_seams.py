@@ -34,8 +34,8 @@ class Lightness:
         return {"feature": "mean of each color plane"}
 """,
         "mcl/sensor/descriptors/registry.py": (
-            ("from .moments import", "from .lightness import Lightness\n"),
-            ("    Moments(),\n", "    Lightness(),\n"),
+            ("from .smoothed import", "from .lightness import Lightness\n"),
+            ("    Smoothed(),\n", "    Lightness(),\n"),
         ),
     },
     "resampler": {
