@@ -85,9 +85,7 @@ PARAMETERS = {
     "map": "map_file",
     "max-error": "max_error_m",
     "output": "to",
-    "rrd": "to",
     "set": "settings",
-    "t-offset": "t_offset_s",
     "yaw": "yaw_rad",
 }
 _VALUE = r"(?: (?=truth|tracking|global|none|[A-Z0-9]))?"  # what follows is what the option is set to

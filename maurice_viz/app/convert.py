@@ -72,7 +72,6 @@ def convert(
     target: str | Path,
     *,
     pictures: PictureKind = "png",
-    t_offset_s: float = 0.0,
     reading: ReadingOptions | None = None,
     force: bool = False,
     listener: Listener = SILENT,
@@ -82,11 +81,10 @@ def convert(
     `target` is a file that ends in .log or .mcap, or a folder, which gets a `session.log`. The file holds
     what a replay of `source` sees, so that replaying either gives the same run to the last bit; a recording
     without pictures is written whole. What has no place in the file is counted in `left_out`. "png" pictures
-    are lossless, "jpeg" ones are of quality 95. `t_offset_s` (seconds) is added to every time of the clock of
-    `source`.
+    are lossless, "jpeg" ones are of quality 95.
 
     Raises InputError for a source that cannot be read or a target that exists (unless `force`), and
-    OptionError for another ending, picture format or a time offset that is not finite.
+    OptionError for another ending or picture format.
 
         >>> import maurice_viz as mv
         >>> converted = mv.convert("session.log", "drive")
@@ -98,8 +96,6 @@ def convert(
         raise OptionError(f"OUT is a folder, or ends in {LOG} or {MCAP}; found {target.name!r}")
     if pictures not in PICTURES:
         raise OptionError(f"pictures are {' or '.join(PICTURES)}, found {pictures!r}")
-    if not np.isfinite(t_offset_s):
-        raise OptionError(f"a time offset is a number of seconds, found {t_offset_s}")
     target = target if target.suffix else target / SESSION_LOG
     expect_apart(target, source)
     expect_apart(pictures_of(target), source)
@@ -108,16 +104,13 @@ def convert(
     recorded = as_recorded_session(session, options)
     read: ReadingNotes | AnySession = recorded
     if target.suffix == MCAP:
-        steps = convert_to_mcap(
-            recorded, target, camera=options.camera, kind=pictures, t_offset_s=t_offset_s, force=force
-        )
+        steps = convert_to_mcap(recorded, target, camera=options.camera, kind=pictures, force=force)
     else:
         begin_s, has_pictures = _begin(recorded.recording)
         if has_pictures:
-            begun_s = begin_s + t_offset_s
-            steps = convert_to_log(session, target, kind=pictures, t_offset_s=begun_s, force=force)
+            steps = convert_to_log(session, target, kind=pictures, t_offset_s=begin_s, force=force)
         else:
-            steps = records_to_log(recorded.recording, target, notes, t_offset_s=t_offset_s, force=force)
+            steps = records_to_log(recorded.recording, target, notes, force=force)
     done = _count(steps, target, listener)
     done.left_out |= left_out(recorded.recording, done)
     if chosen(source, options).name == NATIVE:
@@ -181,7 +174,6 @@ def export(
     *,
     only: str | None = None,
     scored: bool = False,
-    t_offset_s: float = 0.0,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> Exported:
@@ -190,8 +182,8 @@ def export(
     `to` is a file or several, at most one of each kind, told by its ending: .tum and .kitti (paths), .csv and
     .parquet (a row per update), .mcap (ROS 2 messages), .zip (position errors for evo). TUM and KITTI get one
     file per path, or just the path `only` ("estimate", "truth" or "odometry"). `scored` leaves out the first
-    three updates, as the table of scores does. `t_offset_s` (seconds) is added to every time. Lengths are in
-    meters, headings in radians; all files appear together at the end.
+    three updates, as the table of scores does. Lengths are in meters, headings in radians; all files appear
+    together at the end.
 
     Raises OptionError for arguments that contradict each other and InputError for a folder that holds no such
     run, no truth that `only` asks for, no update, or for files that exist (unless `force`).
@@ -202,7 +194,8 @@ def export(
         ['my-run.tum']
     """
     files = _by_kind([to] if isinstance(to, (str, Path)) else to)
-    _check(only, t_offset_s)
+    if only is not None and only not in PATHS:
+        raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
     saved = only_run(Path(run))
     if only == "truth" and not saved.manifest.has_truth:
         raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
@@ -212,7 +205,7 @@ def export(
     pictures = Pictures(session, listener.warning) if "mcap" in files else None
     with ExitStack() as stack:
         sinks = _open(stack, saved, files, paths, session, force)
-        for number, step in enumerate(export_steps(saved, t_offset_s=begin_s + t_offset_s), start=1):
+        for number, step in enumerate(export_steps(saved, t_offset_s=begin_s), start=1):
             image = None if pictures is None else pictures.of(step.rows)
             if pictures is not None and image is not None:
                 step = replace(step, readings=pictures.readings)
@@ -243,14 +236,6 @@ def _by_kind(names: Sequence[str | Path]) -> dict[str, Path]:
     if not files:
         raise OptionError("name a file to write")
     return files
-
-
-def _check(only: str | None, t_offset_s: float) -> None:
-    """Refuse arguments that no file can have. OptionError."""
-    if only is not None and only not in PATHS:
-        raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
-    if not np.isfinite(t_offset_s):
-        raise OptionError(f"--t-offset is a number of seconds, found {t_offset_s}")
 
 
 def _named(files: Files, paths: Sequence[str]) -> Iterator[Path]:

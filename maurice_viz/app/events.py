@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
-from shlex import quote
 from typing import TypeAlias
 
 from maurice_loaders.runs.store import SavedRun, open_runs
@@ -17,12 +16,10 @@ from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from ..errors import OptionError
-from ..listener import SILENT, Listener
 from ..running.saved_steps import Pictures, Restored, restored_together
 from ..style import Scale, units_named
 from ..text.causes import with_failures
 
-UNKNOWN = "was saved without its failures, by an earlier version; maurice-replay diagnose {} finds them"
 Update: TypeAlias = tuple[Moment, StepRecord]
 
 
@@ -40,7 +37,6 @@ class FoundEvents:
 
     runs: tuple[RunEvents, ...]
     session: str  # its name, which is also that of its recordings
-    problems: tuple[str, ...]  # what was not saved; a line per run
 
     def to_json(self) -> dict[str, object]:
         """Return `{"runs": [{"label": ..., "events": [...]}]}`."""
@@ -53,9 +49,7 @@ def _event_json(event: RunEvent) -> dict[str, object]:
     return {"step": event.step, "last": last, "time_s": event.time_s, "kind": event.kind, "text": event.text}
 
 
-def events(
-    run: str | Path, *, kinds: Sequence[str] = (), routine: bool = False, listener: Listener = SILENT
-) -> FoundEvents:
+def events(run: str | Path, *, kinds: Sequence[str] = (), routine: bool = False) -> FoundEvents:
     """Return the events of a saved run or a comparison.
 
     Only events of these `kinds`; without any, all but the routine ones (resampling, a new floor), or all with
@@ -70,33 +64,18 @@ def events(
     for kind in kinds:
         if kind not in KINDS:
             raise OptionError(f"no kind called {kind!r}; there are {', '.join(KINDS)}")
-    every = find_events(Path(run))
-    for problem in every.problems:
-        listener.warning(problem)
-    return replace(
-        every,
-        runs=tuple(
-            RunEvents(
-                run.label,
-                tuple(e for e in run.events if (e.kind in kinds if kinds else routine or not e.is_routine)),
-            )
-            for run in every.runs
-        ),
-    )
 
+    def is_wanted(event: RunEvent) -> bool:
+        return event.kind in kinds if kinds else routine or not event.is_routine
 
-def find_events(folder: Path) -> FoundEvents:
-    """Find every event of a saved run or a comparison, routine ones included. Raises InputError."""
-    runs = open_runs(folder)
-    watched = [_Watched.of(run, runs[0]) for run in runs]
-    for updates in zip_longest(*(_updates(run) for run in runs)):
-        for run, update in zip(watched, updates, strict=True):
+    runs = open_runs(Path(run))
+    watched = [_Watched.of(saved, runs[0]) for saved in runs]
+    for updates in zip_longest(*(_updates(saved) for saved in runs)):
+        for each, update in zip(watched, updates, strict=True):
             if update is not None:
-                run.see(updates[0], update)
-    old = [run.folder for run in runs if run.manifest.failures is None and run.manifest.steps]
-    unknown = tuple(f"{folder}: {UNKNOWN.format(quote(str(folder)))}" for folder in old)
-    done = tuple(RunEvents(run.label, run.result()) for run in watched)
-    return FoundEvents(done, runs[0].manifest.name, unknown)
+                each.see(updates[0], update)
+    by_run = (RunEvents(each.label, tuple(filter(is_wanted, each.result()))) for each in watched)
+    return FoundEvents(tuple(by_run), runs[0].manifest.name)
 
 
 @dataclass(slots=True)

@@ -42,36 +42,24 @@ class Listed:
     page: str = ""  # of the documentation, about it
 
 
-_REPLAY, _UNDERSTAND, _DATA, _LIBRARY, _SIMULATE, _TRIALS = GROUPS
+_REPLAY, _WHY, _DATA, _LIBRARY, _SIMULATE, _TRIALS = GROUPS
 COMMANDS = {
     command.name: command
     for command in (
         Listed("replay", "replay", "Replay a session, a saved run or a live source.", _REPLAY),
         Listed("open", "replay", "Open a Rerun recording or a saved run in the viewer.", _REPLAY),
         Listed("compare", "replay", "Replay two to four runs side by side.", _REPLAY, "explain"),
+        Listed("demo", "replay", "Replay a simulated kidnapping, or two features.", _REPLAY, "tutorial"),
         Listed(
-            "demo", "replay", "Replay a simulated drive: a kidnapping, or two features.", _REPLAY, "tutorial"
+            "verify", "replay", "Filter a saved run again: is it the same to the bit?", _REPLAY, "saved-runs"
         ),
-        Listed(
-            "verify",
-            "replay",
-            "Filter a saved run again: is every step the same to the bit?",
-            _REPLAY,
-            "saved-runs",
-        ),
-        Listed("diagnose", "failures", "Say why a filter was lost.", _UNDERSTAND, "diagnose"),
-        Listed(
-            "what-if", "what_if", "Branch a saved run with a change; rank remedies.", _UNDERSTAND, "what-if"
-        ),
-        Listed("explain", "runs", "Explain one step of a saved run.", _UNDERSTAND, "explain"),
-        Listed(
-            "budget", "runs", "Find the part of a filter that costs most accuracy.", _UNDERSTAND, "what-if"
-        ),
-        Listed(
-            "check", "check", "Test whether a filter meets demands on drives, for CI.", _UNDERSTAND, "trials"
-        ),
-        Listed("report", "runs", "Write one page about a saved run.", _UNDERSTAND, "share"),
-        Listed("snapshot", "runs", "Take a picture or a movie.", _UNDERSTAND, "share"),
+        Listed("diagnose", "runs", "Say why a filter was lost.", _WHY, "diagnose"),
+        Listed("what-if", "what_if", "Branch a saved run with a change; rank remedies.", _WHY, "what-if"),
+        Listed("explain", "runs", "Explain one step of a saved run.", _WHY, "explain"),
+        Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _WHY, "what-if"),
+        Listed("check", "check", "Test whether a filter meets demands on drives, for CI.", _WHY, "trials"),
+        Listed("report", "runs", "Write one page about a saved run.", _WHY, "share"),
+        Listed("snapshot", "runs", "Take a picture or a movie.", _WHY, "share"),
         Listed("inspect", "recordings", "List what a recording or a saved run holds.", _DATA, "formats"),
         Listed("doctor", "recordings", "Find what is wrong in a recording, and the fix.", _DATA, "doctor"),
         Listed("record", "convert", "Record a live source into a session log.", _DATA, "your-robot"),
@@ -87,20 +75,14 @@ COMMANDS = {
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE, "calibrate"),
         Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE, "calibrate"),
         Listed(
-            "calibrate belief",
-            "calibrate",
-            "Check how often a cloud holds the truth.",
-            _SIMULATE,
-            "lost-signal",
+            "calibrate belief", "calibrate", "Check whether clouds hold the truth.", _SIMULATE, "lost-signal"
         ),
-        Listed(
-            "calibrate drive", "calibrate", "Fit the noise of the odometry to drives.", _SIMULATE, "calibrate"
-        ),
+        Listed("calibrate drive", "calibrate", "Fit the odometry's noise to drives.", _SIMULATE, "calibrate"),
         Listed("trials run", "trials", "Make many runs over drives, filters and seeds.", _TRIALS, "trials"),
         Listed("trials table", "trials", "Print grouped figures with intervals.", _TRIALS, "trials"),
         Listed("trials report", "trials", "Write one page about trials.", _TRIALS, "trials"),
         Listed(
-            "config", "config", "Show the effective configuration, or check a file.", _TRIALS, "configuration"
+            "config", "config", "Show the effective configuration; check a file.", _TRIALS, "configuration"
         ),
     )
 }

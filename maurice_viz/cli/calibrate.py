@@ -37,9 +37,7 @@ def motion(
         Path,
         argument("SOURCE", "A session log with truth, a CSV of trials, or a folder with odometry and truth."),
     ],
-    output: Annotated[
-        Path | None, option("-o --output", "Write the parameters here.", metavar="OUT.toml")
-    ] = None,
+    output: Annotated[Path | None, opt.writes("OUT.toml", "Write the parameters here.")] = None,
     plots: Annotated[
         Path | None, option("--plots", "Draw the thesis's figures 4 to 11.", metavar="DIR")
     ] = None,
@@ -72,9 +70,7 @@ def noise(
             "SOURCE", "A survey log or its folder, or a folder of pictures taken with the lens covered."
         ),
     ],
-    output: Annotated[
-        Path | None, option("-o --output", "Draw the thesis's figures 13 and 14.", metavar="OUT.png")
-    ] = None,
+    output: Annotated[Path | None, opt.writes("OUT.png", "Draw the thesis's figures 13 and 14.")] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
@@ -107,9 +103,7 @@ def drive(
             autocompletion=opt.completed(MODELS),
         ),
     ] = None,
-    output: Annotated[
-        Path | None, option("-o --output", "Write the parameters here.", metavar="OUT.toml")
-    ] = None,
+    output: Annotated[Path | None, opt.writes("OUT.toml", "Write the parameters here.")] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:

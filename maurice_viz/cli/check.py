@@ -65,11 +65,10 @@ def check(
     ] = None,
     files: Annotated[
         list[Path] | None,
-        option(
-            "-o --output",
+        opt.writes(
+            "OUT.xml|OUT.parquet",
             "OUT.xml: write JUnit XML. OUT.parquet: write the runs, for --against later. Repeatable.",
             OUTPUT,
-            metavar="OUT.xml|OUT.parquet",
         ),
     ] = None,
     artifacts: Annotated[

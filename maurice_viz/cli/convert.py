@@ -38,7 +38,7 @@ def record(
             allow_dash=True,
         ),
     ],
-    output: Annotated[Path, option("-o --output", "Write session.log to this folder.", metavar="DIR")],
+    output: Annotated[Path, opt.writes("DIR", "Write session.log to this folder.")],
     library: Annotated[
         Path | None,
         option("--library", "Name this survey or library in the recorded header. [default: its own]"),
@@ -101,9 +101,6 @@ def convert(
     target: Annotated[Path, argument("OUT", "A folder, or a name ending in .log or .mcap.")],
     *,
     pictures: Annotated[str, option("--pictures", "png: lossless. jpeg: smaller (quality 95).")] = "png",
-    t_offset: Annotated[
-        float, option("--t-offset", "Add this to every time; the clock is that of IN.", metavar="SECONDS")
-    ] = 0.0,
     reading: opt.ReadingSet,
     force: opt.Force = False,
     json_output: opt.Json = False,
@@ -121,7 +118,6 @@ def convert(
             source,
             target,
             pictures=kind,
-            t_offset_s=t_offset,
             reading=reading.options(),
             force=force,
             listener=listener,
@@ -140,11 +136,9 @@ def export(
     *,
     files: Annotated[
         list[Path],
-        option(
-            "-o --output",
+        opt.writes(
+            "FILE",
             f"A file to write, of the kind that its ending says; repeatable. {'. '.join(KINDS_OF_FILES)}.",
-            metavar="FILE",
-            show_default=False,
         ),
     ],
     only: Annotated[
@@ -158,9 +152,6 @@ def export(
     scored: Annotated[
         bool, option("--scored", "Leave out the first three steps, as the table of scores does.")
     ] = False,
-    t_offset: Annotated[
-        float, option("--t-offset", "Add this to every time; the clock is the session's.", metavar="SECONDS")
-    ] = 0.0,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
@@ -168,9 +159,7 @@ def export(
     from ..app.convert import export as export_run
 
     with listening() as listener:
-        exported = export_run(
-            run, files, only=only, scored=scored, t_offset_s=t_offset, force=force, listener=listener
-        )
+        exported = export_run(run, files, only=only, scored=scored, force=force, listener=listener)
     if json_output:
         print_json({"runs": [exported.to_json()]})
         return
@@ -181,7 +170,7 @@ def export(
 def pictures(
     folder: Annotated[str, argument("FOLDER", "The folder that the table's picture names are relative to.")],
     poses: Annotated[Path, option("--poses", "A table with one row per picture.", metavar="FILE.csv")],
-    output: Annotated[Path, option("-o --output", "The folder to write.", metavar="DIR")],
+    output: Annotated[Path, opt.writes("DIR", "The folder to write.")],
     reading: opt.Reading = None,
     map_lines: opt.MapFile = None,
     map_unit: opt.MapUnit = DEFAULTS.map_unit,

@@ -44,9 +44,7 @@ def build(
     ],
     *,
     reading: opt.ReadingSet,
-    output: Annotated[
-        Path, option("-o --output", "The folder to write.", metavar="LIBRARY", show_default=False)
-    ],
+    output: Annotated[Path, opt.writes("LIBRARY", "The folder to write.")],
     every: Annotated[
         str | None,
         option(
@@ -189,11 +187,10 @@ def check(
     feature: opt.Feature = None,
     files: Annotated[
         list[Path] | None,
-        option(
-            "-o --output",
+        opt.writes(
+            "OUT.png|OUT.csv",
             "OUT.png: draw the map of expected ambiguity. OUT.csv: write the references to add, for "
             "`survey --poses`. Repeatable.",
-            metavar="OUT.png|OUT.csv",
         ),
     ] = None,
     reading: opt.Reading = None,
@@ -341,9 +338,7 @@ def tune(
     channels: Annotated[
         str | None, option("--channels", "Channels to fit. [default: all of the library]", metavar="A,B,C")
     ] = None,
-    output: Annotated[
-        Path | None, option("-o --output", "Write the result here.", metavar="TUNED.toml")
-    ] = None,
+    output: Annotated[Path | None, opt.writes("TUNED.toml", "Write the result here.")] = None,
     *,
     reading: opt.ReadingSet,
     force: opt.Force = False,

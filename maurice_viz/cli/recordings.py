@@ -85,8 +85,7 @@ def _print_contents(path: Path, json_output: bool, reading: list[str] | None) ->
 
 def _print_events(run: Path, json_output: bool) -> None:
     """Print what happened in a saved run; JSON has routine events too: resampling, a new floor."""
-    with listening() as listener:
-        happened = events(run, routine=json_output, listener=listener)
+    happened = events(run, routine=json_output)
     if json_output:
         print_json(happened.to_json())
     elif any(each.events for each in happened.runs):
@@ -162,9 +161,7 @@ def doctor(
     ] = False,
     output: Annotated[
         Path | None,
-        option(
-            "-o --output", "Write the options that fix everything, for --reading.", metavar="READING.toml"
-        ),
+        opt.writes("READING.toml", "Write the options that fix everything, for --reading."),
     ] = None,
     force: opt.Force = False,
     strict: Annotated[

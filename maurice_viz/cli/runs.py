@@ -1,4 +1,4 @@
-"""`maurice-replay explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
+"""`maurice-replay diagnose|explain|report|snapshot RUN`: what happened, and why; `budget SESSION`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,39 @@ ALL = "all"
 PHASES = [phase.name.lower() for phase in Phase]
 
 
+def diagnose(
+    source: Annotated[
+        Path, argument("SESSION|RUN", "A saved run or a comparison, or a session, which is then filtered.")
+    ],
+    chosen: opt.FilterSet,
+    reading: opt.ReadingSet,
+    seed: opt.Seed = 0,
+    output: Annotated[
+        Path | None,
+        opt.writes("DIR", "Draw what shows each failure of a saved run into this folder."),
+    ] = None,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Say why a filter was lost: one cause for each time, with the step and the numbers that decided."""
+    from ..app.diagnose import diagnose as diagnose_runs
+    from ..app.diagnose import draw, expect_drawable
+
+    with listening(usage=False) as listener:
+        if output is not None:
+            expect_drawable(source, output, force=force)
+        diagnoses = diagnose_runs(
+            source, **chosen.arguments(), seed=seed, reading=reading.options(), listener=listener
+        )
+        if json_output:
+            print_json(diagnoses.to_json())
+        else:
+            results.print(Text(diagnoses.text), soft_wrap=not results.is_terminal)
+        if output is not None:
+            for picture in draw(diagnoses, output, force=force, listener=listener):
+                listener.remark(f"{picture} written")
+
+
 def explain(
     run: opt.Run,
     step: Annotated[int | None, option("--step", "Which step. [default: the last one]", min=1)] = None,
@@ -35,7 +68,7 @@ def explain(
     ] = None,
     output: Annotated[
         Path | None,
-        option("-o --output", "Write a picture of the tab explain.", metavar="OUT.png"),
+        opt.writes("OUT.png", "Write a picture of the tab explain."),
     ] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
@@ -64,7 +97,7 @@ def explain(
 
 def report(
     run: opt.Run,
-    output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
+    output: Annotated[Path, opt.writes("OUT.html", "The page to write. [default: report.html]")] = Path(
         "report.html"
     ),
     force: opt.Force = False,
@@ -81,12 +114,7 @@ def snapshot(
     source: Annotated[Path, argument("RUN|FILE.rrd", "A saved run's folder, or a Rerun recording.")],
     output: Annotated[
         Path,
-        option(
-            "-o --output",
-            "The picture or movie to write.",
-            metavar="OUT.png|OUT.mp4|OUT.gif",
-            show_default=False,
-        ),
+        opt.writes("OUT.png|OUT.mp4|OUT.gif", "The picture or movie to write."),
     ],
     step: Annotated[int | None, option("--step", "Which step. [default: the last]", PICTURE, min=1)] = None,
     phase: Annotated[

@@ -141,9 +141,7 @@ def simulate(
     world: WorldSet,
     drive: DriveSet,
     live: LiveSet,
-    output: Annotated[
-        Path | None, option("-o --output", "Write session and survey to this folder.", metavar="DIR")
-    ] = None,
+    output: Annotated[Path | None, opt.writes("DIR", "Write session and survey to this folder.")] = None,
     lossless: Annotated[
         bool, option("--lossless", "Write pictures as PNG: a replay is then the same run as in `trials run`.")
     ] = False,
@@ -206,11 +204,9 @@ def _account(tally: Tally) -> None:
 def survey(
     files: Annotated[
         list[Path],
-        option(
-            "-o --output",
+        opt.writes(
+            "DIR|OUT.png",
             "DIR: write the survey to this folder. OUT.png: draw 24 views of the world. Repeatable.",
-            metavar="DIR|OUT.png",
-            show_default=False,
         ),
     ],
     world: WorldSet,

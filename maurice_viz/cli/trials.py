@@ -51,9 +51,7 @@ Where = Annotated[
 
 def run(
     plan: Annotated[str, argument("PLAN", PLAN, autocompletion=completed(shipped_plans()))],
-    output: Annotated[
-        Path, option("-o --output", "The folder that the rows go to.", metavar="DIR", show_default=False)
-    ],
+    output: Annotated[Path, opt.writes("DIR", "The folder that the rows go to.")],
     workers: Annotated[
         int, option("--workers", "Processes at once.", min=1, max=1024, show_default="one for each core")
     ] = os.cpu_count() or 1,
@@ -101,7 +99,7 @@ def _first(plan: Any) -> list[str]:
 
 def report(
     folder: Folder,
-    output: Annotated[Path, option("-o --output", "The page to write.", metavar="OUT.html")] = Path(
+    output: Annotated[Path, opt.writes("OUT.html", "The page to write. [default: trials.html]")] = Path(
         "trials.html"
     ),
     where: Where = None,
@@ -127,9 +125,7 @@ def table(
         ),
     ] = DEFAULT,
     where: Where = None,
-    output: Annotated[
-        Path | None, option("-o --output", "Write the groups here.", metavar="OUT.csv|OUT.parquet")
-    ] = None,
+    output: Annotated[Path | None, opt.writes("OUT.csv|OUT.parquet", "Write the groups here.")] = None,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:

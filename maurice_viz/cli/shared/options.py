@@ -32,6 +32,11 @@ def option(names: str, text: str, panel: str | None = None, **more: Any) -> Any:
     return typer.Option(*names.split(), help=text, rich_help_panel=panel, **more)
 
 
+def writes(metavar: str, text: str, panel: str | None = None) -> Any:
+    """Describe where a command writes."""
+    return option("-o --output", text, panel, metavar=metavar, show_default=False)
+
+
 def argument(metavar: str | None, text: str, **more: Any) -> Any:
     """Describe an argument."""
     return typer.Argument(metavar=metavar, help=text, show_default=False, **more)

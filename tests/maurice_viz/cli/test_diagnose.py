@@ -138,17 +138,6 @@ def test_damaged_failures_are_told_in_one_line(made: Path, failures: object, sai
     assert done.stderr.count("\n") == 1
 
 
-def test_a_run_of_an_earlier_version_says_that_its_failures_are_not_known(made: Path) -> None:
-    file = made / "kept" / "manifest.json"
-    whole = file.read_text()
-    try:
-        file.write_text(json.dumps({k: v for k, v in json.loads(whole).items() if k != "failures"}))
-        done = run("inspect", made / "kept")
-    finally:
-        file.write_text(whole)
-    assert f"maurice-replay diagnose {made / 'kept'} finds them" in done.stderr.replace("\n", " ")
-
-
 def test_light_which_costs_a_comparison_is_looked_for_only_where_a_run_was_lost(
     made: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

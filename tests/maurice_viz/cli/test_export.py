@@ -48,18 +48,26 @@ def test_scored_figures_are_those_of_the_table(saved, tmp_path):
     assert [file.name for file in tmp_path.glob("t*.tum")] == ["t.tum"]
 
 
+def later(log: Path, by_s: float) -> Path:
+    """Write the drive of a log as one that happened later."""
+    header, *lines = log.read_text().splitlines()
+    records = [json.loads(line) for line in lines]
+    shifted = [json.dumps(record | {"t": record["t"] + by_s}) for record in records]
+    (file := log.with_name("later.log")).write_text("\n".join([header, *shifted]) + "\n")
+    return file
+
+
 def test_times_are_the_sessions_own_as_long_as_it_is_there(small_session, tmp_path):
-    run("convert", small_session, tmp_path / "c", "--t-offset", "1000")
+    run("convert", later(small_session, 1000), tmp_path / "c")
     log, kept = tmp_path / "c" / "session.log", tmp_path / "kept"
     words = ("--library", small_session.parent / "survey.log", "--particles", "60", "-o", "none")
     run("replay", log, *words, "--save-run", kept)
 
-    def first_s(*options: str) -> float:
-        run("export", kept, "-o", tmp_path / "a.tum", "--force", *options)
+    def first_s() -> float:
+        run("export", kept, "-o", tmp_path / "a.tum", "--force")
         return float((tmp_path / "a.tum").read_text().split()[0])
 
     assert first_s() == 1002.0
-    assert first_s("--t-offset", "-1000") == 2.0
     log.unlink()
     assert first_s() == 1.0
 
@@ -92,7 +100,6 @@ def test_of_a_comparison_one_run_is_named(small_session, tmp_path):
         ("-o", "a.txt"),
         ("-o", "a.tum", "-o", "b.tum"),
         ("-o", "a.tum", "--only", "x"),
-        ("-o", "a.csv", "--t-offset", "nan"),
     ],
 )
 def test_bad_options_are_usage_errors(saved, words):
@@ -133,13 +140,10 @@ def test_a_converted_log_gives_the_same_figures(small_session, tmp_path):
     assert figures[0] == figures[1]
 
 
-def test_convert_keeps_the_clock_unless_told(small_session, tmp_path):
+def test_convert_keeps_the_clock(small_session, tmp_path):
     first = [json.loads(line)["t"] for line in small_session.read_text().splitlines()[1:2]]
-    for option, expected in ((("--t-offset", "100"), first[0] + 100), ((), first[0])):
-        run("convert", small_session, tmp_path / "b.log", "--force", *option)
-        assert json.loads((tmp_path / "b.log").read_text().splitlines()[1])["t"] == expected
-    assert "expected" in failure("convert", small_session, tmp_path / "c.log", "--t-offset", "1e15")
-    assert not (tmp_path / "c.log").exists()
+    run("convert", small_session, tmp_path / "b.log")
+    assert json.loads((tmp_path / "b.log").read_text().splitlines()[1])["t"] == first[0]
 
 
 def test_convert_keeps_going_when_told_so(small_session, tmp_path):
@@ -152,9 +156,7 @@ def test_convert_keeps_going_when_told_so(small_session, tmp_path):
     assert SessionLog(tmp_path / "b.log").count_pictures() == 14
 
 
-@pytest.mark.parametrize(
-    "words", [("b.txt",), ("b.log", "--pictures", "gif"), ("b.log", "--t-offset", "inf")]
-)
+@pytest.mark.parametrize("words", [("b.txt",), ("b.log", "--pictures", "gif")])
 def test_convert_refuses_bad_options(small_session, words):
     done = run("convert", small_session, *words, expect=2)
     assert "Error: " in done.stderr
