@@ -34,8 +34,8 @@ class Lightness:
         return {"feature": "mean of each color plane"}
 """,
         "mcl/sensor/descriptors/registry.py": (
-            ("from .smoothed import", "from .lightness import Lightness\n"),
-            ("    Smoothed(),\n", "    Lightness(),\n"),
+            ("from .tiny import", "from .lightness import Lightness\n"),
+            ("    Tiny(),\n", "    Lightness(),\n"),
         ),
     },
     "resampler": {
@@ -95,7 +95,7 @@ class ClockPanel(Panel):
 """,
         "maurice_viz/panels/registry.py": (
             ("from .events import", "from .clock import ClockPanel\n"),
-            ("    SensorsPanel,\n    WordsPanel,", "    ClockPanel,\n"),
+            ("    EventsPanel,\n    WordsPanel,", "    ClockPanel,\n"),
         ),
     },
     "event": {

@@ -13,7 +13,7 @@ from maurice_loaders.calibration_trials import covered_pictures
 from maurice_mcl.fitting.motion import calibrate
 from maurice_mcl.fitting.sensor import noise_floor
 from maurice_mcl.fitting.statistics import Fitted
-from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.values.arrays import F32
 from maurice_viz.plots.calibration import FIGURES as OF_MOTION
 from maurice_viz.plots.calibration import INK, ShownFit, motion_figure, noise_figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maurice_mcl.fitting.sensor import COLORS
-from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F32, F64
 from maurice_viz.plots.calibration import HATCHES, INK, RGB, dress

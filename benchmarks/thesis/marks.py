@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maurice_mcl.fitting.sensor import COLORS
-from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import INK, RGB, dress

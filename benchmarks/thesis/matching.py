@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from maurice_mcl.fitting.sensor import stretched
-from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.sensor.descriptors.histograms import edge_image
 from maurice_mcl.values.arrays import F32
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz.plots.calibration import INK, dress

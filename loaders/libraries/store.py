@@ -11,8 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.sensor.descriptors.channel import Channel
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, describe
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena, open_arena

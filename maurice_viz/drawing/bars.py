@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from maurice_mcl.sensor.descriptors.channel import BINS
+from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.sensor.distances import DISTANCES, contributions
 from maurice_mcl.values.library import ChannelIndex
 

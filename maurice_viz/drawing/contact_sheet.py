@@ -16,7 +16,7 @@ import numpy as np
 
 from maurice_loaders.errors import PictureError
 from maurice_loaders.files.pictures import decode_picture, picture_file
-from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.sensor.descriptors.histograms import edge_image
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import Comparison

@@ -12,7 +12,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.sensor.descriptors.histograms import edge_image
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import contributions
 from maurice_mcl.values.arrays import F32, U8

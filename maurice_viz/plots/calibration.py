@@ -16,7 +16,7 @@ from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_mcl.fitting.motion import Calibration, Trials
 from maurice_mcl.fitting.sensor import COLORS, NoiseFloor, stretched
 from maurice_mcl.fitting.statistics import Fitted, Spread
-from maurice_mcl.sensor.descriptors.channel import BINS, LOW, WIDTH
+from maurice_mcl.sensor.descriptors.histograms import BINS, LOW, WIDTH
 from maurice_mcl.values.arrays import F64
 
 from ..style import Units

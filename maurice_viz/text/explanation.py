@@ -24,7 +24,7 @@ from maurice_mcl.reasons.explanation import (
     where_lost,
 )
 from maurice_mcl.sensor.descriptors import chromaticity, color_grid, hog, tiny
-from maurice_mcl.sensor.descriptors.channel import BINS, HIGH, LOW, WIDTH
+from maurice_mcl.sensor.descriptors.histograms import BINS, HIGH, LOW, WIDTH
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 
 from ..style import Scale

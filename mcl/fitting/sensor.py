@@ -14,7 +14,7 @@ import numpy as np
 
 from ..library.left_out import LeftOutTable, log_scores
 from ..sensor.ahead import KnownDescriptors, measured
-from ..sensor.descriptors.channel import BINS, LOW, WIDTH, camera_histogram
+from ..sensor.descriptors.histograms import BINS, LOW, WIDTH, camera_histogram
 from ..sensor.model import SensorModel
 from ..sensor.references import ReferenceLookup
 from ..values.arrays import F32, F64, I32, U8

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..sensor.distances import contributions
-from ..sensor.model import BLENDS, QUALITIES, SensorModel
+from ..sensor.model import BLENDS, SensorModel
 from ..values.arrays import F32, F64, I32
 from ..values.geometry import angle_between
 from ..values.records import Comparison, StepRecord
@@ -256,10 +256,8 @@ def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
     p, names = sensor.parameters, comparison.channels
     weights = np.array([p.weights[name] for name in names])
     scales = np.array([p.scale_of(name) for name in names])
-    blend, quality = BLENDS[p.blend], QUALITIES[p.quality]
-    alone = [
-        blend(comparison.distances, row, scales, quality).distance for row in np.eye(len(names)) * weights
-    ]
+    blend, rows = BLENDS[p.blend], np.eye(len(names)) * weights
+    alone = [blend(comparison.distances, row, scales).distance for row in rows]
     parts = np.stack(alone).astype(np.float64)
     total = parts.sum(axis=0)
     share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)

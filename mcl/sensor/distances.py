@@ -33,18 +33,6 @@ def thesis(sample: F32, index: ChannelIndex) -> F32:
     return _by_blocks(over_floor, sample, index.references, inverse / np.float32(len(sample)))
 
 
-def relevance_only(sample: F32, index: ChannelIndex) -> F32:
-    """The thesis's distance without its noise floor, to see the effect of the floor."""
-    bare = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
-    return thesis(sample, bare)
-
-
-def floor_only(sample: F32, index: ChannelIndex) -> F32:
-    """The thesis's distance with every bin of equal weight, to see the effect of relevance."""
-    over = np.abs(index.references - sample) - index.noise_floor
-    return np.asarray(np.maximum(over, 0).mean(axis=1), np.float32)
-
-
 def l1(sample: F32, index: ChannelIndex) -> F32:
     """Mean of |s - r| (Swain and Ballard's intersection, 1991, is one minus half of it for shares)."""
     equal = np.full(len(sample), 1 / max(len(sample), 1), np.float32)
@@ -100,8 +88,6 @@ def _by_blocks(size_of: Callable[[F32], F32], sample: F32, references: F32, weig
 
 DISTANCES: Mapping[str, Distance] = {
     "thesis": thesis,
-    "relevance_only": relevance_only,
-    "floor_only": floor_only,
     "l1": l1,
     "l2": l2,
     "chi2": chi2,
@@ -112,14 +98,9 @@ DISTANCES: Mapping[str, Distance] = {
 def contributions(distance: str, sample: F32, reference: F32, index: ChannelIndex) -> F32:
     """Return what each element (D,) adds; the mean is the distance (of "l2", "hellinger": squared)."""
     gap = np.abs(reference - sample)
-    over = np.maximum(gap - index.noise_floor, 0)
     match distance:
         case "thesis":
-            return _share(over, index.relevance)
-        case "relevance_only":
-            return _share(gap, index.relevance)
-        case "floor_only":
-            return np.asarray(over, np.float32)
+            return _share(np.maximum(gap - index.noise_floor, 0), index.relevance)
         case "l2":
             return np.asarray(np.square(gap), np.float32)
         case "chi2":

@@ -1,6 +1,6 @@
 """The sensor model: from a frame to the likelihood of every library entry, and of every particle.
 
-Distance, blend, quality and likelihood are chosen by name. Fusion takes distances (C, L), weights (C,) and
+Distance, blend and likelihood are chosen by name. Fusion takes distances (C, L), weights (C,) and
 scales (C,), and returns a fused distance (L,) and its quality (L,) in [0, 1], 1 for a perfect match. Only the
 last step depends on the particles: the cost of comparing does not grow with their number.
 """
@@ -39,8 +39,7 @@ class Blended:
     quality: F32  # (L,) in [0, 1]
 
 
-Quality = Callable[[F32], F32]
-Blend = Callable[[F32, F64, F64, Quality], Blended]
+Blend = Callable[[F32, F64, F64], Blended]
 
 
 def relative_quality(distances: F32) -> F32:
@@ -50,41 +49,22 @@ def relative_quality(distances: F32) -> F32:
     return np.asarray(1 - share, np.float32)
 
 
-def absolute_quality(distances: F32) -> F32:
-    """Return 1 - D (..., L), at least 0 (the thesis's other reading, 4.2); comparable between pictures."""
-    return np.asarray(np.clip(1 - distances, 0, 1), np.float32)
-
-
-QUALITIES: Mapping[str, Quality] = {"relative": relative_quality, "absolute": absolute_quality}
-
-
-def calibrated(distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality) -> Blended:
+def calibrated(distances: F32, weights: F64, scales: F64) -> Blended:
     """Return the sum of weight * D / scale, in nats: as if channels erred independently."""
     total = np.asarray((weights / scales) @ distances, np.float32)
     return Blended(total, relative_quality(total))
 
 
-def weighted_sum(distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality) -> Blended:
+def weighted_sum(distances: F32, weights: F64, scales: F64) -> Blended:
     """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5)."""
     spread = distances.std(axis=1, dtype=np.float64)
     tells = spread > LEAST_RELATIVE_SPREAD * distances.max(axis=1)
     scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)
     total = np.asarray(scale @ distances, np.float32)
-    if len(distances) == 1:  # one channel keeps its own unit, which an absolute quality needs
-        return Blended(total, quality(distances)[0])
-    return Blended(total, relative_quality(total))
+    return Blended(total, relative_quality(distances[0] if len(distances) == 1 else total))
 
 
-def weighted_product(
-    distances: F32, weights: F64, scales: F64, quality: Quality = relative_quality
-) -> Blended:
-    """Return the product of qualities (0.001 at least) to the power of their weights (thesis 4.2.5)."""
-    logs = np.log(np.maximum(quality(distances), np.float32(LEAST_QUALITY)))
-    total = np.asarray(weights @ logs, np.float32)
-    return Blended(-total, np.exp(total))
-
-
-BLENDS: Mapping[str, Blend] = {"calibrated": calibrated, "sum": weighted_sum, "product": weighted_product}
+BLENDS: Mapping[str, Blend] = {"calibrated": calibrated, "sum": weighted_sum}
 
 
 # Likelihood: from the fused distance to a log-likelihood.
@@ -116,7 +96,6 @@ class SensorParameters:
     )
     likelihood: Annotated[str, choice(*LIKELIHOODS)] = "exponential"
     blend: Annotated[str, choice(*BLENDS)] = "calibrated"
-    quality: Annotated[str, choice(*QUALITIES)] = "relative"
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
     scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
     widening: Annotated[float, number(1, 1e6)] = (
@@ -146,7 +125,7 @@ class SensorParameters:
         for channel in self.weights:
             if channel not in POSE_SENSORS:
                 DISTANCES[self.distance_of(channel)]
-        BLENDS[self.blend], QUALITIES[self.quality], LIKELIHOODS[self.likelihood]
+        BLENDS[self.blend], LIKELIHOODS[self.likelihood]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -225,8 +204,7 @@ class SensorModel:
         distances = np.stack(measured)
         weights = np.array([weights_of[name] for name in names])
         scales = np.array([p.scale_of(name) for name in names])
-        quality = QUALITIES[p.quality]
-        blended = BLENDS[p.blend](distances, weights, scales, quality)
+        blended = BLENDS[p.blend](distances, weights, scales)
         log_likelihood = LIKELIHOODS[p.likelihood](blended, p.sharpness)
         if p.outlier_cost > 0:
             log_likelihood = np.logaddexp(log_likelihood, np.float32(-p.outlier_cost))
@@ -236,7 +214,7 @@ class SensorModel:
             channels=names,
             descriptors=descriptors,
             distances=distances,
-            channel_quality=quality(distances),
+            channel_quality=relative_quality(distances),
             quality=blended.quality[:entries],
             channel_cost=channel_cost,
             cost=np.asarray(weights @ channel_cost, np.float32),

@@ -1,8 +1,7 @@
-"""Channels: what is measured in a picture. One file per channel.
+"""Channels: what is measured in a picture. One file per channel; those of the CMUcam2's histogram share one.
 
-- `channel`: what every channel does, and the CMUcam2's histogram
-- `registry`: all channels by name, `CHANNELS`; named sets of them with weights, `FEATURES`
-- colors of the whole picture: `color`, `smoothed`, `blurred`, `cumulative`, `chromaticity`
-- colors by place in the picture: `color_grid`, `tiny`
-- edges: `edges`, `hog`
+- `registry`: what every channel does; all by name, `CHANNELS`; named sets of them with weights, `FEATURES`
+- `histograms`: `color`, `edges`, `smoothed`, `blurred`, `cumulative`
+- `chromaticity`: colors of the whole picture without its brightness
+- colors by place in the picture: `color_grid`, `tiny`; edges: `hog`
 """

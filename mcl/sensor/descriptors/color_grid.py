@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ...values.arrays import F32, U8
-from .channel import HIGH, LOW
+from .histograms import HIGH, LOW
 
 COLUMNS, ROWS, BINS = 4, 3, 8
 

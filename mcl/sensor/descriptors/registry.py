@@ -10,31 +10,51 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Protocol
 
 import numpy as np
 
 from ...values.arrays import F32, U8
 from ..distances import DISTANCES
-from .blurred import Blurred
-from .channel import Channel
 from .chromaticity import Chromaticity
-from .color import Color
 from .color_grid import ColorGrid
-from .cumulative import Cumulative
-from .edges import Edges
+from .histograms import HISTOGRAMS
 from .hog import Hog
-from .smoothed import Smoothed
 from .tiny import Tiny
 
 GROUP = "maurice_replay.channels"
 NAME = re.compile("[a-z][a-z0-9_]*")  # used on the command line, in TOML and in file names
 
+
+class Channel(Protocol):
+    """Measures a picture as one vector that is compared with a reference's, element by element."""
+
+    @property
+    def name(self) -> str:
+        """Lower-case name, used on the command line and in files."""
+        ...
+
+    @property
+    def distance(self) -> str:
+        """Name of its default distance, see `sensor.distances`; a user may choose another."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """The unit of the vector's elements in a word or two, for the titles of charts."""
+        ...
+
+    def describe(self, image: U8) -> F32:
+        """Return (D,) float32, finite and >= 0, of a picture (H, W, 3) RGB; D is always the same."""
+        ...
+
+    def parameters(self) -> dict[str, Any]:
+        """Return everything that affects `describe`, as JSON; part of every cache key."""
+        ...
+
+
 OURS: tuple[Channel, ...] = (
-    Color(),
-    Edges(),
-    Smoothed(),
-    Blurred(),
-    Cumulative(),
+    *HISTOGRAMS,
     Chromaticity(),
     ColorGrid(),
     Tiny(),
@@ -115,8 +135,6 @@ SCALES: Mapping[str, Mapping[str, float]] = {
         "l2": 1.307,
         "chi2": 0.401,
         "thesis": 0.0198,
-        "floor_only": 0.584,
-        "relevance_only": 0.0220,
     },
     "edges": {"hellinger": 0.0751, "l1": 0.146, "thesis": 0.0236},
     "smoothed": {"hellinger": 0.169, "l1": 0.779, "thesis": 0.0224},

@@ -98,18 +98,13 @@ def errors_px(bundle: Bundle, views: Views) -> F64:
     return np.where(seen.depth > 0.05, np.hypot(*(seen.pixels - views.pixels).T), np.inf)
 
 
-def weights_of(error_px: F64, soft_px: float = SOFT_PX) -> F64:
-    """Return the weights (O,) of residuals: 1, less and less beyond `soft_px`."""
-    return np.asarray(1 / (1 + (error_px / soft_px) ** 2))
-
-
 def _step(bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance) -> tuple[Bundle, F64]:
     """One step of Gauss and Newton with a little damping."""
     count, places = len(bundle.points), len(bundle.poses)
     seen = bundle.seen(views)
     off = views.pixels - seen.pixels
     error = np.hypot(*off.T)
-    weight = np.where(seen.depth > 0.05, weights_of(error), 0.0)
+    weight = np.where(seen.depth > 0.05, 1 / (1 + (error / SOFT_PX) ** 2), 0.0)
     root = np.sqrt(weight)[:, None]
     off = (off * root).reshape(-1)
     derivatives = seen.by_pose, seen.by_point, seen.by_camera

@@ -19,7 +19,7 @@ OVERLAPPING_REFERENCES = 12  # of a reference: those whose views overlap most wi
 LEAST_OVERLAP_SHARE = 0.15
 FAN_RAD = np.radians([-20.0, -10.0, 0.0, 10.0, 20.0])  # sample points of a view, from its middle
 FAN_SPACINGS = (1.5, 3.0, 6.0)  # how far away they are, in spacings of the library
-HALF_VIEW_RAD = float(np.radians(28))  # of a camera whose view is not known: half of it
+HALF_VIEW_RAD = float(np.radians(28))  # half of what a camera is taken to see
 MOST_TURNED_RAD = float(np.radians(75))  # SIFT does not recognize things seen from further around
 RATIO_TEST = 0.85  # of the second distance that the first has to stay under
 MOST_DESCRIPTOR_DISTANCE = 0.75  # distance of descriptors of one thing; two of length one are at most 2 apart
@@ -48,7 +48,7 @@ def spread_out(poses: F64, most: int) -> NDArray[np.intp]:
     return kept
 
 
-def overlapping(poses: F64, yaw_rad: float, half_view_rad: float = HALF_VIEW_RAD) -> NDArray[np.intp]:
+def overlapping(poses: F64, yaw_rad: float) -> NDArray[np.intp]:
     """Return pairs (P, 2) of references whose views overlap, the first number smaller.
 
     Of each reference (L, 3) the `NEIGHBORS` others are kept that see most of what it sees.
@@ -67,7 +67,7 @@ def overlapping(poses: F64, yaw_rad: float, half_view_rad: float = HALF_VIEW_RAD
         way = fan[i] - poses[near, None, :2]
         bearing = wrap(np.arctan2(way[..., 1], way[..., 0]) - headings[near, None])
         range_m = np.hypot(way[..., 0], way[..., 1])
-        seen = (np.abs(bearing) < half_view_rad) & (range_m > 0.3 * apart_m) & (range_m < 1.3 * ranges[-1])
+        seen = (np.abs(bearing) < HALF_VIEW_RAD) & (range_m > 0.3 * apart_m) & (range_m < 1.3 * ranges[-1])
         share = seen.mean(axis=1)
         best = np.argsort(-share, kind="stable")[:OVERLAPPING_REFERENCES]
         pairs += [(min(i, j), max(i, j)) for j in near[best[share[best] >= LEAST_OVERLAP_SHARE]]]
@@ -91,7 +91,7 @@ def pairwise(keypoints: Sequence[Keypoints], pairs: NDArray[np.intp]) -> tuple[N
     return np.concatenate(edges), np.concatenate(distances)
 
 
-def mutual(product: F32, ratio: float = RATIO_TEST) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
+def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
     """Match by products (A, B) of descriptors: each the other's nearest and clearly nearer than the next.
 
     Returns the numbers of both and their distances.
@@ -103,7 +103,7 @@ def mutual(product: F32, ratio: float = RATIO_TEST) -> tuple[NDArray[np.intp], N
     near = np.sqrt(np.maximum(2 - 2 * rows[line, there], 0))
     rows[line, there] = -1
     following = np.sqrt(np.maximum(2 - 2 * rows.max(axis=1, initial=-1), 1e-9))
-    kept = (near < ratio * following) & (near < MOST_DESCRIPTOR_DISTANCE)
+    kept = (near < RATIO_TEST * following) & (near < MOST_DESCRIPTOR_DISTANCE)
     return here[kept], there[kept], near[kept].astype(np.float32)
 
 

@@ -84,10 +84,10 @@ def test_another_channel_code_or_parameter_is_another_descriptor(
 ) -> None:
     known = filled(tmp_path / FILE)
     assert len({module.channel_checksum(name) for name in CHANNELS}) == len(CHANNELS)
-    monkeypatch.setattr(type(CHANNELS["edges"]), "parameters", lambda self: {"changed": 1})
+    monkeypatch.setattr(type(CHANNELS["chromaticity"]), "parameters", lambda self: {"changed": 1})
     module.channel_checksum.cache_clear()
     try:
-        assert set(CHANNELS) - set(known.find(IMAGES[0], CHANNELS)) == {"edges"}
+        assert set(CHANNELS) - set(known.find(IMAGES[0], CHANNELS)) == {"chromaticity"}
     finally:
         monkeypatch.undo()
         module.channel_checksum.cache_clear()

@@ -50,12 +50,12 @@ def test_what_is_shown_reads_back_to_the_same(tmp_path, preset):
 
 def test_every_layer_is_named_where_it_wins(tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text("particles = 700\n[sensor]\nsharpness = 2\nblend = 'product'\n")
+    file.write_text("particles = 700\n[sensor]\nsharpness = 2\nblend = 'sum'\n")
     shown = _run("--preset", "thesis", "--config", file, MAURICE_FILTER_SENSOR__SHARPNESS="3").stdout
     for line in (
         f"particles = 700  # from {file}",
         "sharpness = 3.0  # from MAURICE_FILTER_SENSOR__SHARPNESS",
-        f'blend = "product"  # from {file}',
+        f'blend = "sum"  # from {file}',
         'method = "nearest"  # from preset thesis',
         "below = 0.5  # from default",
     ):

@@ -48,7 +48,6 @@ def test_unknown_names_are_refused(world, choice):
         {"weights": {"smell": 1.0}},
         {"blend": "shaken"},
         {"likelihood": "none"},
-        {"quality": "fine"},
         {"distances": {"color": "far"}},
     ],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from maurice_mcl.fitting.sensor import noise_floor, stretched
-from maurice_mcl.sensor.descriptors.color import Color
+from maurice_mcl.sensor.descriptors.histograms import camera_histogram
 from maurice_mcl.values.arrays import U8
 
 
@@ -16,7 +16,7 @@ def dark(seed: int) -> U8:
 def test_mean_and_sd_are_those_of_the_frames_histograms():
     frames = [dark(seed) for seed in range(5)]
     found = noise_floor(iter(frames))
-    histograms = np.array([Color().describe(frame) for frame in frames], np.float64)
+    histograms = np.array([camera_histogram(frame) for frame in frames], np.float64)
     assert found.frames == 5
     assert found.mean == pytest.approx(histograms.mean(axis=0))
     assert found.sd == pytest.approx(histograms.std(axis=0, ddof=1))

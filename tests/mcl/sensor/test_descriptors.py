@@ -6,10 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from maurice_mcl.sensor.descriptors.channel import camera_histogram
-from maurice_mcl.sensor.descriptors.edges import edge_image
+from maurice_mcl.sensor.descriptors.histograms import KERNEL, camera_histogram, edge_image, smooth
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.sensor.descriptors.smoothed import KERNEL, smooth
 from maurice_mcl.sensor.distances import DISTANCES
 
 EACH = pytest.mark.parametrize("name", sorted(CHANNELS))

@@ -9,11 +9,9 @@ from maurice_mcl.sensor.distances import (
     DISTANCES,
     chi2,
     contributions,
-    floor_only,
     hellinger,
     l1,
     l2,
-    relevance_only,
     thesis,
 )
 from maurice_mcl.values.library import ChannelIndex
@@ -43,8 +41,6 @@ def _small():
     [
         # |s - r| is (4, 3, 1, 1) and (5, 0, 1, 2) for the sample (4, 1, 1, 2)
         (thesis, [(3 / 10 + 2.5 / 4) / 4, (4 / 10) / 4]),
-        (relevance_only, [(4 / 10 + 3 / 4 + 1 / 2) / 4, (5 / 10 + 2 / 2) / 4]),
-        (floor_only, [(3 + 2.5 + 1) / 4, (4 + 1) / 4]),
         (l1, [9 / 4, 8 / 4]),
         (l2, [np.sqrt(27 / 4), np.sqrt(30 / 4)]),
         (chi2, [(16 / 4 + 9 / 5 + 1 / 1 + 1 / 3) / 4, (25 / 13 + 1 / 1 + 4 / 2) / 4]),
@@ -116,10 +112,6 @@ def _naive(sample, index):
 def test_the_thesiss_formula_and_its_parts():
     assert thesis(_sample(), _index()) == pytest.approx(_naive(_sample(), _index()), rel=1e-5)
     index = _index()
-    without_floor = ChannelIndex(index.references, np.zeros_like(index.noise_floor), index.relevance)
-    assert relevance_only(_sample(), index) == pytest.approx(_naive(_sample(), without_floor), rel=1e-5)
-    alike = ChannelIndex(index.references, index.noise_floor, np.ones_like(index.relevance))
-    assert floor_only(_sample(), index) == pytest.approx(_naive(_sample(), alike), rel=1e-5)
     plain = ChannelIndex(index.references, np.zeros_like(index.noise_floor), np.ones_like(index.relevance))
     assert l1(_sample(), index) == pytest.approx(_naive(_sample(), plain), rel=1e-5)
     rng = np.random.default_rng(4)
@@ -139,12 +131,11 @@ def test_bins_without_relevance_count_nothing():
     assert contributions("thesis", _sample(), references[0], index)[10:50].max() == 0
 
 
-@pytest.mark.parametrize("distance", [thesis, floor_only])
-def test_differences_under_the_noise_floor_are_no_differences(distance):
+def test_differences_under_the_noise_floor_are_no_differences():
     index = _index()
     quiet = ChannelIndex(index.references, np.full(84, 3.0, np.float32), index.relevance)
-    assert distance(index.references[4] + np.float32(2.9), quiet)[4] == 0
-    assert distance(index.references[4] + np.float32(3.5), quiet)[4] > 0
+    assert thesis(index.references[4] + np.float32(2.9), quiet)[4] == 0
+    assert thesis(index.references[4] + np.float32(3.5), quiet)[4] > 0
 
 
 @EACH

@@ -7,7 +7,7 @@ import pytest
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
-from maurice_mcl.sensor.model import BLENDS, LIKELIHOODS, QUALITIES, SensorModel, SensorParameters
+from maurice_mcl.sensor.model import BLENDS, LIKELIHOODS, SensorModel, SensorParameters, relative_quality
 from maurice_mcl.sensor.references import interpolated_reference, nearest_reference
 from maurice_mcl.values.records import Comparison
 
@@ -32,8 +32,7 @@ def _compare(model, world, step=0):
 
 @pytest.mark.parametrize("blend", sorted(BLENDS))
 @pytest.mark.parametrize("likelihood", sorted(LIKELIHOODS))
-@pytest.mark.parametrize("quality", sorted(QUALITIES))
-def test_a_comparison_is_made_of_the_parts(world, blend, likelihood, quality):
+def test_a_comparison_is_made_of_the_parts(world, blend, likelihood):
     chosen = {"color": "l1", "tiny": "l2"}
     weights, scales = np.array([0.7, 0.3, 0.2]), np.array([0.2, 3.0, 2.0])
     parameters = SensorParameters(
@@ -41,7 +40,6 @@ def test_a_comparison_is_made_of_the_parts(world, blend, likelihood, quality):
         2.5,
         likelihood,
         blend,
-        quality,
         chosen,
         dict(zip(("edges", "color", "tiny"), scales.tolist(), strict=True)),
     )
@@ -52,8 +50,8 @@ def test_a_comparison_is_made_of_the_parts(world, blend, likelihood, quality):
     named = zip(found.channels, (CHANNELS["edges"].distance, "l1", "l2"), strict=True)
     rows = np.stack([DISTANCES[by](descriptors[name], world.library.index[name]) for name, by in named])
     assert np.array_equal(found.distances, rows)
-    assert np.array_equal(found.channel_quality, QUALITIES[quality](rows))
-    blended = BLENDS[blend](rows, weights, scales, QUALITIES[quality])
+    assert np.array_equal(found.channel_quality, relative_quality(rows))
+    blended = BLENDS[blend](rows, weights, scales)
     assert np.array_equal(found.quality, blended.quality)
     assert np.array_equal(found.log_likelihood, LIKELIHOODS[likelihood](blended, 2.5))
     assert found.channel_cost == pytest.approx(rows / scales[:, None], rel=1e-5)

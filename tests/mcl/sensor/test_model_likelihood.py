@@ -9,16 +9,12 @@ from hypothesis import strategies as st
 
 from maurice_mcl.sensor.model import (
     BLENDS,
-    LEAST_QUALITY,
     LIKELIHOODS,
-    QUALITIES,
     Blended,
-    absolute_quality,
     calibrated,
     exponential,
     power,
     relative_quality,
-    weighted_product,
     weighted_sum,
 )
 
@@ -31,11 +27,10 @@ def _distances(seed=3, entries=500):
     return np.stack([rng.gamma(2, 0.01, entries), rng.gamma(3, 0.2, entries)]).astype(np.float32)
 
 
-@pytest.mark.parametrize("quality", sorted(QUALITIES))
 @given(raw=st.lists(st.floats(0, 2, width=32), min_size=1, max_size=40))
-def test_quality_lies_between_zero_and_one_and_falls_with_distance(quality, raw):
+def test_quality_lies_between_zero_and_one_and_falls_with_distance(raw):
     distances = np.array(raw, np.float32)
-    found = QUALITIES[quality](distances)
+    found = relative_quality(distances)
     assert np.all((found >= 0) & (found <= 1))
     assert np.all(np.diff(found[distances.argsort()]) <= 0)
     assert np.all(found[distances == 0] == 1)
@@ -48,8 +43,6 @@ def test_qualities_and_nats_by_hand():
     assert relative_quality(distances * 84) == pytest.approx(relative_quality(distances), abs=1e-6)
     rows = np.stack([relative_quality(row) for row in distances])
     assert np.array_equal(relative_quality(distances), rows)
-    found = absolute_quality(np.array([0.0, 0.25, 1.0, 1.5], np.float32))
-    assert found.tolist() == [1, 0.75, 0, 0]
     distances = np.array([[0.1, 0.2, 0.0], [3.0, 0.0, 1.5]], np.float32)
     found = calibrated(distances, np.array([2.0, 0.5]), np.array([0.1, 1.5]))
     assert found.distance == pytest.approx([2 * 1 + 0.5 * 2, 2 * 2, 0.5 * 1])
@@ -67,11 +60,10 @@ def test_qualities_and_nats_by_hand():
 
 
 @EACH
-@pytest.mark.parametrize("quality", sorted(QUALITIES))
-def test_every_blend_is_finite_and_falls_where_all_distances_rise(name, quality):
+def test_every_blend_is_finite_and_falls_where_all_distances_rise(name):
     distances = np.sort(_distances(), axis=1)
     kept = distances.copy()
-    found = BLENDS[name](distances, np.array([0.3, 0.7]), np.array([0.01, 0.2]), QUALITIES[quality])
+    found = BLENDS[name](distances, np.array([0.3, 0.7]), np.array([0.01, 0.2]))
     assert np.array_equal(distances, kept)
     for values in (found.distance, found.quality):
         assert (values.shape, values.dtype) == ((500,), np.float32)
@@ -85,13 +77,13 @@ def test_every_blend_is_finite_and_falls_where_all_distances_rise(name, quality)
 @EACH
 def test_blends_do_not_care_about_order_or_silent_channels(name):
     weights, scales = np.array([0.3, 0.7]), np.array([0.01, 0.2])
-    once = BLENDS[name](_distances(), weights, scales, relative_quality)
-    other = BLENDS[name](_distances()[::-1], weights[::-1], scales[::-1], relative_quality)
+    once = BLENDS[name](_distances(), weights, scales)
+    other = BLENDS[name](_distances()[::-1], weights[::-1], scales[::-1])
     assert other.distance == pytest.approx(once.distance, rel=1e-5)
     assert other.quality == pytest.approx(once.quality, abs=1e-5)
     scales = np.array([0.01, 0.2])
-    both = BLENDS[name](_distances(), np.array([0.0, 1.0]), scales, relative_quality)
-    alone = BLENDS[name](_distances()[1:], np.ones(1), scales[1:], relative_quality)
+    both = BLENDS[name](_distances(), np.array([0.0, 1.0]), scales)
+    alone = BLENDS[name](_distances()[1:], np.ones(1), scales[1:])
     assert both.quality == pytest.approx(alone.quality, abs=1e-5)
 
 
@@ -117,25 +109,9 @@ def test_a_channel_that_tells_nothing_apart_has_no_say_in_the_sum(dull):
     assert found.quality == pytest.approx(relative_quality(distances[0]), abs=1e-5)
 
 
-@pytest.mark.parametrize("quality", sorted(QUALITIES))
-def test_the_sum_of_one_channel_is_its_own_quality(quality):
-    rule = QUALITIES[quality]
-    found = weighted_sum(_distances()[:1], np.array([0.4]), np.ones(1), rule)
-    assert np.array_equal(found.quality, rule(_distances()[0]))
-
-
-def test_products_by_hand():
-    distances = np.array([[0.0, 0.5, 0.75], [0.4, 0.0, 0.9]], np.float32)
-    found = weighted_product(distances, np.array([1.0, 2.0]), ONES, absolute_quality)
-    expected = [1 * 0.6**2, 0.5 * 1, 0.25 * 0.1**2]
-    assert found.quality == pytest.approx(expected, rel=1e-5)
-    assert found.distance == pytest.approx(-np.log(expected), rel=1e-5, abs=1e-6)
-    distances = np.array([[0.0, 5.0], [0.0, 0.0]], np.float32)
-    found = weighted_product(distances, ONES, ONES, absolute_quality)
-    assert found.quality == pytest.approx([1, LEAST_QUALITY], rel=1e-5)
-    distances = np.array([[0.5, 0.0], [0.5, 0.95]], np.float32)
-    product = weighted_product(distances, ONES, ONES, absolute_quality).quality
-    assert product[0] > 4 * product[1], "0.5 x 0.5 against 1 x 0.05, of nearly equal sums"
+def test_the_sum_of_one_channel_is_its_own_quality():
+    found = weighted_sum(_distances()[:1], np.array([0.4]), np.ones(1))
+    assert np.array_equal(found.quality, relative_quality(_distances()[0]))
     found = weighted_sum(np.full((2, 9), 0.2, np.float32), np.array([0.5, 0.5]), ONES)
     assert np.array_equal(found.quality, np.ones(9))
 
