@@ -86,6 +86,11 @@ class RunPaths:
         return self.at("belief", "estimate")
 
     @property
+    def name(self) -> str:
+        """The run's name above its estimate: Points2D."""
+        return self.at("name")
+
+    @property
     def ellipses(self) -> str:
         """Two standard deviations of the weighted cloud: LineStrips2D."""
         return self.at("belief", "estimate", "ellipses")

@@ -31,6 +31,7 @@ from ..style import (
     Scale,
     copy_colors,
     faint,
+    font_safe,
     heading_vector,
     packed,
     weight_colors,
@@ -218,6 +219,9 @@ def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLO
     return PoseMarker(path, color, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
 
 
+NAME_ABOVE, NAME_ROW = 0.08, 0.055  # of the arena's long side: a name above its estimate, and the next run's
+
+
 class EstimatePanel(Panel):
     """Draws the scored estimate."""
 
@@ -225,9 +229,19 @@ class EstimatePanel(Panel):
         super().__init__(run, scene)
         self._marker = estimate_marker(run.paths.estimate, scene.arena, scene.scale, run.color)
         self._last: F64 | None = None  # the estimate before
+        above = (NAME_ABOVE + run.number * NAME_ROW) * long_side(scene.arena, scene.scale)
+        self._above = np.array([0.0, -above], np.float32)  # each run's own, or names would cover each other
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         self._marker.prepare(rec)
+        name = rr.Points2D.from_fields(
+            colors=[self._run.color],
+            radii=rr.components.Radius.ui_points(0.0),
+            labels=[font_safe(self._run.label)],
+            show_labels=True,
+            draw_order=55.0,
+        )
+        rec.log(self._paths.name, name, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the estimated pose, which is known once the cloud is weighted; before that there is none."""
@@ -242,6 +256,8 @@ class EstimatePanel(Panel):
         self._last = pose
         set_phase(rec, update.moment, Phase.WEIGHT)
         self._marker.draw(rec, pose, bool(jumped))
+        at = self._scale.screen(pose[None, :2]) + self._above
+        rec.log(self._paths.name, row_of(rr.Points2D, positions=points_of(at)))
 
 
 SIGMAS = 2.0  # an ellipse reaches so many standard deviations

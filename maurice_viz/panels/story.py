@@ -17,9 +17,10 @@ from ..drawing.canvas import map_extent
 from ..entities import ERROR_UNIT, LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, phase_number
 from ..scene import RunView, Scene
 from ..style import STATES, font_safe
+from ..text.headline import headline
 from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
-from ..text.verdict import NOTHING_YET, verdict_line
+from ..text.verdict import NOTHING_YET
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
 from .traces import LINE, POSITION_ERROR, SPREAD
 from .views import MAP, Overrides, labeled, plane_view
@@ -67,7 +68,7 @@ class VerdictDrawing:
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._scale, self._live = rec, scene.scale, scene.live
-        self._words = words(runs)
+        self._words = words(runs, scene.has_truth)
         self._times_s: dict[int, float] = {}  # of each step
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET)
@@ -81,7 +82,7 @@ class VerdictDrawing:
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, and the step to look at."""
         step = decisive_step(verdicts)
-        self._log(f"{verdict_line(verdicts, self._scale)} Look at **step {step}**.")
+        self._log(f"{headline(verdicts, self._scale)} Look at **step {step}**.")
         failures = {
             label: [failure_json(failure, self._scale) for failure in verdict.failures]
             for label, verdict in verdicts.items()
@@ -124,8 +125,7 @@ def story_map(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     overrides: Overrides = {}
     for run in runs:
         cloud = run.paths.particles if len(runs) == 1 else entities.cloud_of(run.label)
-        contents += [cloud, run.paths.estimate, run.paths.ellipses]
-        overrides[run.paths.estimate] = labeled(font_safe(run.label))
+        contents += [cloud, run.paths.estimate, run.paths.ellipses, run.paths.name]
         overrides[cloud] = rr.Points2D.from_fields(
             colors=[run.color], radii=rr.components.Radius.ui_points(DOT)
         )

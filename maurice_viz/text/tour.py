@@ -19,17 +19,17 @@ NAMES = {
     FOUND: "localized",
     DIVIDED: "two places look alike",
     LOST: "it goes wrong",
-    SURE: "sure and wrong",
+    SURE: "sure of a wrong place",
     BACK: "localized again",
     ENDS: "the end",
 }
-WENT_ON = "Map: the dots (particles) moved as odometry says; the white disk (the truth) hardly moved."
+WENT_ON = "The dots moved as odometry says; the white disk hardly moved."
 LOOKS = {
-    CARRIED: "Map: the white disk (the truth) jumps. The dots (particles) do not: odometry has not seen it.",
-    JUMPED: "Map: the white disk (the truth) jumps. The dots (particles) do not: odometry has not seen it.",
+    CARRIED: "The white disk jumps; the dots do not: odometry did not feel it.",
+    JUMPED: "The white disk jumps; the dots do not: odometry did not feel it.",
     SLIPPED: WENT_ON,
     OVERSTATED: WENT_ON,
-    DARK: "The camera, on the right, is dark. The best match below it can be any place now.",
+    DARK: "The camera is dark. The best match beside it can be any place now.",
 }
 
 
@@ -38,25 +38,23 @@ DRAWS = {
     EVENLY: "draws new dots anywhere once no dot fits",
     LIKELY: "draws new dots where the picture fits",
 }
-DOT = "**Dot**: a particle, one guess of the pose. **Weight**: how well it fits."
-RING = "**Ring**: a group of dots (mode); mode switch: another is heaviest now."
-DIP = "**ESS dip**: few dots hold most of the weight."
-SIGMA = "**2 sigma**: an oval around most dots"
-BEYOND = "; 3 sigma: the truth is far outside it"
-MATCH = "**q**: likeness to a reference, 0 to 1. **Fresh**: dots drawn anew (reseeded)."
+DOT = "A **dot** is one guess of where the robot is (a particle); an **oval** holds most of a run's dots"
+TRUTH = "; the **white** disk is where the robot really is"
+CROWDED = 3  # runs beside whose pictures there is little room for words
+LANES = (
+    "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost. "
+    "Right-click a lane to go there."
+)
 
 
-def words(runs: Sequence[RunView]) -> str:
+def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
     """Explain the words of the first screen, and what tells its runs apart."""
-    single = len(runs) == 1  # whose rings and whose every event are shown
-    parts = [DOT, RING if single else "", f"{SIGMA}{BEYOND if single else ''}."]
-    if not runs[0].is_recorded:
-        parts += [DIP if single else "", MATCH]
     draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
-    if all(draws) and len(set(draws)) > 1:
+    parts = [f"{DOT}{TRUTH if has_truth else ''}.", *([LANES] if len(runs) < CROWDED else [])]
+    if all(draws) and len(set(draws)) > 1 and len(runs) < CROWDED:
         does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
         parts.insert(0, f"{'; '.join(does)}.")
-    return " ".join(part for part in parts if part)
+    return " ".join(parts)
 
 
 def tour_pages(
@@ -67,11 +65,10 @@ def tour_pages(
     Each ends with the words that are `explained`.
     """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
-    has_truth = next(iter(verdicts.values())).has_truth
     pages = []
     for number, (moment, name) in enumerate(zip(tour, names, strict=True)):
         title = f"**{number + 1} of {len(tour)} · step {moment.step}: {name}.**"
-        look = _look(moment, scale, has_truth)
+        look = _look(moment, scale)
         if number + 1 < len(tour):
             look = f"{look} Next: **step {tour[number + 1].step}**, {names[number + 1]}."
         pages.append((moment.step, "\n\n".join(part for part in (f"{title} {look}", explained) if part)))
@@ -88,7 +85,7 @@ def _name(moment: TourMoment, several: bool) -> str:
     return f"`{moment.label}` {name}" if several and moment.label else name
 
 
-def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
+def _look(moment: TourMoment, scale: Scale) -> str:
     """Return where to look at a moment, and what is seen there."""
     fact = moment.fact
     if isinstance(fact, Incident):
@@ -100,30 +97,29 @@ def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
     if isinstance(fact, SureAndWrong):
         away = scale.say(fact.error_m)
         none = "; no dot is near it" if fact.bereft else ""
-        where = f"{away} from the white disk (the truth){none}"
-        return f"Map: {fact.share:.0%} of the weight is in one place, {where}."
+        where = f"{away} from the white disk{none}"
+        return f"{fact.share:.0%} of the weight is in one place, {where}."
     if isinstance(fact, Episode):
         return _episode(moment, fact)
     if moment.kind == BEGINS:
-        truth = " White: the truth, where the robot is." if has_truth else ""
-        return f"Map: each dot is a particle, a guess of the pose.{truth} Move the time cursor at the bottom."
+        return "Move the time cursor at the bottom to follow the robot."
     if moment.kind == FOUND:
-        return "Map: the dots are together, at the white disk (the truth). The lane below turns green."
+        return "The dots are together, at the white disk. The lane turns dark green."
     if moment.kind == ENDS:
-        return "Errors, at the bottom: how far off the estimate was at each step."
-    return "Errors, at the bottom: the largest error of the drive."
+        return "The plot at the bottom has how far off the estimate was at each step."
+    return "The plot at the bottom has the largest error of the drive here."
 
 
 def _two_places(fact: Ambiguity, scale: Scale) -> str:
     truth = {0: " at neither", 1: " there", 2: " at the other one"}.get(fact.truth_in or 0, "")
-    white = "" if fact.truth_in is None else f"; the white disk (the truth) is{truth}"
+    white = "" if fact.truth_in is None else f"; the white disk is{truth}"
     distance = scale.say(fact.apart_m)
-    return f"Map: most dots are in two places, {distance} apart. The estimate is at the heavier one{white}."
+    return f"Most dots are in two places, {distance} apart. The estimate is at the heavier one{white}."
 
 
 def _episode(moment: TourMoment, episode: Episode) -> str:
     if moment.kind == LOST:
         account = f"{episode.account[:1].upper()}{episode.account[1:]}"
-        return f"{account}. Errors, at the bottom: above the red line is too far off."
+        return f"{account}. In the plot at the bottom, above the red line is too far off."
     after = f", after {episode.fresh} were drawn anew" if episode.fresh else ""
-    return f"Map: the dots are at the white disk (the truth) again{after}. The lane turns green."
+    return f"The dots are at the white disk again{after}. The lane turns dark green."

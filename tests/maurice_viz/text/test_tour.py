@@ -24,7 +24,7 @@ def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
     assert [step for step, _ in pages] == [1, 51, 54, 100]
     _, page = pages[1]
-    assert page.startswith("**2 of 4 · step 51: kidnapped.** Map: the white disk (the truth) jumps.")
+    assert page.startswith("**2 of 4 · step 51: kidnapped.** The white disk jumps")
     assert page.endswith("Next: **step 54**, localized again.")
     assert "200 were drawn anew" in pages[2][1]
     assert "Next" not in pages[-1][1]
@@ -41,9 +41,6 @@ def test_runs_that_differ_in_it_are_told_apart_by_where_they_draw_new_particles(
     thesis, robust = RunView("thesis", ("color",)), RunView("robust", ("color",))
     assert "`thesis`" not in words([thesis, robust])  # not known, of saved runs
     runs = [replace(thesis, draws_new=NEVER), replace(robust, draws_new=LIKELY)]
-    said = (
-        "`thesis` never draws new dots; `robust` draws new dots where the picture fits. **Dot**: a particle"
-    )
-    assert words(runs).startswith(said)
-    assert words(runs[:1]).startswith("**Dot**")
-    assert "**q**" not in words([RunView("amcl", ())])
+    assert words(runs).startswith("`thesis` never draws new dots; `robust` draws new dots where")
+    assert words(runs[:1]).startswith("A **dot** is one guess")
+    assert "white" not in words(runs, has_truth=False)

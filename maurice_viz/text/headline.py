@@ -1,0 +1,135 @@
+"""The headline of the first screen: the verdict on all runs in two lines of 1280 pixels, for anybody.
+
+It says what happened, to which run, and how that ended. The numbers of the verdict are in `verdict`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from maurice_mcl.reasons.causes import BEFALLING, CARRIED, CAUSES, UNKNOWN
+from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.scoring.episodes import SEARCHING, Episode
+
+from ..style import Scale
+from .verdict import NOTHING_YET, off_at
+
+TWO_LINES = 210  # letters
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a run did in the end. Runs that did the same are told together."""
+
+    did: str  # with {was} and {itself}, where several runs did it
+    value: str = ""  # a number of this run, in brackets
+    before: str = ""  # words around it
+    after: str = ""
+    alone: str = ""  # what is told after it of a single run
+
+
+def headline(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
+    """Return what happened: "Kidnapped at step 41: `thesis` stayed lost (63.5 in off at the end). ..."."""
+    runs = list(verdicts.values())
+    if not any(run.updates for run in runs):
+        return NOTHING_YET
+    groups: dict[str, list[tuple[str, Outcome]]] = {}
+    for label, verdict in verdicts.items():
+        outcome = _outcome(verdict, scale)
+        groups.setdefault(outcome.did, []).append((f"`{label}`" if len(runs) > 1 else "the filter", outcome))
+    happened = _happened(runs)
+    for detail in (2, 1, 0):  # as much as there is room for
+        text = " ".join(_sentence(group, detail) for group in groups.values())
+        text = f"{happened}: {text}" if happened else f"{text[:1].upper()}{text[1:]}"
+        if len(text) <= TWO_LINES:
+            break
+    return text
+
+
+def _sentence(group: Sequence[tuple[str, Outcome]], details: int) -> str:
+    """Return what runs did: "`a` and `b` stayed lost (63.5 in and 40.2 in off at the end)."."""
+    first = group[0][1]
+    was, itself = ("were", "themselves") if len(group) > 1 else ("was", "itself")
+    text = f"{_joined([name for name, _ in group])} {first.did.format(was=was, itself=itself)}"
+    values = list(dict.fromkeys(outcome.value for _, outcome in group if outcome.value))
+    detail = f"{first.before}{_joined(values)}{first.after}" if values and details else ""
+    detail += first.alone if len(group) == 1 and details > 1 else ""
+    return f"{text} ({detail})." if detail else f"{text}."
+
+
+def _joined(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def _happened(runs: Sequence[RunVerdict]) -> str:
+    """Return what befell all runs first: "Kidnapped at step 41"; of several kidnappings their number."""
+    carried = [incident.step for incident in runs[0].incidents if incident.kind == CARRIED]
+    if all([i.step for i in run.incidents if i.kind == CARRIED] == carried for run in runs) and carried:
+        more = f" and {len(carried) - 1} more time{'s' * (len(carried) > 2)}" if len(carried) > 1 else ""
+        return f"Kidnapped at step {carried[0]}{more}"
+    keys = [{(i.kind, i.step): i for i in run.telling_incidents} for run in runs]
+    shared = [incident for key, incident in keys[0].items() if all(key in others for others in keys)]
+    if not shared or shared[0].kind == CARRIED:
+        return ""
+    title = shared[0].about.title
+    return f"{title[:1].upper()}{title[1:]} at step {shared[0].step}"
+
+
+def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
+    """Return what one run did in the end."""
+    alone, at_end, off = verdict.odometry_alone, " at the end", off_at(verdict.end, scale)
+    if alone is not None and alone.is_better:  # a sensor that is worse than none is told first
+        error, without = scale.say(alone.error_mean_m + alone.against.mean), scale.say(alone.error_mean_m)
+        after = f" off on average, {without} without the {alone.sensors}"
+        return Outcome("did worse than odometry alone", error, after=after)
+    if not verdict.has_truth:
+        return _without_truth(verdict)
+    episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
+    if episodes:
+        return _of_episodes(verdict, episodes, scale)
+    if verdict.found is None:
+        return Outcome("{was} never localized", off, after=at_end)
+    if verdict.found > verdict.first:
+        return Outcome("found {itself}", str(verdict.found), "at step ", alone=f", {off} at the end")
+    did = "{was} right at every step" if not verdict.off else "{was} never lost"
+    return Outcome(did, scale.say(verdict.error_mean_m or 0.0), after=" off on average")
+
+
+def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale) -> Outcome:
+    """Return how the times that a run was wrong ended."""
+    last, why = episodes[-1], _why(verdict)
+    because = f"; {why}" if why else ""
+    if last.localized is None and last is verdict.episodes[-1]:
+        sure = ", sure of a wrong place" if last.is_sure else ""
+        is_lost = verdict.end is None or verdict.end.lost
+        did = "{was} never localized" if last.kind == SEARCHING else "stayed lost"
+        did = did if is_lost or last.kind == SEARCHING else "{was} not localized again"
+        return Outcome(f"{did}{sure}", off_at(verdict.end, scale), after=" at the end", alone=because)
+    if last.localized is None:
+        return Outcome("{was} lost", why)
+    step, fresh = str(last.localized), f", with {last.fresh} new particles" if last.fresh else ""
+    if last.kind == SEARCHING:
+        return Outcome("found {itself}, after a wrong place", step, "at step ", alone=fresh)
+    if len(episodes) == 1:
+        return Outcome("found {itself} again", step, "at step ", alone=f"{fresh}{because}")
+    return Outcome("{was} lost again and again", step, f"{len(episodes)} times, until step ", alone=because)
+
+
+def _why(verdict: RunVerdict) -> str:
+    """Return the cause of the first failure that no incident explains, in a word or two."""
+    is_loud = any(map(verdict.has_loud_incident, verdict.episodes))
+    kinds = [failure.kind for failure in verdict.failures if not (is_loud and failure.kind in BEFALLING)]
+    return CAUSES[kinds[0]].title if kinds and kinds[0] != UNKNOWN else ""
+
+
+def _without_truth(verdict: RunVerdict) -> Outcome:
+    """Return what can be said of a run that no truth judges."""
+    if verdict.failures:
+        failure = verdict.failures[0]
+        why = f": {CAUSES[failure.kind].title}"
+        return Outcome(
+            "{was} probably lost; no truth is known", str(failure.episode.first), "from step ", why
+        )
+    share = f"{verdict.converged_share:.0%}"
+    return Outcome("cannot be judged: no truth is known", share, "particles together at ", " of the steps")

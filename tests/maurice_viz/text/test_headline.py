@@ -1,0 +1,89 @@
+"""The headline: what happened to which run, in two lines of a small screen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, Failure
+from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.scoring.comparison import ErrorDifference
+from maurice_mcl.scoring.dead_reckoning import OdometryAlone
+from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
+from maurice_mcl.scoring.metrics import StepScore
+from maurice_viz.style import UNITS, Scale
+from maurice_viz.text.headline import TWO_LINES, headline
+
+INCHES = Scale(UNITS["in"])
+OFF, NEAR = StepScore(2.0, 0.1, True, False, True), StepScore(0.05, 0.1, True, True, False)
+GOOD = RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, error_mean_m=0.1, end=NEAR)
+STAYS = Episode("kidnapped", 61, 90, 61, 63, 64, steps=30, sure=29)
+BACK = Episode("kidnapped", 61, 62, 61, localized=63, steps=2, fresh=100)
+
+
+def wrong(*episodes, end=OFF, **more):
+    carried = tuple(Incident(CARRIED, one.first, one.first) for one in episodes if one.kind == "kidnapped")
+    return replace(GOOD, episodes=episodes, incidents=carried, end=end, **more)
+
+
+ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
+
+
+@pytest.mark.parametrize(
+    ("verdict", "facts"),
+    [
+        (RunVerdict(), ["No step yet"]),
+        (GOOD, ["The filter was right at every step", "3.9 in"]),
+        (wrong(STAYS), ["Kidnapped at step 61: the filter stayed lost, sure of a wrong place", "78.7 in"]),
+        (
+            wrong(BACK, end=NEAR),
+            ["Kidnapped at step 61", "found itself again", "step 63", "100 new particles"],
+        ),
+        (replace(GOOD, odometry_alone=ALONE), ["worse than odometry alone", "without the camera"]),
+        (RunVerdict(updates=9, converged_share=0.5), ["no truth is known", "50%"]),
+        (RunVerdict(updates=3, has_truth=True, end=OFF), ["never localized", "78.7 in off at the end"]),
+        (
+            wrong(STAYS, STAYS, end=NEAR, failures=(Failure(AMBIGUITY, 61, STAYS),)),
+            ["Kidnapped at step 61 and 1 more time", "was not localized again", "places look alike"],
+        ),
+        (
+            replace(GOOD, incidents=(Incident(DARK, 30, 40),)),
+            ["Lights out at step 30: the filter was right at every step"],
+        ),
+        (
+            RunVerdict(
+                updates=90,
+                converged_share=0.9,
+                failures=(Failure(LIGHTING, 9, Episode(PROBABLY_LOST, 9, 20, noticed=9), truth_known=False),),
+            ),
+            ["probably lost; no truth is known", "from step 9", "the light changed"],
+        ),
+    ],
+)
+def test_one_run(verdict, facts):
+    text = headline({"robust": verdict}, INCHES)
+    assert len(text) <= TWO_LINES
+    for fact in facts:
+        assert fact in text
+
+
+def test_runs_that_did_the_same_are_told_together():
+    back = wrong(BACK, end=NEAR)
+    later = wrong(replace(BACK, localized=70), end=NEAR)
+    text = headline({"a": wrong(STAYS), "b": back, "c": later, "d": wrong(STAYS)}, INCHES)
+    assert text == (
+        "Kidnapped at step 61: `a` and `d` stayed lost, sure of a wrong place (78.7 in off at the end). "
+        "`b` and `c` found themselves again (at step 63 and 70)."
+    )
+    assert headline({"a": back, "b": GOOD}, INCHES).startswith("`a` found itself again")  # of other drives
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_four_different_ends_have_room_in_two_lines(count):
+    ends = [wrong(STAYS), wrong(BACK, end=NEAR), wrong(STAYS, end=NEAR), wrong(BACK, BACK, end=NEAR)][:count]
+    labels = ["calibrated", "robust", "thesis", "refined"]
+    text = headline(dict(zip(labels, ends, strict=False)), INCHES)
+    assert len(text) <= TWO_LINES
+    assert all(f"`{label}`" in text for label in labels[:count] if count > 1)
