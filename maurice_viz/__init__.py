@@ -33,11 +33,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .app.belief import calibrate_belief as calibrate_belief
     from .app.budget import error_budget as error_budget
     from .app.calibrate import calibrate_drive as calibrate_drive
     from .app.calibrate import calibrate_motion as calibrate_motion
     from .app.calibrate import calibrate_noise as calibrate_noise
+    from .app.calibrate_belief import calibrate_belief as calibrate_belief
     from .app.check.check import check as check
     from .app.compare import compare as compare
     from .app.convert import convert as convert
@@ -73,7 +73,7 @@ _WHERE = {
     "OutputOptions": ".running.output",
     "RunScores": ".running.run",
     "build_library": ".app.library",
-    "calibrate_belief": ".app.belief",
+    "calibrate_belief": ".app.calibrate_belief",
     "calibrate_drive": ".app.calibrate",
     "calibrate_motion": ".app.calibrate",
     "calibrate_noise": ".app.calibrate",

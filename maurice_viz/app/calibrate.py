@@ -192,8 +192,8 @@ def _stands(constant: MotionConstant) -> str:
 
 
 MODELS = ("odometry", "maurice")
-MAST_M = 0.02  # a place of the truth that is nearer the wheels' center is not told
-TOLERATED = 0.01  # a scale that is surely farther from 1 is no noise
+LEAST_MAST_M = 0.02  # a place of the truth that is nearer the wheels' center is not told
+SCALE_TOLERANCE = 0.01  # a scale that is surely farther from 1 is no noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,10 +229,10 @@ class DriveCalibration:
             if not constant.told
         ]
         scales = {"ways": ("odometry_scale", fit.way_scale), "turns": ("turn_scale", fit.turn_scale)}
-        for what, (key, found) in scales.items():
-            if found is not None and (found.low > 1 + TOLERATED or found.high < 1 - TOLERATED):
-                within = f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
-                advice = f"correct that with --reading {key}={found.value:.3f} and fit again"
+        for what, (key, scale) in scales.items():
+            if scale is not None and (scale.low > 1 + SCALE_TOLERANCE or scale.high < 1 - SCALE_TOLERANCE):
+                within = f"{scale.value:.3f} ({scale.low:.3f} to {scale.high:.3f})"
+                advice = f"correct that with --reading {key}={scale.value:.3f} and fit again"
                 warnings.append(
                     f"{what} are really {within} times as measured, which counts as noise; {advice}"
                 )
@@ -248,7 +248,7 @@ def _mast_words(fit: MotionFit) -> list[str]:
     away = {
         name: place
         for name, place in places.items()
-        if place is not None and not place.holds(0) and abs(place.value) > MAST_M
+        if place is not None and not place.holds(0) and abs(place.value) > LEAST_MAST_M
     }
     if not away:
         return []

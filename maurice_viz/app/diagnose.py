@@ -34,7 +34,6 @@ NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-r
 PICTURE = r"[^/]+-step-\d+-[\w-]+(?:-explained)?\.png"
 MARK = "diagnosis.json"
 DRAWN = FolderKind("pictures of failures", MARK, "maurice-diagnosis", rf"{MARK}|{PICTURE}")
-SEEN_BEFORE, SEEN_AFTER = 2, 2  # updates around a cause that a picture or a movie shows
 
 
 @dataclass(frozen=True, slots=True, eq=False)

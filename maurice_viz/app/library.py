@@ -138,7 +138,7 @@ def build_library(
         return BuiltLibrary(built, Path(to), coverage)
 
 
-BEFORE = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with
+DEFAULT_SENSOR = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,8 +278,8 @@ class _Tuning:
     @property
     def before(self) -> dict[str, float]:
         """What a unit of distance costs in the default blend, as far as the library has its channels."""
-        there = [name for name in BEFORE.weights if name in self.library.index]
-        return {name: BEFORE.weights[name] / BEFORE.scale_of(name) for name in there}
+        there = [name for name in DEFAULT_SENSOR.weights if name in self.library.index]
+        return {name: DEFAULT_SENSOR.weights[name] / DEFAULT_SENSOR.scale_of(name) for name in there}
 
     @cached_property
     def sensor(self) -> SensorModel:

@@ -40,7 +40,7 @@ SEEDS = 20
 AS_IT_WAS = "as it was"
 BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
 STRATEGIES = ("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture")
-FOUR = 4
+TIMES_PARTICLES = 4
 MANY_TIMES = (16, 64)  # the particles, where that is
 MOST_PARTICLES = 32_000  # at most
 OUTLIER_COST: float = PRECISE["sensor.outlier_cost"]
@@ -289,8 +289,8 @@ def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
     sensors = {f"feature {name}": (BranchChange(feature=name), weights) for name, weights in FEATURES.items()}
     for name, values in PRESETS.items():
         sensors[f"preset {name}"] = BranchChange(preset=name), values["sensor.weights"]
-    more = BranchChange(preset=ROBUST, particles=FOUR * own.particles)
-    sensors[f"preset {ROBUST}, particles x{FOUR}"] = more, PRESETS[ROBUST]["sensor.weights"]
+    more = BranchChange(preset=ROBUST, particles=TIMES_PARTICLES * own.particles)
+    sensors[f"preset {ROBUST}, particles x{TIMES_PARTICLES}"] = more, PRESETS[ROBUST]["sensor.weights"]
     left_out = []
     for name, (change, weights) in sensors.items():
         missing = [channel for channel in weights if channel not in point.library.index]
@@ -303,13 +303,13 @@ def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
 
 def _clouds(particles: int) -> Iterator[tuple[str, BranchChange]]:
     """Yield other clouds to go on with, by name."""
-    four = BranchChange(particles=FOUR * particles)
-    yield f"particles x{FOUR}", four
+    larger = BranchChange(particles=TIMES_PARTICLES * particles)
+    yield f"particles x{TIMES_PARTICLES}", larger
     for times in MANY_TIMES:
         if times * particles <= MOST_PARTICLES:
             yield f"particles x{times}", BranchChange(particles=times * particles)
     yield "anywhere", BranchChange(anywhere=True)
-    yield f"anywhere, particles x{FOUR}", replace(four, anywhere=True)
+    yield f"anywhere, particles x{TIMES_PARTICLES}", replace(larger, anywhere=True)
 
 
 def _settings(own: FilterParameters) -> Iterator[tuple[str, Mapping[str, Any]]]:

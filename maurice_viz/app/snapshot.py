@@ -25,7 +25,7 @@ from ..viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headle
 PHASES = tuple(phase.name.lower() for phase in Phase)
 SMALLEST_PX, LARGEST_PX = 200, 8000
 SIZE = (1600, 1000)
-ALIKE_IN_MOVIE = 2  # equal pictures that a frame waits for: its step number stands in it, so that it moved on
+EQUAL_PICTURES = 2  # equal pictures that a frame waits for: its step number stands in it, so that it moved on
 
 
 def snapshot(
@@ -106,7 +106,7 @@ def movie(
         try:
             with film(target, fps, force=force) as frames:
                 for done, value in enumerate(values, start=1):
-                    frames.add(from_png(viewer.picture(timeline, value, ALIKE_IN_MOVIE)))
+                    frames.add(from_png(viewer.picture(timeline, value, EQUAL_PICTURES)))
                     listener.progress(done, len(values), "movie")
         except KeyboardInterrupt:
             listener.warning(f"stopped; {target} was not written")

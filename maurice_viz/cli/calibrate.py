@@ -16,13 +16,13 @@ from maurice_mcl.fitting.odometry_fit import MotionFit
 from maurice_mcl.fitting.sensor import NoiseFloor
 from maurice_mcl.fitting.statistics import LEAST_NORMAL_P, Fitted, Spread
 
-from ..app.belief import CalibratedBelief, calibrate_belief
 from ..app.calibrate import (
     MODELS,
     calibrate_drive,
     calibrate_motion,
     calibrate_noise,
 )
+from ..app.calibrate_belief import CalibratedBelief, calibrate_belief
 from ..plots.calibration import expect_matplotlib
 from ..style import Units
 from .shared import options as opt

@@ -34,12 +34,11 @@ from ...listener import Listener
 from ...playback import FilterRun
 from ...running.open import AnySession, make_runs, open_library_for, open_session, remark_skipped
 from ...running.run_spec import RunSpec
+from ...running.saved_steps import NO_PICTURE
 from ...style import Scale, scale_for
 from .baseline import BaselineRuns, DriveRuns
 from .failure import FailedRun, Replayed, failed_run
 from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, said
-
-UNSEEN = np.zeros((1, 1, 3), np.uint8)  # in place of a picture that was compared already
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -179,7 +178,7 @@ def _run_all(
     def seen() -> Iterator[Moment]:
         for moment in session.moments():
             yield moment
-            moments.append(replace(moment, frame=replace(moment.frame, image=UNSEEN)))
+            moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
             listener.progress(len(moments), total, "compare pictures")
 
     comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())

@@ -21,7 +21,7 @@ from ...running.run import Playback, play
 from ...scene import Detail, RunView, Scene
 from ..diagnose import RunDiagnosis
 
-AROUND = 10  # steps drawn before and after the first that failed
+STEPS_AROUND = 10  # steps drawn before and after the first that failed
 HARMLESS = "Only what is demanded was not met."
 DIAGNOSIS = "diagnosis"  # file, as text and as JSON
 
@@ -63,7 +63,7 @@ def failed_run(
 ) -> FailedRun:
     """Make the run of a seed again; say why it failed and, with a folder, draw the steps around an update."""
     step = replayed.steps[update]
-    steps = replayed.steps[max(update - AROUND, 0) : update + AROUND + 1]
+    steps = replayed.steps[max(update - STEPS_AROUND, 0) : update + STEPS_AROUND + 1]
     words = re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
     folder = None if artifacts is None else artifacts / words
     file = None if folder is None else folder / f"seed-{seed}-step-{step}.rrd"

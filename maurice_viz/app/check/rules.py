@@ -32,8 +32,8 @@ from ...style import Scale
 
 ROUNDING = 1e-9  # of a rate
 LEAST_PAIRS = 6  # with fewer no test of rates can tell anything
-CHANGED = 0.05  # p-value, of both sides: so 2.5 % of the checks in which nothing changed fail
-UNCHANGED_M = 0.001  # a difference of mean errors below it is none: another machine rounds otherwise
+WORSE_P = 0.05  # p-value, of both sides: so 2.5 % of the checks in which nothing changed fail
+SAME_ERROR_M = 0.001  # a difference of mean errors below it is none: another machine rounds otherwise
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +92,8 @@ class BaselineChange:
     @property
     def passed(self) -> bool:
         """Whether nothing shows that it grew worse: an error that grew, or a rate that fell."""
-        worse = self.difference > UNCHANGED_M if self.kind == ERROR else self.difference < -ROUNDING
-        return not (worse and self.p < CHANGED)
+        worse = self.difference > SAME_ERROR_M if self.kind == ERROR else self.difference < -ROUNDING
+        return not (worse and self.p < WORSE_P)
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON: meters, or rates from 0 to 1."""
@@ -226,7 +226,7 @@ def changes(
     errors = [(a.error_m, b.error_m) for a, b in pairs if a.error_m is not None and b.error_m is not None]
     if errors:
         old, new = np.array(errors, np.float64).T
-        p = p_value(partial(mean, new - old, None), UNCHANGED_M)
+        p = p_value(partial(mean, new - old, None), SAME_ERROR_M)
         changed.append(_change("mean error", ERROR, old, new, mean(new - old), p))
     for kind in (name for name in demands.kinds if name != ERROR):
         old, new = np.array([[a.met[kind], b.met[kind]] for a, b in pairs], np.float64).T

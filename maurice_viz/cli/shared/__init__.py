@@ -1,1 +1,1 @@
-"""What all commands share: options, output on the console, errors in one line."""
+"""What all commands share: options and sets of them, typed values, the console, errors in one line."""

@@ -11,7 +11,7 @@ from types import ModuleType
 import pytest
 
 from helpers.json_outputs import SLOW, WORDS, keys_of, output_of, sample, samples_on, write_material
-from maurice_viz.cli.app import COMMANDS, load
+from maurice_viz.cli.app import COMMANDS, FAMILIES, load
 
 PAGE = Path(__file__).parents[3] / "docs" / "commands.md"
 AGAIN = "run .venv/bin/python docs/make_commands.py"
@@ -71,3 +71,19 @@ def test_the_keys_of_json_are_those_of_its_sample(name, page, folder, monkeypatc
     monkeypatch.chdir(folder)
     now, shown = (set(keys_of(one)) for one in (sample(output_of(name)), samples_on(page)[name]))
     assert (sorted(now - shown), sorted(shown - now)) == ([], []), AGAIN
+
+
+PAGES = [*PAGE.parent.rglob("*.md"), *(PAGE.parents[1] / name for name in ("README.md", "CONTRIBUTING.md"))]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_what_pages_type_has_options_of_its_command(path):
+    for line in re.findall(r"maurice-replay ([a-z][^`\n]*)", path.read_text(encoding="utf-8")):
+        words = re.sub(r"['\"(]", " ", re.split(r"[#|>]", line)[0]).split()
+        name = " ".join(words[: 2 if words[:1] and words[0] in FAMILIES else 1])
+        if name not in COMMANDS:
+            continue  # help, or a session that is replayed
+        known = {text for option in load(COMMANDS[name]).params for text in option.opts} | {"--help"}
+        known |= {text for option in load(COMMANDS[name]).params for text in option.secondary_opts}
+        typed = {word.rstrip(".,;:)").split("=")[0] for word in words if re.match(r"--?[a-z]", word)}
+        assert typed <= known, line

@@ -7,7 +7,7 @@ import pytest
 
 from maurice_mcl.scoring.demands import CONVERGED, KEPT, LOCALIZED, Demands, RunJudgement
 from maurice_mcl.values.arrays import F64
-from maurice_viz.app.check.rules import CHANGED, LEAST_PAIRS, BaselineChange, changes
+from maurice_viz.app.check.rules import LEAST_PAIRS, WORSE_P, BaselineChange, changes
 from maurice_viz.style import Scale, units_named
 
 DEMANDS = Demands(max_error_m=np.inf, localized_by=20, converged_by=20)
@@ -36,7 +36,7 @@ def test_what_did_not_change_fails_no_more_often_than_promised(seeds: int, limit
     for _ in range(trials):
         before, after = rng.gamma(4.0, 0.05, (2, seeds))
         failed += not all(change.passed for change in compared(before, after, limit_m))
-    nominal = CHANGED / 2
+    nominal = WORSE_P / 2
     assert failed / trials < nominal + 4 * np.sqrt(nominal * (1 - nominal) / trials)
 
 
