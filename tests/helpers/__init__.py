@@ -8,3 +8,14 @@
 - `small_session`: a small session and survey on disk
 - `step_records`: step records of a few particles, made by hand
 """
+
+from __future__ import annotations
+
+
+def expect_facts(text: str, *facts: str) -> None:
+    """Expect that a text holds facts, in this order; the words between them are free."""
+    at = 0
+    for fact in facts:
+        place = text.find(fact, at)
+        assert place >= 0, f"expected {fact!r} after {text[:at]!r}, found {text[at:]!r}"
+        at = place + len(fact)

@@ -167,9 +167,7 @@ def test_a_table_without_names_by_the_numbers_of_its_columns(tmp_path: Path) -> 
     found, said = read(folder)  # the pictures alone, and a word of it
     assert len(found) == 3
     assert any("drive.csv beside them is not used" in text for text in said)
-    with pytest.raises(
-        InputError, match=r"no names of columns, and 5 columns; they are called 1, 2, 3 .*--reading columns="
-    ):
+    with pytest.raises(InputError, match=r"5 columns.*called 1, 2, 3 .*--reading columns="):
         read(folder / "drive.csv", ReadingOptions(format="table"))
 
 
@@ -356,5 +354,5 @@ def test_a_tub_leaves_deleted_records_out_and_counts_broken_ones(tmp_path: Path)
     hashed = source_hash(tub)
     (tub / "catalog_0.catalog").write_text("")
     assert source_hash(tub) != hashed
-    with pytest.raises(InputError, match="found cameras cam/image_array and 1 catalogs, expected 'left'"):
+    with pytest.raises(InputError, match=r"found cameras cam/image_array .*expected 'left'"):
         open_recording(tub, ReadingOptions(camera="left"))

@@ -246,9 +246,7 @@ def test_ten_kilometers_anywhere_become_a_raster(write_log: WriteLog, pixel: obj
 def test_a_map_too_large_names_the_survey(write_log: WriteLog, pixel: object, change: dict[str, Any]) -> None:
     plan = {"bounds_m": [0, 0, 1, 1]} | change
     path = write_log({"t": 0, "image": pixel, "pose": [0, 0, 0]}, kind="survey", map=plan)
-    with pytest.raises(
-        InputError, match=r"found a map and poses that together span .*; are they in meters"
-    ) as caught:
+    with pytest.raises(InputError, match=r"span .* meters") as caught:
         build_library(path)
     assert caught.value.file == path
 

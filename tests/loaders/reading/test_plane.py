@@ -145,7 +145,7 @@ def test_the_plane_of_the_motion_is_found_and_said(
     assert way(got) == pytest.approx(way(wanted), rel=1e-9)
     name = WORLDS[world][0]
     [text] = [one for one in read(path)[1] if "the motion lies" in one]
-    assert f"the motion lies in the plane of {name[0]} and {name[1]} (extents" in text
+    assert f"{name[0]} and {name[1]}" in text
     inspected = inspect_recording(RecordedSession(open_recording(path)))
     assert text in inspected.warnings
     assert inspected.distance_truth_m == pytest.approx(way(wanted), rel=1e-9)
@@ -241,7 +241,7 @@ def test_a_doubtful_plane_changes_nothing() -> None:
 
 
 def test_formats_in_the_plane_refuse_another(tmp_path: Path, small_session: Path) -> None:
-    with pytest.raises(InputError, match="plane=xz, which is for poses in space, and the format session-log"):
+    with pytest.raises(InputError, match=r"plane=xz.* session-log"):
         open_recording(small_session, ReadingOptions(plane="xz"))
     assert open_recording(small_session, ReadingOptions(plane="auto"))
 

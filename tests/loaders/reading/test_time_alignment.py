@@ -120,4 +120,4 @@ def test_the_offset_that_is_said_brings_truth_back(tmp_path: Path) -> None:
     assert "movement is most like the odometry's" in said
     assert float(said.rsplit("truth_offset_s=", 1)[1]) == pytest.approx(1e9, abs=0.15)
     write("groundtruth.txt", t_s[200:500], poses[200:500] * 0)
-    assert "how far; if both begin together, use --reading truth_offset_s=" in read(tmp_path)[1][0]
+    assert "--reading truth_offset_s=" in read(tmp_path)[1][0]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from helpers import expect_facts
 from helpers.commands import maurice, one_line, runs_of
 from maurice_loaders.runs.writer import RunWriter
 from maurice_loaders.session_log.reader import SessionLog
@@ -171,7 +172,7 @@ def test_a_saved_comparison_is_shown_with_its_differences(small_session):
     forward, backward = runs_of(then)[1]["against_first"], runs_of(out)[1]["against_first"]
     assert backward["position_error"]["difference_mean_m"] == -forward["position_error"]["difference_mean_m"]
     _, err = maurice("compare", "both", "both/color", expect=1)
-    assert "holds 2 runs; name one of them: both/color, both/blended" in one_line(err)
+    expect_facts(one_line(err), "2 runs", "both/color, both/blended")
     _, err = maurice("compare", "both/color", expect=1)
     assert "single saved run" in one_line(err)
     _, err = maurice("compare", "both/color", small_session, expect=2)

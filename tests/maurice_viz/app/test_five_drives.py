@@ -30,18 +30,13 @@ def judged(tmp_path_factory):
 
 def test_a_kidnapping_says_how_far_the_robot_was_carried(judged):
     line, verdict = judged("kidnapped", 1, 30, "thesis", 400, kidnap_at=12)
-    assert re.match(
-        r"The robot was kidnapped at step 13 \(carried [\d.]+ in, unseen by its odometry\)\. ", line
-    )
-    assert "with no particle near" in line
+    assert re.search(r"kidnapped at step 13 .*[\d.]+ in.*odometry.*no particle near", line)
     assert verdict.decisive == 13
 
 
 def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
     line, verdict = judged("tracking", 3, 24, "thesis", 400, slip_at="12-15")
-    assert re.match(
-        r"The wheels slipped at steps 12 to 15: odometry says [\d.]+ in, the robot moved [\d.]+ in\. ", line
-    )
+    assert re.search(r"slipped at steps 12 to 15: odometry .*[\d.]+ in, .*moved [\d.]+ in", line)
     (cause,) = verdict.incidents
     assert cause.expected > 4 * cause.actual
     assert verdict.decisive == 15
@@ -49,26 +44,19 @@ def test_a_slip_says_what_odometry_counted_and_what_the_robot_did(judged):
 
 def test_lights_out_says_that_all_references_score_alike(judged):
     line, _ = judged("tracking", 2, 30, "robust", 400, lights="dim:0@10")
-    assert re.match(r"The picture went dark at step 10 \(mean gray level \d+ before, \d+ since\)\. ", line)
-    assert "while all reference pictures scored alike" in line
+    assert re.search(r"dark at step 10 .*\d+ before, \d+ since.*all reference pictures .*alike", line)
 
 
 def test_two_places_that_look_alike_are_told_with_their_shares(judged):
     line, verdict = judged("global", 6, 14, "robust", 600, feature="edges")
-    assert re.match(
-        r"Two places looked alike at step 3: \d+% of the weight at one, \d+% at the other, ", line
-    )
-    assert re.search(r"both fit about as well \(q 0.8\d and 0.8\d; a typical place 0.\d\d\)", line)
-    assert "the truth is in the second; " in line
-    assert "The filter was localized from step 9 on" in line
+    assert re.search(r"looked alike at step 3: \d+% .*\d+% .*0.8\d and 0.8\d.*0.\d\d", line)
+    assert "truth is in the second" in line
+    assert "localized from step 9" in line
     assert verdict.decisive == 3
 
 
 def test_sure_and_wrong_says_how_far_off_and_what_became_of_the_particles_at_the_truth(judged):
     line, verdict = judged("global", 5, 40, "thesis", 150)
-    assert re.match(
-        r"The filter was never localized, sure of a wrong place: at step \d+, \d+% of the weight lay [\d.]+",
-        line,
-    )
-    assert "Why: the robot moved beyond the motion model at step 8 on carpet (3.9 sigma of its turn)." in line
+    assert re.search(r"never localized, sure of a wrong place: at step \d+, \d+% .*[\d.]+ in", line)
+    assert re.search(r"beyond the motion model at step 8 on carpet .*3.9 sigma of its turn", line)
     assert verdict.decisive == verdict.sure_and_wrong.step

@@ -12,6 +12,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 import maurice_viz as mv
+from helpers import expect_facts
 from helpers.commands import failure, maurice, run
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.statistics import rate
@@ -44,7 +45,7 @@ def folder(tmp_path_factory):
 def test_a_branch_that_changes_nothing_is_the_run(folder, step):
     found = mv.what_if(folder / "kept", step)
     assert found.same
-    assert found.line == "Nothing changed: the branch is the run, bit for bit, up to step 24."
+    expect_facts(found.line, "Nothing changed", "bit for bit", "step 24")
     assert found.before == found.after
     assert found.parted_at is None
 
@@ -92,7 +93,7 @@ def test_a_branch_may_compare_pictures_by_other_channels(folder):
 def test_the_command_prints_when_they_part_and_json(folder):
     args = ("what-if", folder / "lost", "--from", "3", "--particles", "800", "-o", "none")
     out, err = maurice(*args)
-    assert out.startswith("From step 3 with 800 particles: the number of particles differs at step 4;")
+    expect_facts(out, "step 3", "800 particles", "number of particles differs at step 4")
     assert "the belief after step 3 is resampled to 800 particles" in err
     found = json.loads(maurice(*args, "--json")[0])
     assert found["what_if"]["same_until"] == 3
@@ -115,7 +116,7 @@ def test_options_that_make_no_sense_are_refused(folder, words, message):
 
 def test_a_session_is_answered_with_the_command_that_saves_a_run_of_it(small_session):
     said = failure("what-if", small_session, "--from", 4)
-    assert f"make one with: maurice-replay {small_session} -o none --save-run my-run" in said
+    assert f"maurice-replay {small_session} -o none --save-run my-run" in said
 
 
 def test_a_run_whose_session_is_gone_is_one_line(folder, tmp_path):
@@ -148,7 +149,7 @@ def test_a_remedy_that_is_proposed_works_with_other_seeds(folder):
     found = mv.remedies(folder / "lost", 3, seeds=12, names=REMEDIES)
     assert found.as_it_was.localized.value < 0.5
     assert found.proposed.name == "recovery mixture"
-    assert found.line.startswith("recovery mixture helps (p < 0.05 after Holm): localized at the end in 1")
+    expect_facts(found.line, "recovery mixture helps", "p < 0.05 after Holm", "in 1")
     again = mv.remedies(folder / "lost", 3, seeds=range(500, 512), names=["recovery mixture"])
     assert again.tried[0].localized.value >= 0.8
     assert found.tried[0].change.options == ("--set", "recovery.strategy=mixture")
@@ -159,9 +160,7 @@ def test_the_command_says_where_nothing_helps(folder):
         mv.remedies(folder / "lost", 20, seeds=2)
     nothing = mv.remedies(folder / "lost", 3, seeds=3, names=["roughening 0.2"])
     assert nothing.proposed is None
-    assert nothing.line.startswith(
-        "Nothing tried helps (p < 0.05 after Holm): the run as it was is localized at the end in 0 of 3"
-    )
+    expect_facts(nothing.line, "Nothing tried helps", "p < 0.05 after Holm", "0 of 3")
 
 
 def test_all_that_is_possible_is_tried_in_a_table_of_80_columns(folder, monkeypatch):

@@ -98,7 +98,7 @@ def test_the_noise_of_odometry_from_a_recording_of_another_format(tmp_path, smal
 def test_a_drive_that_goes_straight_says_what_it_cannot_tell(tmp_path):
     done = calibrate("drive", carmen(tmp_path / "drive.log", turns=False))
     notes = " ".join(done.stderr.split())
-    assert "turn_from_turn: no movement of the log shows it; the default stands" in notes
+    assert "turn_from_turn: no movement" in notes
     assert "turn_from_turn = 0.02" in done.stdout
     calibrate("drive", tmp_path / "drive.log", "--model", "x", expect=2)
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from helpers import expect_facts
 from maurice_mcl.reasons.causes import CARRIED
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.tour import tour_of
@@ -24,7 +25,7 @@ def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)
     assert [step for step, _ in pages] == [1, 51, 54, 100]
     _, page = pages[1]
-    assert page.startswith("**2 of 4 · step 51: kidnapped.** The white disk jumps")
+    expect_facts(page, "2 of 4", "step 51", "kidnapped", "white disk")
     assert page.endswith("Next: **step 54**, localized again.")
     assert "200 were drawn anew" in pages[2][1]
     assert "Next" not in pages[-1][1]

@@ -152,9 +152,7 @@ def test_a_later_layer_wins_and_errors_name_the_layer():
     found = configure(layers)
     assert found.parameters.motion_outliers.share == 0.3
     assert {s.key: s.origin for s in found.settings}["motion_outliers.share"] == origin
-    with pytest.raises(
-        ValueError, match=r"old\.toml: motion_outliers\.share: found 2, expected a number from 0"
-    ):
+    with pytest.raises(ValueError, match=r"old\.toml: motion_outliers\.share: found 2, .* from 0"):
         configure([Layer("old.toml", {"motion_outliers.share": 2})])
 
 

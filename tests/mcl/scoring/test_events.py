@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from helpers import expect_facts
 from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.scoring.events import (
     KINDS,
@@ -220,7 +221,7 @@ def test_reseeding_at_steps_in_a_row_is_one_line_with_all_its_particles():
     ]
     first, second = joined(found)
     assert (first.step, first.last, second.step, second.last, second.fresh) == (2, None, 5, 7, 6)
-    assert second.text == "2 of 4 fresh (evidence -5.0 nats); until step 7: 6 fresh in all"
+    expect_facts(second.text, "2 of 4 fresh", "-5.0 nats", "step 7", "6 fresh")
 
 
 @pytest.mark.parametrize(

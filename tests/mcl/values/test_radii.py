@@ -92,9 +92,9 @@ def test_given_radii_come_first_and_the_others_follow_what_is_right():
 def test_radii_are_configured_like_everything_else():
     radii = configure([Layer("x", {"radii.right_m": "0.3"})]).parameters.radii
     assert radii == RadiiParameters(right_m=0.3)
-    with pytest.raises(ValueError, match=r"x: radii.right_m: found 1e-06, expected 0 or a number from 0.001"):
+    with pytest.raises(ValueError, match=r"x: radii.right_m: found 1e-06, .* 0.001"):
         configure([Layer("x", {"radii.right_m": 1e-6})])
-    with pytest.raises(ValueError, match=r"x: radii.lost_m: found 0.2, expected at least radii.right_m, 0.3"):
+    with pytest.raises(ValueError, match=r"x: radii.lost_m: found 0.2, .* radii.right_m, 0.3"):
         configure([Layer("x", {"radii.right_m": 0.3, "radii.lost_m": 0.2})])
 
 
