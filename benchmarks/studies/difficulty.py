@@ -145,7 +145,7 @@ def results(tier: str, drives: int, kept: Path) -> Iterator[Result]:
 
 def interval(values: list[float]) -> str:
     """Return the mean with its interval of 95 percent over drives, each in an arena of its own."""
-    return mean(np.array(values)).said()
+    return mean(np.array(values)).text()
 
 
 def row(tier: str, found: list[Result]) -> str:

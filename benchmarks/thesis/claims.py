@@ -131,7 +131,7 @@ def said(figure: Interval, unit: str, factor: float = 1.0, digits: int = 1) -> s
     """Return a figure with its interval and the number of drives, and of runs where these are more."""
     drives = f"{figure.drives} drive{'s' * (figure.drives != 1)}"
     runs = f"{figure.count} runs of {drives}" if figure.count != figure.drives else drives
-    value, _, limits = figure.said(factor, digits).partition(" (")
+    value, _, limits = figure.text(factor, digits).partition(" (")
     return f"{f'{value} {unit}'.rstrip()} ({limits.rstrip(')')}, {runs})"
 
 
@@ -288,7 +288,7 @@ def recovery(material: Material) -> ClaimResult:
     without = once.filter(pl.col(key) == "none")
     none = share(without["right_at_end"].fill_null(False).to_numpy(), clusters_of(without))
     more = ", ".join(
-        f"{name} {one(0.95).said(100, 0, '+')}" for name, one in zip(names, figures, strict=True)
+        f"{name} {one(0.95).text(100, 0, '+')}" for name, one in zip(names, figures, strict=True)
     )
     ours = f"right at the end: without {said(none, '%', 100, 0)}; more, in points: {more}"
     return ClaimResult(ours, evidence=tuple(ClaimFigure(figure, 0) for figure in figures))

@@ -67,7 +67,7 @@ def by_channel(material: Material, channel: str) -> Figure:
     sums = [_sums(one, channel) for one in material.several]
     own = float(parts.sum())
     told = f"step {pair.step}: sum {own:.2f} of {parts.size} (D = {own / parts.size:.3f}); "
-    remark(made, f"{told}over {_pictures(material)} mean {over_drives(sums).said(1, 2)}")
+    remark(made, f"{told}over {_pictures(material)} mean {over_drives(sums).text(1, 2)}")
     return made
 
 
@@ -92,8 +92,8 @@ def in_shifted_light(material: Material) -> Figure:
     right.hist(relit, list(edges), histtype="step", color=STYLES[1][0], hatch="///", label=label)
     right.legend(fontsize=8)
     size, relit_size = (over_drives([np.abs(one) for one in some]) for some in (shifts, relit_shifts))
-    told = f"size of the shift, mean: {size.said(1, 2)} gray levels as driven"
-    remark(made, f"{told}, {relit_size.said(1, 2)} in {MORE_LIGHT:g} x the light")
+    told = f"size of the shift, mean: {size.text(1, 2)} gray levels as driven"
+    remark(made, f"{told}, {relit_size.text(1, 2)} in {MORE_LIGHT:g} x the light")
     return made
 
 
@@ -135,7 +135,7 @@ def smoothed(material: Material) -> Figure:
     relit = [one.in_light(MORE_LIGHT) for one in material.several]
     sums = [(_sums(one, "color"), _sums(one, "smoothed")) for one in relit]
     cut = [100 * (1 - smooth / np.maximum(plain, 1e-6)) for plain, smooth in sums]
-    less = over_drives(cut).said(1, 0)
+    less = over_drives(cut).text(1, 0)
     remark(made, f"{_told(pair)}; over {_pictures(material)} smoothing lowers the sum by {less} %")
     return made
 

@@ -120,7 +120,7 @@ def _within_best(material: Material, feature: str) -> str:
     ranks = [one.ranks(feature) for one in material.several]
     hits = over_drives([np.asarray(some <= BEST, np.float64) for some in ranks])
     over = f"{sum(map(len, ranks))} pictures of {len(ranks)} drives"
-    return f"the truth's reference is among the best five in {hits.said(100, 0)} % of {over}"
+    return f"the truth's reference is among the best five in {hits.text(100, 0)} % of {over}"
 
 
 def placed(material: Material, *, reference: bool) -> Figure:

@@ -135,7 +135,7 @@ def _fit(axes: Axes, rows: pl.DataFrame, metric: str, digits: int) -> None:
     if len(counts := np.unique(x)) < 2:
         return
     fit = log_fit(x, _inches(rows, metric), clusters_of(rows))
-    label = f"fit, inches in a decade: {fit.slope.said(1, digits, '+')}"
+    label = f"fit, inches in a decade: {fit.slope.text(1, digits, '+')}"
     axes.plot(counts, fit.at(counts), color=INK, linestyle="--", linewidth=1, label=label)
 
 

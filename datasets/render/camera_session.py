@@ -94,32 +94,18 @@ def lit_once(world: World) -> LitScene:
     return bake(world)
 
 
-def survey_camera(
-    world: World,
-    seed: int,
-    *,
-    gain: str = "fixed",
-    half_resolution: bool = False,
-    lens: Lens | None = None,
-    sensor: Sensor | None = None,
-) -> CameraSession:
+def survey_camera(world: World, seed: int, *, half_resolution: bool = False) -> CameraSession:
     """Make the survey's camera: its own light and white balance, and nothing that changes."""
-    conditions = Conditions(gain=gain, half_resolution=half_resolution)
     purposes = SimPurpose.SURVEY_LIGHT, SimPurpose.SURVEY_NOISE
-    return _camera_session(world, seed, conditions, purposes, lens, sensor)
+    return _camera_session(world, seed, Conditions(half_resolution=half_resolution), purposes)
 
 
 def session_camera(
-    world: World,
-    seed: int,
-    conditions: Conditions | None = None,
-    *,
-    lens: Lens | None = None,
-    sensor: Sensor | None = None,
+    world: World, seed: int, conditions: Conditions | None = None, *, lens: Lens | None = None
 ) -> CameraSession:
     """Make the session's camera, on another day; ValueError for a light that the world does not have."""
     purposes = SimPurpose.SESSION_LIGHT, SimPurpose.SESSION_NOISE
-    return _camera_session(world, seed, conditions or Conditions(), purposes, lens, sensor)
+    return _camera_session(world, seed, conditions or Conditions(), purposes, lens)
 
 
 def _camera_session(
@@ -127,8 +113,7 @@ def _camera_session(
     seed: int,
     conditions: Conditions,
     purposes: tuple[SimPurpose, SimPurpose],
-    lens: Lens | None,
-    sensor: Sensor | None,
+    lens: Lens | None = None,
 ) -> CameraSession:
     """Build a camera session; `purposes` are those of its light and of its noise."""
     lights = named_lights(world, conditions.lights)
@@ -143,5 +128,5 @@ def _camera_session(
         purpose=purposes[1],
         conditions=replace(conditions, lights=lights),
         lens=lens or Lens(),
-        sensor=sensor or Sensor(),
+        sensor=Sensor(),
     )

@@ -202,11 +202,6 @@ def boxes_within(boxes: tuple[Box, ...], points: F64, margin_m: float = 0.0) -> 
     return tuple(boxes[k] for k in touching[np.argsort(-size[:, 1] * size[:, 2], kind="stable")])
 
 
-def irradiance(world: World, points: F64, normals: F64, baking: Baking) -> F64:
-    """Return all light (K, 3) at points (K, 3) with normals (K, 3): lamps and the rooms' own."""
-    return np.asarray(irradiance_by_part(world, parts_of(world), points, normals, baking).sum(axis=0))
-
-
 def irradiance_by_part(
     world: World, parts: tuple[LightPart, ...], points: F64, normals: F64, baking: Baking
 ) -> F64:

@@ -4,5 +4,7 @@
 * `drives`, `runs`: one drive, all filters on it, a row for each run
 * `rows`, `engine`: rows on disk; runs on the cores of one machine, or on many machines
 * `statistics`, `table`: intervals, survival curves, grouped figures, paired differences
-* `timing`: what features and updates cost, in one process
+* `folder`: the run behind a row; `atlas`, `budget`: where runs go wrong, and what each part costs
+
+The drawings and pages of what trials show are in `maurice_viz`; the thesis's figures in `benchmarks/thesis`.
 """

@@ -28,6 +28,7 @@ from ..tasks import TASKS, TEST, TIERS
 
 SHIPPED = Path(__file__).parent / "plans"
 MOST_SEEDS = 10_000_000  # a session
+MOST_NESTING = 20  # plans that include each other
 MOST_DRIVES = len(TEST)  # seeds of drives that nothing was fitted on
 SHUFFLED, MISJUDGED = "shuffled references", "motion constants +30 %"  # controls
 # settings that are no keys of the configuration
@@ -267,6 +268,8 @@ def _read(file: Path, within: tuple[Path, ...]) -> Plan:
     within = (*within, file.resolve())
     if within[-1] in within[:-1]:
         raise InputError(file, f"include: found {file.name} within itself, expected another plan")
+    if len(within) > MOST_NESTING:
+        raise InputError(file, f"include: found more than {MOST_NESTING} plans within each other")
     tree = _checked(file, read_toml(file, "a plan of trials"), KEYS)
     included = [_read(_included(file, name), within) for name in tree.get("include", [])]
     parts = [part for plan in included for part in plan.parts]

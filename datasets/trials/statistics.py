@@ -34,11 +34,11 @@ class Interval:
         """Return whether a value lies outside the interval."""
         return value < self.low or value > self.high
 
-    def said(self, factor: float = 1.0, digits: int = 1, sign: str = "") -> str:
+    def text(self, factor: float = 1.0, digits: int = 1, sign: str = "") -> str:
         """Write the figure and its limits, all times a factor: "4.4 (4.3 to 4.5)".
 
         >>> from maurice_datasets.trials.statistics import Interval
-        >>> Interval(0.5, 0.25, 0.75, 8).said(100, 0)
+        >>> Interval(0.5, 0.25, 0.75, 8).text(100, 0)
         '50 (25 to 75)'
         """
         if not np.isfinite(self.value):

@@ -49,16 +49,16 @@ def place_all(
     rooms = {room.name: room for room in plan.rooms}
     placed: list[tuple[FurniturePlan, Piece]] = []
     for piece in layout:
-        made = make(rng, piece, _stand_of(rng, piece, rooms))
-        if not any(within(room, made.plan) for room in plan.rooms):
+        built = make(rng, piece, _stand_of(rng, piece, rooms))
+        if not any(within(room, built.plan) for room in plan.rooms):
             why = "reaches into a wall or out of its room; move it"
             raise WorldError(plan.file, f"{piece.key}: the {piece.kind} {why}")
         for other, earlier in placed:
-            if touching(made.plan, earlier.plan):
+            if touching(built.plan, earlier.plan):
                 where = f"stands in the {other.kind} of {other.key}"
                 raise WorldError(plan.file, f"{piece.key}: the {piece.kind} {where}; move one")
-        placed.append((piece, made))
-    return tuple(made for _, made in placed)
+        placed.append((piece, built))
+    return tuple(built for _, built in placed)
 
 
 def make(rng: np.random.Generator, piece: FurniturePlan, stand: Footprint) -> Piece:
@@ -241,10 +241,10 @@ def _free_nodes(library: LibraryPlan, arena: Arena) -> F64:
 
 
 def _in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    found = np.zeros(len(points), bool)
+    flags = np.zeros(len(points), bool)
     for room in arena.rooms:
-        found |= inside(room.polygon, points)
-    return found
+        flags |= inside(room.polygon, points)
+    return flags
 
 
 def check_world(plan: WorldPlan, world: World, keys: list[str]) -> None:

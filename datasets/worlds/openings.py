@@ -53,8 +53,8 @@ def check_rooms(plan: WorldPlan) -> None:
     for k, a in enumerate(plan.rooms):
         for b in plan.rooms[:k]:
             if all(high - low > -THIN_IN for low, high in (overlap(a.rect, b.rect, i) for i in (0, 1))):
-                found = f"{a.key}.rect: {a.name!r} overlaps or touches {b.name!r} ({b.key})"
-                raise WorldError(plan.file, f"{found}; leave room for the wall between them")
+                why = f"{a.key}.rect: {a.name!r} overlaps or touches {b.name!r} ({b.key})"
+                raise WorldError(plan.file, f"{why}; leave room for the wall between them")
 
 
 def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
@@ -62,8 +62,8 @@ def opening_of(plan: WorldPlan, door: DoorPlan) -> Opening:
     shared = {r: [overlap(door.rect, r.rect, axis) for axis in (0, 1)] for r in plan.rooms}
     joined = [r for r, both in shared.items() if all(high >= low for low, high in both)]
     joined.sort(key=lambda room: room.rect[:2])
-    if len(joined) == 2 and (found := _between(door, *joined)) is not None:
-        return found
+    if len(joined) == 2 and (opening := _between(door, *joined)) is not None:
+        return opening
     names = " and ".join(repr(room.name) for room in joined) or "no room"
     raise WorldError(
         plan.file,
@@ -112,12 +112,12 @@ def doors_in(room: RoomPlan, name: str, openings: tuple[Opening, ...]) -> list[t
     """Return the openings in one wall of a room, with where they are along it, from left to right."""
     axis, side = {"west": (0, 1), "east": (0, 0), "south": (1, 1), "north": (1, 0)}[name]
     wall = wall_of(room, name)
-    found = []
+    doors = []
     for opening in openings:
         if opening.axis == axis and opening.rooms[side] == room.name:
             a, b = sorted(along(wall, end) for end in opening.span)
-            found.append((opening, (a, b)))
-    return sorted(found, key=lambda item: item[1])
+            doors.append((opening, (a, b)))
+    return sorted(doors, key=lambda item: item[1])
 
 
 def rest_of(wall: Wall, taken: list[Interval]) -> list[Interval]:
@@ -164,7 +164,7 @@ def check_doors(plan: WorldPlan, openings: tuple[Opening, ...]) -> None:
 def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: tuple[Opening, ...]) -> None:
     """Raise WorldError for windows beyond their wall, into another room, or over a door or window."""
     for k, (window, at) in enumerate(windows):
-        span = _around(at, window.width_in)
+        span = _span(at, window.width_in)
         if not _within_wall(room, window.wall, span) or window.top_in > room.height_in:
             _refuse(plan, room, k, "reaches beyond its wall; move it or make it smaller")
         if behind := _room_behind(plan, room, window.wall, span):
@@ -173,7 +173,7 @@ def check_windows(plan: WorldPlan, room: RoomPlan, windows: Windows, openings: t
             if _share(span, _framed(opening)):
                 _refuse(plan, room, k, "is where a door is; move one of them")
         for j, (other, there) in enumerate(windows[:k]):
-            if other.wall == window.wall and _share(span, _around(there, other.width_in)):
+            if other.wall == window.wall and _share(span, _span(there, other.width_in)):
                 _refuse(plan, room, k, f"is where {room.key}.windows[{j}] is; move one of them")
 
 
@@ -181,7 +181,7 @@ def check_poster(
     plan: WorldPlan, room: RoomPlan, poster: PosterPlan, at_in: float, openings: tuple[Opening, ...]
 ) -> None:
     """Raise WorldError for posters that reach beyond their wall or hang where a door is."""
-    span, top = _around(at_in, poster.size_in[0]), poster.bottom_in + poster.size_in[1]
+    span, top = _span(at_in, poster.size_in[0]), poster.bottom_in + poster.size_in[1]
     if not _within_wall(room, poster.wall, span) or top > room.height_in:
         raise WorldError(plan.file, f"{poster.key}: reaches beyond its wall; move it or make it smaller")
     for opening in _doors_on(room, poster.wall, openings):
@@ -193,7 +193,7 @@ def _refuse(plan: WorldPlan, room: RoomPlan, window: int, why: str) -> None:
     raise WorldError(plan.file, f"{room.key}.windows[{window}]: {why}")
 
 
-def _around(at_in: float, width_in: float) -> Interval:
+def _span(at_in: float, width_in: float) -> Interval:
     return at_in - width_in / 2, at_in + width_in / 2
 
 

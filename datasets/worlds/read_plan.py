@@ -217,14 +217,14 @@ def _place(table: Table, key: str, value: object) -> tuple[float, float]:
     return table.real(key, value[0], table.inches), table.real(key, value[1], table.inches)
 
 
-def _one_length(table: Table, key: str, low: float = -1e5) -> Number:
+def _length_or_span(table: Table, key: str, low: float = -1e5) -> Number:
     return table.drawn(key, table.take(key), table.inches, low)
 
 
 def _read_window(table: Table) -> WindowPlan:
     window = WindowPlan(
         wall=table.one_of("wall", WALLS),
-        at_in=_one_length(table, "at"),
+        at_in=_length_or_span(table, "at"),
         width_in=table.length("width", 42.0, low=4.0),
         sill_in=table.length("sill", 20.0),
         top_in=table.length("top", 68.0),
@@ -274,7 +274,7 @@ def _highest(value: Number) -> float:
 
 def _read_poster(table: Table, rooms: tuple[str, ...]) -> PosterPlan:
     room, wall = table.one_of("room", rooms), table.one_of("wall", WALLS)
-    at, bottom = _one_length(table, "at"), table.length("bottom", 14.0)
+    at, bottom = _length_or_span(table, "at"), table.length("bottom", 14.0)
     width, height = (table.real("size", v, table.inches, 0.5, 1000) for v in table.items_of("size", (2,)))
     poster = PosterPlan(table.key, room, wall, at, bottom, (width, height), _paint(table, "paint", PLASTER))
     table.done()
@@ -293,7 +293,7 @@ def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
     if against is None:
         room, at, front = None, table.lengths("at", (2,)), _read_front(table)
     else:
-        room, at = table.one_of("room", rooms), (_one_length(table, "at"),)
+        room, at = table.one_of("room", rooms), (_length_or_span(table, "at"),)
         front = FRONTS[WALLS[(WALLS.index(against) + 2) % 4]]
     size = table.lengths("size", (2,), low=0.5)
     block = kind == BLOCK
@@ -305,7 +305,7 @@ def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
         front=front,
         room=room,
         against=against,
-        height_in=_one_length(table, "height", 0.5) if block else None,
+        height_in=_length_or_span(table, "height", 0.5) if block else None,
         paint=_paint(table, "paint", PLASTER) if block else None,
         top=_paint(table, "top", PLASTER) if block and table.has("top") else None,
     )

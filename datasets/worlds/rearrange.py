@@ -27,8 +27,8 @@ def move_things(world: World, count: int, seed: int) -> World:
     They stand in rooms, clear of doors and each other. InputError for too few pieces or no free place.
     """
     if count > len(world.furniture):
-        found = f"found {len(world.furniture)} pieces of furniture"
-        raise InputError(Path(world.name), f"{found}, fewer than the {count} to move; move fewer")
+        why = f"found {len(world.furniture)} pieces of furniture"
+        raise InputError(Path(world.name), f"{why}, fewer than the {count} to move; move fewer")
     rng = stream(Domain.SIMULATOR, seed, 0, SimPurpose.MOVED)
     pieces = list(world.furniture)
     for k in rng.permutation(len(pieces))[:count]:

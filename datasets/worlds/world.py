@@ -122,11 +122,11 @@ def floor_at(arena: Arena, x_m: float, y_m: float) -> str:
 
 def _holds(polygon: F64, x: float, y: float) -> bool:
     """Return what `inside` returns, of one point: a drive asks for thousands, one at a time."""
-    corners, held = polygon.tolist(), False
+    corners, within = polygon.tolist(), False
     for (x1, y1), (x2, y2) in zip(corners, corners[1:] + corners[:1], strict=True):
         if (y1 > y) != (y2 > y) and x < (x2 - x1) * (y - y1) / (y2 - y1) + x1:
-            held = not held
-    return held
+            within = not within
+    return within
 
 
 def segment_distance(points: F64, start: F64, end: F64) -> F64:

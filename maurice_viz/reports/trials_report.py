@@ -88,7 +88,7 @@ def _results(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
         recorded = of_part["arena"].null_count() == len(of_part)
         unit, factor = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
         lines = [
-            (*error.by.values(), error.runs, error.figure.said(factor, 2), right.figure.said(100, 0))
+            (*error.by.values(), error.runs, error.figure.text(factor, 2), right.figure.text(100, 0))
             for error, right in zip(errors, rights, strict=True)
         ]
         tables.append({"title": part["title"], "unit": unit, "rows": lines})

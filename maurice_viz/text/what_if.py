@@ -100,8 +100,8 @@ def budget_rows(budget: ErrorBudget) -> list[tuple[str, ...]]:
     for part in budget.parts:
         cost = ("", "")
         if part.cost is not None:
-            cost = (part.costs, part.cost.said(units.per_m, units.digits, "+"))
-        error, lost = part.error.said(units.per_m, units.digits), f"{100 * part.lost.value:.0f} %"
+            cost = (part.costs, part.cost.text(units.per_m, units.digits, "+"))
+        error, lost = part.error.text(units.per_m, units.digits), f"{100 * part.lost.value:.0f} %"
         rows.append((part.part, error, lost, *cost))
     return rows
 

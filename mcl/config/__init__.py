@@ -1,5 +1,8 @@
-"""The configuration of a filter.
+"""The configuration of a filter: plain values, checked, and the localizer they describe.
 
-- `parameters`: every choice as plain values, presets, a rule per key, layers, and keys of earlier versions
+The fields of a part of the filter, with their rules, stand beside that part.
+
+- `parameters`: every choice as plain values, presets, and layers that are merged
+- `rules`: of settings that name channels
 - `build`: from parameters to a localizer; `make_localizer`
 """

@@ -128,6 +128,24 @@ def test_what_is_no_plan_is_said_in_one_line(tmp_path: Path, text: str, said: st
     assert "\n" not in str(problem.value)
 
 
+def test_plans_that_include_each_other_in_pairs_are_refused_at_once(tmp_path: Path) -> None:
+    """Thirty such pairs would be read a thousand million times."""
+    for number in range(1, 15):
+        below = f"include = ['a{number + 1}.toml', 'b{number + 1}.toml']\n"
+        for name in "ab":
+            leaf = "[[sessions]]\ntask = 'global'\n"
+            (tmp_path / f"{name}{number}.toml").write_text(below if number < 14 else leaf)
+    with pytest.raises(InputError, match="found the part '[ab]14' twice"):
+        read_plan(tmp_path / "a1.toml")
+
+
+def test_a_long_chain_of_plans_is_refused(tmp_path: Path) -> None:
+    for number in range(2000):
+        (tmp_path / f"p{number}.toml").write_text(f"include = ['p{number + 1}.toml']\n")
+    with pytest.raises(InputError, match="within each other"):
+        read_plan(tmp_path / "p0.toml")
+
+
 def test_a_plan_that_is_not_there_names_those_that_come_along() -> None:
     with pytest.raises(InputError, match="position-tracking"):
         read_plan("nothing")

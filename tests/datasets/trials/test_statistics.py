@@ -141,9 +141,9 @@ def test_few_drives_have_no_interval_where_nothing_tells_their_spread() -> None:
     assert mean(np.ones(5)).low == mean(np.ones(5)).high == 1
     assert not mean(np.ones(1)).excludes(7)
     assert rate_difference(np.zeros(2, bool), np.ones(2, bool)).low < 0
-    assert mean(np.array([1.0, 3.0])).said() == "2.0 (-10.7 to 14.7)"
-    assert mean(np.ones(2)).said(100, 0) == "100 (no interval)"
-    assert mean(np.zeros(0)).said() == "not known"
+    assert mean(np.array([1.0, 3.0])).text() == "2.0 (-10.7 to 14.7)"
+    assert mean(np.ones(2)).text(100, 0) == "100 (no interval)"
+    assert mean(np.zeros(0)).text() == "not known"
     assert mean(np.ones(2)).to_json() == {"value": 1.0, "low": None, "high": None, "count": 2, "drives": 2}
 
 
