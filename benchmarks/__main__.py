@@ -56,9 +56,9 @@ def main() -> None:
             continue
         tables[name] = SECTIONS[name](asked.quick)
         show(console, tables[name])
-        held = {"on": on, "tables": {name: asdict(one) for name, one in tables.items()}}
+        results = {"on": on, "tables": {name: asdict(table) for name, table in tables.items()}}
         SAVED.parent.mkdir(exist_ok=True)
-        SAVED.write_text(json.dumps(held, indent=1))
+        SAVED.write_text(json.dumps(results, indent=1))
     if asked.write:
         write([tables[name] for name in names], on)
 
@@ -67,7 +67,7 @@ def saved() -> dict[str, Table]:
     """Return the tables of earlier runs, by name; none if there is no such file, or one of an older form."""
     try:
         tables = json.loads(SAVED.read_text())["tables"]
-        return {name: Table(**one) for name, one in tables.items()}
+        return {name: Table(**table) for name, table in tables.items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
 

@@ -37,8 +37,8 @@ SHARPNESS = (0.25, 0.35, 0.5, 0.7, 1.0, 1.4)  # of `best`, tried on the fitted d
 CHOSEN = 0.7  # by --fit, before any unseen drive was run with it
 SEED = 1  # of the filter
 MORE = [Course("two-rooms", "nominal", arena, number) for arena in (1000, 1004, 1008) for number in (0, 2)]
-TO_FIT = [one for one in FITTED if one.task == "tracking"]
-TO_JUDGE = [one for one in UNSEEN if one.task == "tracking" and one.tier == "nominal"] + MORE
+TO_FIT = [entry for entry in FITTED if entry.task == "tracking"]
+TO_JUDGE = [entry for entry in UNSEEN if entry.task == "tracking" and entry.tier == "nominal"] + MORE
 
 Judged = dict[str, F64]  # arrays (U,) of the updates that count, and whether the run was lost
 
@@ -107,7 +107,7 @@ def row(name: str, runs: Sequence[Judged]) -> str:
     every = {key: np.concatenate([run[key] for run in healthy]) for key in healthy[0]}
     cells = [said(mean((every["denser"] <= level).astype(float), clusters)) for level in LEVELS]
     nees, error = mean(every["nees"], clusters), mean(100 * every["error_m"], clusters)
-    cells += [f"{one.value:.1f} [{one.low:.1f}, {one.high:.1f}]" for one in (nees, error)]
+    cells += [f"{entry.value:.1f} [{entry.low:.1f}, {entry.high:.1f}]" for entry in (nees, error)]
     return f"| {name} | {len(healthy)} of {len(runs)} | {' | '.join(cells)} |"
 
 
@@ -122,13 +122,15 @@ def table(asked: Sequence[tuple[str, float]], found: Sequence[dict[tuple[str, fl
 
 
 def cost(
-    one: tuple[str, float], other: tuple[str, float], found: Sequence[dict[tuple[str, float], Judged]]
+    entry: tuple[str, float], other: tuple[str, float], found: Sequence[dict[tuple[str, float], Judged]]
 ) -> str:
     """Return by how much a filter's mean error on a drive exceeds another's: paired, drives drawn."""
-    apart = [100 * float(drive[one]["error_m"].mean() - drive[other]["error_m"].mean()) for drive in found]
-    more = mean(np.array(apart), Clusters.of([drive[one]["arena"][0] for drive in found]))
+    differences = [
+        100 * float(drive[entry]["error_m"].mean() - drive[other]["error_m"].mean()) for drive in found
+    ]
+    more = mean(np.array(differences), Clusters.of([drive[entry]["arena"][0] for drive in found]))
     change = f"{more.value:+.2f} cm [{more.low:+.2f}, {more.high:+.2f}]"
-    return f"`{one[0]}`, {one[1]:g} less {other[1]:g}: mean error {change}"
+    return f"`{entry[0]}`, {entry[1]:g} less {other[1]:g}: mean error {change}"
 
 
 def main() -> None:

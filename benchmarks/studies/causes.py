@@ -120,7 +120,7 @@ def _row(which: str, kind: str, number: int) -> Row:
         first = failures[0]
         row |= {"first": first.first, "at": first.episode.onset, "also": list(first.also)}
         row |= {"evidence": {name: str(value) for name, value in first.evidence.items()}}
-        row |= {"later": [one.kind for one in failures[1:]]}
+        row |= {"later": [name.kind for name in failures[1:]]}
     return row
 
 
@@ -142,13 +142,13 @@ def table(rows: Sequence[Row]) -> list[str]:
     """Return the confusion matrix: planted causes down, named causes across."""
     kinds = [kind for kind in WAYS if any(row["planted"] == kind for row in rows)]
     named = [NONE, *(kind for kind in WAYS if kind != HEALTHY), UNKNOWN]
-    named = [one for one in named if any(row["named"] == one for row in rows)]
-    lines = [f"| planted \\ named | runs | {' | '.join(_short(one) for one in named)} | right |"]
+    named = [name for name in named if any(row["named"] == name for row in rows)]
+    lines = [f"| planted \\ named | runs | {' | '.join(_short(name) for name in named)} | right |"]
     lines.append(f"|---|{'---:|' * (len(named) + 1)}---|")
     for kind in kinds:
         some = [row for row in rows if row["planted"] == kind and row["named"]]
         counts = Counter(row["named"] for row in some)
-        cells = [_cell(counts[one], one == _right(kind)) for one in named]
+        cells = [_cell(counts[name], name == _right(kind)) for name in named]
         right = rate(counts[_right(kind)], len(some))
         share = f"{right.value:.0%} [{right.low:.0%}, {right.high:.0%}]" if some else "-"
         lines.append(f"| {kind} | {len(some)} | {' | '.join(cells)} | {share} |")

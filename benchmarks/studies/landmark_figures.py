@@ -66,10 +66,10 @@ def costs(features: Sequence[str], rounds: int = ROUNDS) -> dict[str, float]:
     library, session = ml.with_landmarks(ml.open_library(paths.survey)), ml.open_session(paths.session)
     moments = list(itertools.islice(session.moments(), PICTURES + 1))
     localizers = {
-        one: mcl.make_localizer(library, feature=one, particles=PARTICLES).of_session(session)
-        for one in features
+        entry: mcl.make_localizer(library, feature=entry, particles=PARTICLES).of_session(session)
+        for entry in features
     }
-    took: dict[str, list[float]] = {one: [] for one in features}
+    took: dict[str, list[float]] = {entry: [] for entry in features}
     for before, moment in list(itertools.pairwise(moments)) * rounds:
         for name, localizer in localizers.items():
             belief = localizer.initialize(before.truth).belief
@@ -87,8 +87,8 @@ def against_cost(points: Sequence[Point]) -> Figure:
     axes = figure.add_subplot()
     best = _best(points)
     axes.step(
-        [one.cost_ms for one in best],
-        [one.error.value for one in best],
+        [entry.cost_ms for entry in best],
+        [entry.error.value for entry in best],
         where="post",
         color="gray",
         linewidth=1,
@@ -104,7 +104,7 @@ def against_cost(points: Sequence[Point]) -> Figure:
         bars = np.stack([values[:, 0] - values[:, 1], values[:, 2] - values[:, 0]])
         costs_ms = [p.cost_ms for p in some]
         axes.errorbar(costs_ms, values[:, 0], bars, fmt="o", color=color, capsize=2, alpha=0.8, label=name)
-    cheapest, dearest = (end(one.cost_ms for one in points) for end in (min, max))
+    cheapest, dearest = (end(entry.cost_ms for entry in points) for end in (min, max))
     axes.set(xscale="log", yscale="log", xlim=(cheapest / 2.5, dearest * 2.5))
     axes.set_xlabel(f"CPU time of a picture (ms, {PARTICLES:,} particles, 624 references)")
     axes.set_ylabel("mean position error (in), 95 % intervals")
@@ -116,11 +116,13 @@ def against_cost(points: Sequence[Point]) -> Figure:
     axes.legend(fontsize=8, loc="lower left")
     axes.grid(alpha=0.3)
     figure.draw_without_rendering()  # so that the places of the marks are known
-    marks = axes.transData.transform([[one.cost_ms, one.error.value] for one in points]) * 72 / figure.dpi
-    for one, beside in zip(points, _beside([one.feature for one in points], marks), strict=True):
+    marks = (
+        axes.transData.transform([[entry.cost_ms, entry.error.value] for entry in points]) * 72 / figure.dpi
+    )
+    for entry, beside in zip(points, _beside([entry.feature for entry in points], marks), strict=True):
         axes.annotate(
-            one.feature,
-            (one.cost_ms, one.error.value),
+            entry.feature,
+            (entry.cost_ms, entry.error.value),
             beside,
             textcoords="offset points",
             fontsize=8,
@@ -133,11 +135,11 @@ def against_cost(points: Sequence[Point]) -> Figure:
 
 def _best(points: Sequence[Point]) -> list[Point]:
     """Return the points that no cheaper one is better than, by cost."""
-    found = list[Point]()
-    for one in sorted(points, key=lambda point: point.cost_ms):
-        if not found or one.error.value < found[-1].error.value:
-            found.append(one)
-    return found
+    figures = list[Point]()
+    for entry in sorted(points, key=lambda point: point.cost_ms):
+        if not figures or entry.error.value < figures[-1].error.value:
+            figures.append(entry)
+    return figures
 
 
 def _beside(words: Sequence[str], marks: F64) -> list[tuple[float, float]]:
@@ -155,8 +157,8 @@ def _beside(words: Sequence[str], marks: F64) -> list[tuple[float, float]]:
     return places
 
 
-def _overlap(one: F64, other: F64) -> bool:
-    return bool((one[:2] < other[2:]).all() and (other[:2] < one[2:]).all())
+def _overlap(entry: F64, other: F64) -> bool:
+    return bool((entry[:2] < other[2:]).all() and (other[:2] < entry[2:]).all())
 
 
 def against_spacing(rows: pl.DataFrame) -> Figure:
@@ -177,22 +179,22 @@ def against_spacing(rows: pl.DataFrame) -> Figure:
 
 
 def _line(errorbar: object, rows: pl.DataFrame, column: str, label: str) -> None:
-    found = {
+    figures = {
         float(key[0]): mean(some[column].to_numpy() / INCH_M, clusters_of(some))
         for key, some in rows.sort("spacing").group_by("spacing", maintain_order=True)
     }
-    values = np.array([one.value for one in found.values()])
-    ends = np.array([[one.low, one.high] for one in found.values()]).T
+    values = np.array([entry.value for entry in figures.values()])
+    ends = np.array([[entry.low, entry.high] for entry in figures.values()]).T
     bars = np.maximum([values - ends[0], ends[1] - values], 0)
-    errorbar(list(found), values, bars, fmt="o-", capsize=3, label=label)  # type: ignore[operator]
+    errorbar(list(figures), values, bars, fmt="o-", capsize=3, label=label)  # type: ignore[operator]
 
 
 def table(points: Sequence[Point]) -> str:
     """Return the channels as a table in Markdown, the best first."""
     lines = ["| feature | mean error (in) | CPU time of a picture (ms) | runs |", "|---|---|---|---|"]
-    for one in sorted(points, key=lambda point: point.error.value):
-        interval = f"{one.error.value:.1f} [{one.error.low:.1f}, {one.error.high:.1f}]"
-        lines.append(f"| `{one.feature}` | {interval} | {one.cost_ms:.1f} | {one.error.count} |")
+    for entry in sorted(points, key=lambda point: point.error.value):
+        interval = f"{entry.error.value:.1f} [{entry.error.low:.1f}, {entry.error.high:.1f}]"
+        lines.append(f"| `{entry.feature}` | {interval} | {entry.cost_ms:.1f} | {entry.error.count} |")
     return "\n".join(lines)
 
 
@@ -205,12 +207,12 @@ def main() -> None:
     given = parser.parse_args()
     given.output.mkdir(parents=True, exist_ok=True)
     cv2.setNumThreads(1)
-    found = errors(read_rows(given.channels).filter(pl.col("error").is_null()))
-    missing = [name for name in POSE_SENSORS if name not in found]
+    figures = errors(read_rows(given.channels).filter(pl.col("error").is_null()))
+    missing = [name for name in POSE_SENSORS if name not in figures]
     if missing:
         sys.exit(f"{given.channels}: found no runs of {' and '.join(missing)}; go on with the trials")
-    took = costs(list(found), given.rounds)
-    points = [Point(name, error, took[name]) for name, error in found.items()]
+    took = costs(list(figures), given.rounds)
+    points = [Point(name, error, took[name]) for name, error in figures.items()]
     print(table(points))
     against_cost(points).savefig(given.output / "accuracy-cost.png", dpi=130)
     spacing = read_rows(given.spacing).filter(pl.col("error").is_null())

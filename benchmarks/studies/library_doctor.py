@@ -55,8 +55,8 @@ class Measured:
 
 
 def subset(library: Library, kept: Bool) -> Library:
-    index = {name: replace(one, references=one.references[kept]) for name, one in library.index.items()}
-    pictures = tuple(one for one, keep in zip(library.pictures, kept, strict=True) if keep)
+    index = {name: replace(entry, references=entry.references[kept]) for name, entry in library.index.items()}
+    pictures = tuple(entry for entry, keep in zip(library.pictures, kept, strict=True) if keep)
     return replace(library, poses=library.poses[kept], pictures=pictures, index=index)
 
 
@@ -66,10 +66,10 @@ def with_poses(library: Library, poses: F64, arena: int) -> Library:
     taken = list(references(poses, camera, Surveyor(), LATER))
     index = {}
     for name in NEEDED:
-        one = library.index[name]
+        entry = library.index[name]
         rows = np.array([CHANNELS[name].describe(picture) for _, picture in taken], np.float32)
-        both = np.vstack([one.references, rows.reshape(-1, one.references.shape[1])])
-        index[name] = ChannelIndex(both, one.noise_floor, both.max(axis=0))
+        both = np.vstack([entry.references, rows.reshape(-1, entry.references.shape[1])])
+        index[name] = ChannelIndex(both, entry.noise_floor, both.max(axis=0))
     joined = np.vstack([library.poses, poses])
     return replace(library, poses=joined, pictures=(None,) * len(joined), index=index)
 
@@ -92,8 +92,8 @@ def libraries(case: str, full: Library, center: F64, arena: int) -> dict[str, Li
     gone = {"disc": there, "headings": there & np.isin(degrees, [0, 45, 90]), "confused": there & False}
     left = subset(full, ~gone[case])
     _, advice = checked(left)
-    wanted = [one for one in advice.added if (one.why == AMBIGUITY) == (case == "confused")]
-    poses = np.array([one.pose for one in wanted])
+    wanted = [entry for entry in advice.added if (entry.why == AMBIGUITY) == (case == "confused")]
+    poses = np.array([entry.pose for entry in wanted])
     grid, free, _ = free_space(left)
     rng, cells = np.random.default_rng(arena), grid.centers()[free.ravel()]
     chosen = cells[rng.choice(len(cells), -(-len(poses) // DIRECTIONS))]
@@ -163,8 +163,8 @@ def show(rows: dict[tuple[str, str], dict[tuple[int, int], tuple[Measured, int]]
     figures = ("lacking", "ambiguity", "error_m", "correct")
     for (case, kind), found in rows.items():
         values = [column(found, name) for name in figures]
-        added = np.mean([one[1] for one in found.values()])
-        cells = " | ".join(f"{one.value:.3f} ({one.low:.3f} to {one.high:.3f})" for one in values)
+        added = np.mean([entry[1] for entry in found.values()])
+        cells = " | ".join(f"{entry.value:.3f} ({entry.low:.3f} to {entry.high:.3f})" for entry in values)
         print(f"| {case} | {kind} | {added:.0f} | {cells} | {len(found)} |")
     for case in CASES:
         for kind in KINDS[1:]:
@@ -175,7 +175,7 @@ def show(rows: dict[tuple[str, str], dict[tuple[int, int], tuple[Measured, int]]
 
 
 def column(found: dict[tuple[int, int], tuple[Measured, int]], name: str) -> Interval:
-    values = np.array([getattr(one[0], name) for one in found.values()])
+    values = np.array([getattr(entry[0], name) for entry in found.values()])
     known = np.isfinite(values)
     return mean(values[known], Clusters.of([key[0] for key in found])[known])
 
@@ -187,8 +187,8 @@ def difference(before: dict, after: dict, name: str) -> str:  # type: ignore[typ
     known = np.isfinite(values)
     if not known.any():
         return "-"
-    one = mean(values[known], Clusters.of([key[0] for key in keys])[known])
-    return f"{one.value:+.3f} ({one.low:+.3f} to {one.high:+.3f}), {one.count} drives"
+    entry = mean(values[known], Clusters.of([key[0] for key in keys])[known])
+    return f"{entry.value:+.3f} ({entry.low:+.3f} to {entry.high:+.3f}), {entry.count} drives"
 
 
 if __name__ == "__main__":

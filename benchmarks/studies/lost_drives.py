@@ -121,7 +121,9 @@ def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
     localizer, moments = filter_for(drive, settings, 0), list(drive.session.moments())
     comparisons = compared_once(localizer.sensor, moments)
     traces = run_batch(localizer, moments, SEEDS, drive.start, comparisons)
-    library = np.array([(one.mean, one.best) for c in comparisons if (one := c.library_evidence)]).T
+    library = np.array(
+        [(comparison.mean, comparison.best) for c in comparisons if (comparison := c.library_evidence)]
+    ).T
     found: Numbers = {
         "library_mean": np.tile(library[0], (len(SEEDS), 1)),
         "library_best": np.tile(library[1], (len(SEEDS), 1)),
@@ -139,7 +141,7 @@ def _numbers(drive: Drive, settings: dict[str, Any]) -> Numbers:
         "converged": np.array([t.converged for t in traces]),
     }
     likelihoods, estimates = (
-        [one.explained_by_channels.relative[0] for one in comparisons],
+        [comparison.explained_by_channels.relative[0] for comparison in comparisons],
         np.array([t.poses for t in traces]),
     )
     return found | second_opinions(localizer, [m.frame.motions for m in moments], likelihoods, estimates)
@@ -152,7 +154,7 @@ def second_opinions(
     second, rows = SecondFilter.of(localizer), []
     for moved, likelihood, poses in zip(motions, likelihoods, estimates.swapaxes(0, 1), strict=True):
         second.see(moved, likelihood)
-        rows.append([[one.near, one.elsewhere] for one in map(second.shares, poses)])
+        rows.append([[comparison.near, comparison.elsewhere] for comparison in map(second.shares, poses)])
     near, elsewhere = np.array(rows).T
     return {"near": near, "elsewhere": elsewhere}
 

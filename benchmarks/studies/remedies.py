@@ -94,7 +94,7 @@ def judged(which: str, kind: str, number: int) -> Row:
             own = {key: value for key, value in run.planting.settings.items() if key != MOTION}
             mv.replay(session, where / LIBRARY, settings=own, seed=run.localizer.seed, save_run=saved)
             possible, _ = candidates(open_branch(saved))
-            names = [one.name for one in possible if one.name not in SLOW]
+            names = [remedy.name for remedy in possible if remedy.name not in SLOW]
             found = mv.remedies(saved, seeds=SEEDS, names=names)
         except (InputError, OptionError) as problem:
             return row | {"way": run.planting.way, "outcome": "left out", "why": str(problem)}

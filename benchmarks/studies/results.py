@@ -71,17 +71,17 @@ def main() -> None:
 
 def row(rows: pl.DataFrame) -> str:
     """Return one line of the table."""
-    one, clusters = rows.row(0, named=True), clusters_of(rows)
+    entry, clusters = rows.row(0, named=True), clusters_of(rows)
     error = mean(rows["error_m"].to_numpy() / INCH_M, clusters)
     oracle = rows["oracle_m"].to_numpy().mean() / INCH_M
     localized = rows["pictures_to_localize"].is_not_null()
-    found = "-" if one["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized, clusters)}"
-    light = f", lights {one['lights']}" if one["lights"] else ""
+    found = "-" if entry["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized, clusters)}"
+    light = f", lights {entry['lights']}" if entry["lights"] else ""
     of_oracle = Interval(*(value / oracle for value in (error.value, error.low, error.high)), error.count)
     cells = (
-        f"{one['label']}{light}",
-        one["task"] if one["session"].startswith(one["task"]) else one["session"],
-        one["tier"],
+        f"{entry['label']}{light}",
+        entry["task"] if entry["session"].startswith(entry["task"]) else entry["session"],
+        entry["tier"],
         str(len(rows)),
         _said(error, 1),
         _said(of_oracle, 2),
@@ -112,7 +112,8 @@ def _heading(rows: pl.DataFrame) -> str:
 
 
 def _said(found: Interval, digits: int, sign: str = "") -> str:
-    value, low, high = (f"{one:{sign}.{digits}f}" for one in (found.value, found.low, found.high))
+    numbers = (found.value, found.low, found.high)
+    value, low, high = (f"{number:{sign}.{digits}f}" for number in numbers)
     return f"{value} [{low}, {high}]"
 
 

@@ -164,11 +164,11 @@ def critical_count(material: Material) -> ClaimResult:
         why = f"holds no runs with counts below {CRITICAL / AROUND:,.0f}, about {CRITICAL:,}, and above"
         raise MissingRuns(material.folder, why)
     few, many = (_differ(rows, "particles", counts[-1], count, "lost") for count in (below[-1], above[-1]))
-    told = [
+    caption = [
         f"{said(figure(0.95), 'points', 100, 0)} more lost with {count:,}"
         for figure, count in ((few, below[-1]), (many, above[-1]))
     ]
-    ours = f"{', '.join(told)}, than with {counts[-1]:,}; {100 * MORE:.0f} points count as more"
+    ours = f"{', '.join(caption)}, than with {counts[-1]:,}; {100 * MORE:.0f} points count as more"
     return ClaimResult(ours, evidence=(ClaimFigure(few, MORE), ClaimFigure(many, high=MORE)))
 
 
@@ -183,9 +183,9 @@ def error_by_count(material: Material) -> ClaimResult:
     def slope(level: float) -> Interval:
         return log_fit(x, y, clusters_of(good), level).slope
 
-    told = f"{said(slope(0.95), 'in per decade of particles', 1, 2)}, on drives that no count lost"
+    caption = f"{said(slope(0.95), 'in per decade of particles', 1, 2)}, on drives that no count lost"
     return ClaimResult(
-        f"{told}; {TOLERATED:g} in count as none", evidence=(ClaimFigure(slope, -TOLERATED, TOLERATED),)
+        f"{caption}; {TOLERATED:g} in count as none", evidence=(ClaimFigure(slope, -TOLERATED, TOLERATED),)
     )
 
 
@@ -243,8 +243,10 @@ def confidence(material: Material) -> ClaimResult:
     """Tell the confidence at the end of runs with 5,000 particles; the thesis does not define its own."""
     rows = material.part("position-tracking", particles=5000)
     figure = mean(rows["confidence_end"].to_numpy(), clusters_of(rows))
-    told = f"its definition is not known; the weight within 12 in of the estimate is {said(figure, '', 1, 2)}"
-    return ClaimResult(told, UNTESTABLE)
+    caption = (
+        f"its definition is not known; the weight within 12 in of the estimate is {said(figure, '', 1, 2)}"
+    )
+    return ClaimResult(caption, UNTESTABLE)
 
 
 def difference(

@@ -63,32 +63,34 @@ def turning(material: Material) -> Figure:
     """Draw deviation and error while the robot turns in place: simulated turns of 45 degrees, many runs."""
     spec = material.spec(EXAMPLE)
     drives = [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(DRIVES)]
-    made, both = panels(1, 2, "turns of 45 degrees", "")
-    made.set_size_inches(10.0, 4.6)
+    drawing, both = panels(1, 2, "turns of 45 degrees", "")
+    drawing.set_size_inches(10.0, 4.6)
     for number, feature in enumerate(("color", "blended")):
         found = [
-            _turned(material.localizer_on(drives[seed % DRIVES], seed, preset=PRESET, feature=feature), one)
+            _turned(material.localizer_on(drives[seed % DRIVES], seed, preset=PRESET, feature=feature), run)
             for seed in range(RUNS)
-            for one in (drives[seed % DRIVES],)
+            for run in (drives[seed % DRIVES],)
         ]
         places = Clusters.of(np.arange(RUNS) % DRIVES)
         for axes, column in zip(both, (0, 1), strict=True):
-            limits = [mean(np.array([one[column, at] for one in found]), places) for at in range(TURNS)]
-            y, low, high = np.array([[one.value, one.low, one.high] for one in limits]).T / INCH_M
+            limits = [mean(np.array([run[column, at] for run in found]), places) for at in range(TURNS)]
+            y, low, high = np.array([[run.value, run.low, run.high] for run in limits]).T / INCH_M
             color, marker, line = STYLES[number]
-            x, told = np.arange(1, TURNS + 1), f"{feature}, {RUNS} runs in {DRIVES} places"
-            axes.plot(x, y, color=color, marker=marker, markevery=5, linestyle=line, label=told)
+            x, caption = np.arange(1, TURNS + 1), f"{feature}, {RUNS} runs in {DRIVES} places"
+            axes.plot(x, y, color=color, marker=marker, markevery=5, linestyle=line, label=caption)
             axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
     for axes, label in zip(both, (LABELS[DEVIATION], LABELS[OFF]), strict=True):
         axes.set_ylabel(label)
         axes.set_ylim(0)
         axes.set_xlim(0)
-    told = f"simulated; clouds begin with sd {BEGUN_M / INCH_M:.0f} in along x and y, and 20 degrees; {BANDS}"
-    handles, labels = both[0].get_legend_handles_labels()
-    made.legend(
-        handles, labels, loc="outside lower center", ncols=2, fontsize=8, title=told, title_fontsize=8
+    caption = (
+        f"simulated; clouds begin with sd {BEGUN_M / INCH_M:.0f} in along x and y, and 20 degrees; {BANDS}"
     )
-    return made
+    handles, labels = both[0].get_legend_handles_labels()
+    drawing.legend(
+        handles, labels, loc="outside lower center", ncols=2, fontsize=8, title=caption, title_fontsize=8
+    )
+    return drawing
 
 
 def _turned(localizer: Localizer, drive: Drive) -> F64:
@@ -111,21 +113,21 @@ def ambiguity(material: Material) -> Figure:
     """Draw how well a picture matches each reference: a circle a heading at every node, under a cloud."""
     moment, record = next(islice(material.steps(preset=PRESET, particles=AMBIGUOUS), AT - 1, None))
     library = material.library
-    made, axes = figure("", maps.X, maps.Y)
-    made.set_size_inches(9.4, 5.6)
-    maps.map_axes(made, axes, library.arena)
+    drawing, axes = figure("", maps.X, maps.Y)
+    drawing.set_size_inches(9.4, 5.6)
+    maps.map_axes(drawing, axes, library.arena)
     quality = record.sighting.comparison.quality.astype(np.float64)
     _circles(axes, library.poses, quality)
     maps.cloud(axes, maps.poses_of(record.belief), f"{AMBIGUOUS} particles", maps.ESTIMATE, "^", 4.0)
     if moment.truth is not None:
         maps.truth(axes, moment.truth)
-    told = (
+    caption = (
         f"diameter: quality, {quality.min():.2f} to {quality.max():.2f};\nat each node one for each heading"
     )
-    axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=ACTUAL, label=told)
+    axes.plot([], [], "o", markerfacecolor="none", markeredgecolor=ACTUAL, label=caption)
     axes.plot([], [], linestyle="", label=f"after picture {AT}, start unknown")
-    maps.legend_beside(made, axes)
-    return made
+    maps.legend_beside(drawing, axes)
+    return drawing
 
 
 def _circles(axes: Axes, poses: F64, quality: F64) -> None:
@@ -161,24 +163,24 @@ def fresh_particles(material: Material) -> Figure:
         raise MissingRuns(material.folder, f"holds no run with {STRATEGY} = {AIDED} that drew particles")
     moment, record = found
     arena, fresh = material.drive_of(row).bench.library.arena, record.injected
-    made, places = panels(1, 2, maps.X, maps.Y)
-    made.set_size_inches(11.0, 4.9)
+    drawing, places = panels(1, 2, maps.X, maps.Y)
+    drawing.set_size_inches(11.0, 4.9)
     before, after = maps.poses_of(record.weighted), maps.poses_of(record.belief)
     for axes in places:
-        maps.map_axes(made, axes, arena)
+        maps.map_axes(drawing, axes, arena)
         if moment.truth is not None:
             maps.truth(axes, moment.truth)
         maps.estimate(axes, record.estimate.pose)
     maps.cloud(places[0], before, None)
     maps.cloud(places[1], after[~fresh] if fresh is not None else after, f"{len(before):,} particles")
     if fresh is not None:
-        told = f"{int(fresh.sum())} of them fresh, drawn from the picture"
-        maps.cloud(places[1], after[fresh], told, ACTUAL, "^", 4.0)
+        caption = f"{int(fresh.sum())} of them fresh, drawn from the picture"
+        maps.cloud(places[1], after[fresh], caption, ACTUAL, "^", 4.0)
     at = record.frame.step - row["kidnapped_at_update"] + 1
     places[0].set_title(f"before: picture {at} after the kidnapping", fontsize=10)
     places[1].set_title("after: fresh particles among them", fontsize=10)
-    made.legend(*places[1].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
-    return made
+    drawing.legend(*places[1].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    return drawing
 
 
 def _first_fresh(material: Material, row: dict[str, object]) -> tuple[Moment, StepRecord] | None:

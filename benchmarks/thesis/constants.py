@@ -32,9 +32,9 @@ def of_motion(material: Material, name: str) -> Figure:
     """Draw a figure of calibration trials: those of the simulated robot, as `calibrate drive` makes them."""
     from matplotlib.font_manager import FontProperties
 
-    made = motion_figure(name, _shown())
-    made.legends[0].set_title(wrapped(made, _fitted(name, _shown())), FontProperties(size=8))
-    return made
+    drawing = motion_figure(name, _shown())
+    drawing.legends[0].set_title(wrapped(drawing, _fitted(name, _shown())), FontProperties(size=8))
+    return drawing
 
 
 def _fitted(name: str, shown: ShownFit) -> str:
@@ -42,22 +42,24 @@ def _fitted(name: str, shown: ShownFit) -> str:
     turns, straights = shown.fit.turns, shown.fit.straights
     if "turn-residual" in name:
         sd = say(turns.residual.sd, np.degrees(1), 1)
-        told = f"sd {sd} deg, the thesis: 4.916; mean {say(turns.residual.mean, np.degrees(1), 1)}, 0.2681"
-        return f"{turns.count} simulated turns; {told}"
+        caption = f"sd {sd} deg, the thesis: 4.916; mean {say(turns.residual.mean, np.degrees(1), 1)}, 0.2681"
+        return f"{turns.count} simulated turns; {caption}"
     if "turn" in name:
-        told = f"slope, measured over actual: {say(turns.figure_5_slope, 1, 3)}, the thesis: 1.3695"
-        return f"{turns.count} simulated turns; {told}"
+        caption = f"slope, measured over actual: {say(turns.figure_5_slope, 1, 3)}, the thesis: 1.3695"
+        return f"{turns.count} simulated turns; {caption}"
     per = shown.units.per_m
     if "heading" in name:
-        drifts = (f"{one.floor}: {say(one.rate.mean, np.degrees(1) / per, 2)}" for one in shown.fit.drifts)
+        drifts = (
+            f"{drift.floor}: {say(drift.rate.mean, np.degrees(1) / per, 2)}" for drift in shown.fit.drifts
+        )
         return f"{straights.count} simulated straights; mean drift in deg/in on {', on '.join(drifts)}"
-    told = f"mean error {say(straights.error.mean, per, 2)} in, the thesis: -0.6978"
-    return f"{straights.count} straights; {told}; sd {say(straights.error.sd, per, 2)} in, 0.6356"
+    caption = f"mean error {say(straights.error.mean, per, 2)} in, the thesis: -0.6978"
+    return f"{straights.count} straights; {caption}; sd {say(straights.error.sd, per, 2)} in, 0.6356"
 
 
 def say(fitted: Fitted, factor: float, digits: int) -> str:
     """Write a fitted constant with its 95 percent interval."""
-    value, low, high = (round(one * factor, digits) for one in (fitted.value, fitted.low, fitted.high))
+    value, low, high = (round(number * factor, digits) for number in (fitted.value, fitted.low, fitted.high))
     return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
 
 
@@ -77,26 +79,26 @@ def noise(material: Material) -> Figure:
 
 def most_by_bin(material: Material) -> Figure:
     """Draw the largest value of each bin over the library, with its spread over arenas."""
-    most = [one.library.index["color"].relevance for one in material.several]
-    made, axes = by_bin("largest value over the library (256 x share of pixels)")
+    most = [album.library.index["color"].relevance for album in material.several]
+    drawing, axes = by_bin("largest value over the library (256 x share of pixels)")
     draw_colors(axes, np.asarray(most[0]), np.asarray(most))
-    remark(made, _of_arenas(most))
-    return made
+    remark(drawing, _of_arenas(most))
+    return drawing
 
 
 def most_over_floor(material: Material) -> Figure:
     """Draw by how much the library's largest value of each bin exceeds the noise floor."""
     over = [
-        one.library.index["color"].relevance - one.library.index["color"].noise_floor
-        for one in material.several
+        album.library.index["color"].relevance - album.library.index["color"].noise_floor
+        for album in material.several
     ]
-    made, axes = by_bin("largest value less noise floor (256 x share)")
+    drawing, axes = by_bin("largest value less noise floor (256 x share)")
     axes.axhline(0, color=INK, linewidth=1)
     draw_colors(axes, np.asarray(over[0]), np.asarray(over))
     under = int((np.asarray(over) <= 0).any(axis=0).sum())
     below = f"{under} of {3 * BINS} bins are nowhere above the noise in some arena"
-    remark(made, f"{_of_arenas(over)}; {below}; the thesis: down to about -40")
-    return made
+    remark(drawing, f"{_of_arenas(over)}; {below}; the thesis: down to about -40")
+    return drawing
 
 
 def _of_arenas(found: list[F32]) -> str:

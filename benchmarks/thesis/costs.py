@@ -23,7 +23,7 @@ ROUNDS = "10 to 90 % of the rounds"
 def of_color(material: Material, what: str, label: str) -> Figure:
     """Draw what each feature takes, as a multiple of what color takes."""
     rows = _timed(material, what).sort("of_color", descending=True)
-    made, axes = figure("", label, "feature")
+    drawing, axes = figure("", label, "feature")
     y = np.arange(len(rows))
     value, low, high = (rows[name].to_numpy() for name in ("of_color", "of_color_low", "of_color_high"))
     axes.hlines(y, min(0.8 * float(low.min()), 0.5), value, color=ACTUAL, linewidth=1, alpha=0.5)
@@ -47,13 +47,13 @@ def of_color(material: Material, what: str, label: str) -> Figure:
     axes.set_xlim(min(0.8 * float(low.min()), 0.5), 2 * float(high.max()))
     axes.xaxis.set_major_formatter(lambda times, _: f"{times:g}")
     axes.legend(fontsize=8, loc="upper right")
-    return made
+    return drawing
 
 
 def update(material: Material) -> Figure:
     """Draw the time of one update against the number of particles, a line a feature, both on log scales."""
     rows = _timed(material, UPDATE)
-    made, axes = figure("", "particles", "CPU time of one update, picture to belief (ms)")
+    drawing, axes = figure("", "particles", "CPU time of one update, picture to belief (ms)")
     for number, feature in enumerate(rows["feature"].unique(maintain_order=True).to_list()):
         some = rows.filter(pl.col("feature") == feature).sort("particles")
         color, marker, line = STYLES[number]
@@ -68,7 +68,7 @@ def update(material: Material) -> Figure:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter(lambda value, _: f"{value:,g}")
     axes.legend(fontsize=8)
-    return made
+    return drawing
 
 
 def _timed(material: Material, what: str) -> pl.DataFrame:

@@ -67,7 +67,7 @@ def draw_figures(
         (PosixPath('figures/figure-26.png'), PosixPath('figures/figure-60.png'))
     """
     wanted, folder = list(only), Path(to)
-    known = {one.number: one for one in FIGURES}
+    known = {entry.number: entry for entry in FIGURES}
     for number in wanted:
         if number not in known:
             there = ", ".join(map(str, sorted(known)))
@@ -83,12 +83,12 @@ def draw_figures(
         folder.mkdir(parents=True)
     chosen = tuple(wanted) or tuple(known)
     files, left = list[Path](), list[tuple[int, str]]()
-    for one in rendered(Path(trials), chosen, tuple(formats), titled=True, progress=progress):
-        if one.missing:
-            left.append((one.number, one.missing))
+    for entry in rendered(Path(trials), chosen, tuple(formats), titled=True, progress=progress):
+        if entry.missing:
+            left.append((entry.number, entry.missing))
             continue
-        for name, data in zip(formats, one.files, strict=True):
-            file = folder / f"figure-{one.number:02}.{name}"
+        for name, data in zip(formats, entry.files, strict=True):
+            file = folder / f"figure-{entry.number:02}.{name}"
             write_whole(file, data, force=force)
             files.append(file)
     if wanted and left:
@@ -108,10 +108,10 @@ def rendered(
     """Yield figures as they are done, on all cores; those that the folder has no runs for say so."""
     work = partial(_render, folder, formats, titled, dpi)
     with _at_once(work, numbers) as found:
-        for done, one in enumerate(chain.from_iterable(found)):
+        for done, entry in enumerate(chain.from_iterable(found)):
             if progress is not None:
                 progress(done, len(numbers))
-            yield one
+            yield entry
 
 
 @contextmanager
@@ -129,7 +129,7 @@ def shares(numbers: Sequence[int], workers: int) -> list[list[int]]:
 
     Figures about pictures need the same drives, which every process that draws any of them has to render.
     """
-    about = {one.number for one in OF_PICTURES}
+    about = {entry.number for entry in OF_PICTURES}
     together = [number for number in numbers if number in about]
     parts = max(workers // 2, 1)
     shared = [together[part::parts] for part in range(parts)]

@@ -46,17 +46,17 @@ def motion_only(material: Material) -> Figure:
         way += float(np.hypot(*(moment.truth[:2] - truths[-1][:2])))
         clouds.append(poses.astype(np.float64))
         truths.append(moment.truth)
-    made, axes = figure("", maps.X, maps.Y)
-    maps.map_axes(made, axes, drive.bench.library.arena)
+    drawing, axes = figure("", maps.X, maps.Y)
+    maps.map_axes(drawing, axes, drive.bench.library.arena)
     maps.path(axes, np.array(truths), f"true path, {way / INCH_M:.0f} in; arrow: start")
     chosen = np.unique(np.linspace(0, len(clouds) - 1, CLOUDS).round().astype(int))
     for number, at in enumerate(chosen):
         gray = str(0.75 - 0.5 * number / len(chosen))
-        told = f"{MOTION_ONLY} particles, motion model only" if at == chosen[-1] else None
-        maps.cloud(axes, clouds[at], told, color=gray)
+        caption = f"{MOTION_ONLY} particles, motion model only" if at == chosen[-1] else None
+        maps.cloud(axes, clouds[at], caption, color=gray)
         maps.truth(axes, truths[at], "truth at these updates" if number == 0 else None)
-    maps.legend_beside(made, axes)
-    return made
+    maps.legend_beside(drawing, axes)
+    return drawing
 
 
 def true_path(material: Material) -> Figure:
@@ -64,15 +64,15 @@ def true_path(material: Material) -> Figure:
     drive = material.tracking
     truths = [_start_of(drive.start)]
     truths += [moment.truth for moment in drive.session.moments() if moment.truth is not None]
-    made, axes = figure("", maps.X, maps.Y)
-    maps.map_axes(made, axes, drive.bench.library.arena)
+    drawing, axes = figure("", maps.X, maps.Y)
+    maps.map_axes(drawing, axes, drive.bench.library.arena)
     poses = np.array(truths)
     way = float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()) / INCH_M
     maps.path(axes, poses, f"true path, {way:,.0f} in; arrow: start")
     axes.plot(*(poses[1:, :2] / INCH_M).T, ".", color=INK, markersize=5, label=f"{len(poses) - 1} pictures")
     maps.truth(axes, poses[-1], "end")
-    maps.legend_beside(made, axes)
-    return made
+    maps.legend_beside(drawing, axes)
+    return drawing
 
 
 def final_cloud(material: Material) -> Figure:
@@ -82,16 +82,16 @@ def final_cloud(material: Material) -> Figure:
     steps = list(run(localizer, drive.session, drive.start))
     moment, record = steps[-1]
     true, found = _truth_of(moment), record.estimate
-    made, (whole, near) = panels(1, 2, maps.X, maps.Y)
+    drawing, (whole, near) = panels(1, 2, maps.X, maps.Y)
     for axes in (whole, near):
-        maps.map_axes(made, axes, drive.bench.library.arena)
+        maps.map_axes(drawing, axes, drive.bench.library.arena)
         maps.cloud(axes, maps.poses_of(record.belief), f"{MANY:,} particles after {len(steps)} pictures")
         maps.truth(axes, true)
-        told = f"estimate: {maps.off_in(found, true):.1f} in off, confidence {found.confidence:.0%}"
-        maps.estimate(axes, found.pose, told)
+        caption = f"estimate: {maps.off_in(found, true):.1f} in off, confidence {found.confidence:.0%}"
+        maps.estimate(axes, found.pose, caption)
     maps.close_up(near, true)
-    made.legend(*whole.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
-    return made
+    drawing.legend(*whole.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return drawing
 
 
 def failed_run(material: Material) -> Figure:
@@ -104,13 +104,13 @@ def failed_run(material: Material) -> Figure:
     row = failed.row(0, named=True)
     run = list(material.run_of(row))
     arena = material.drive_of(row).bench.library.arena
-    made, places = panels(3, 4, maps.X, maps.Y)
-    made.set_size_inches(11.0, 7.4)
+    drawing, places = panels(3, 4, maps.X, maps.Y)
+    drawing.set_size_inches(11.0, 7.4)
     chosen = np.linspace(0, len(run) - 1, SEQUENCE).round().astype(int)
     for number, (axes, at) in enumerate(zip(places, chosen, strict=True)):
         moment, record = run[at]
         true = _truth_of(moment)
-        maps.map_axes(made, axes, arena)
+        maps.map_axes(drawing, axes, arena)
         maps.cloud(axes, maps.poses_of(record.belief), f"{MOTION_ONLY} particles")
         maps.truth(axes, true)
         maps.estimate(axes, record.estimate.pose)
@@ -118,16 +118,16 @@ def failed_run(material: Material) -> Figure:
         axes.label_outer()
         axes.tick_params(labelsize=7)
         if number == 0:
-            told = f"seed {row['seed']}, the first of {len(failed)} failed of {len(rows)} runs"
-            axes.plot([], [], linestyle="", label=f"{told}; cause: {row['failure']}")
-    made.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
-    return made
+            caption = f"seed {row['seed']}, the first of {len(failed)} failed of {len(rows)} runs"
+            axes.plot([], [], linestyle="", label=f"{caption}; cause: {row['failure']}")
+    drawing.legend(*places[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    return drawing
 
 
 def evolution(material: Material) -> Figure:
     """Draw how the estimate of a global localization evolves: on the map, and its error."""
     run = list(material.steps(preset=PRESET))
-    made, axes = _path_and_error(material.library.arena, run, "thesis filter, unknown start")
+    drawing, axes = _path_and_error(material.library.arena, run, "thesis filter, unknown start")
     off = [maps.off_in(record.estimate, _truth_of(moment)) for moment, record in run]
     deviation = [np.hypot(*record.mean_estimate.sd_m) / INCH_M for _, record in run]
     x = np.arange(1, len(run) + 1)
@@ -136,7 +136,7 @@ def evolution(material: Material) -> Figure:
     axes.set_ylabel("distance (in)")
     axes.legend(fontsize=8)
     axes.set_ylim(0)
-    return made
+    return drawing
 
 
 def few_particles(material: Material) -> Figure:
@@ -145,24 +145,26 @@ def few_particles(material: Material) -> Figure:
     row = rows.row(0, named=True)
     run = list(material.run_of(row))
     arena = material.drive_of(row).bench.library.arena
-    made, axes = _path_and_error(arena, run, f"{FEW} particles, seed {row['seed']}")
+    drawing, axes = _path_and_error(arena, run, f"{FEW} particles, seed {row['seed']}")
     x = np.arange(1, len(run) + 1)
     axes.plot(x, np.array(row[OFF]) / INCH_M, color=maps.ESTIMATE, label="this run")
-    found = np.array([[one.value, one.low, one.high] for one in curve(rows, OFF)]).T / INCH_M
+    found = (
+        np.array([[interval.value, interval.low, interval.high] for interval in curve(rows, OFF)]).T / INCH_M
+    )
     steps = np.arange(1, found.shape[1] + 1)
     axes.plot(steps, found[0], "--", color=INK, label=f"mean, 95 % interval, {len(rows)} runs")
     axes.fill_between(steps, found[1], found[2], color=INK, alpha=0.15, linewidth=0)
     axes.set_ylabel(LABELS[OFF])
     axes.set_ylim(0)
     axes.legend(fontsize=8)
-    return made
+    return drawing
 
 
 def _path_and_error(arena: Arena, run: Run, what: str) -> tuple[Figure, Axes]:
     """Return a figure whose left half is a map of truth and estimates, and its right half."""
-    made, (place, axes) = panels(1, 2, UPDATE, "")
-    made.set_size_inches(11.0, 4.6)
-    maps.map_axes(made, place, arena)
+    drawing, (place, axes) = panels(1, 2, UPDATE, "")
+    drawing.set_size_inches(11.0, 4.6)
+    maps.map_axes(drawing, place, arena)
     truths = [_truth_of(moment) for moment, _ in run]
     maps.path(place, np.array(truths), "true path; arrow: first picture")
     maps.estimates(place, [record.estimate for _, record in run], truths, f"estimates: {what}")
@@ -170,7 +172,7 @@ def _path_and_error(arena: Arena, run: Run, what: str) -> tuple[Figure, Axes]:
         x, y = run[at][1].estimate.pose[:2] / INCH_M
         place.annotate(str(at + 1), (x, y), (4, 4), textcoords="offset points", fontsize=7)
     place.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize=8)
-    return made, axes
+    return drawing, axes
 
 
 def _start_of(pose: F64 | None) -> F64:

@@ -71,4 +71,4 @@ ALL = (
     *traces.FIGURES,
     *costs.FIGURES,
 )
-FIGURES = tuple(sorted(ALL, key=lambda one: one.number))
+FIGURES = tuple(sorted(ALL, key=lambda entry: entry.number))

@@ -32,17 +32,19 @@ def grid_of_axes(
     """Return a figure with axes row by row; `same` gives them one vertical axis."""
     from matplotlib.figure import Figure as New
 
-    made = New(figsize=(WIDTH if columns > 1 else 8.0, height), layout="constrained")
+    drawing = New(figsize=(WIDTH if columns > 1 else 8.0, height), layout="constrained")
     ratios = widths or (1.0,) * columns
-    return made, list(made.subplots(rows, columns, width_ratios=ratios, sharey=same, squeeze=False).flat)
+    return drawing, list(
+        drawing.subplots(rows, columns, width_ratios=ratios, sharey=same, squeeze=False).flat
+    )
 
 
 def by_bin(label: str) -> tuple[Figure, Axes]:
     """Return a figure over the bins of a histogram."""
-    made, (axes,) = grid_of_axes(1)
+    drawing, (axes,) = grid_of_axes(1)
     dress(axes, "", BIN_AXIS, label)
     bin_ticks(axes)
-    return made, axes
+    return drawing, axes
 
 
 def bin_ticks(axes: Axes) -> None:
@@ -62,14 +64,14 @@ def draw_colors(axes: Axes, values: F32 | F64, among: F32 | F64 | None = None) -
     axes.legend(fontsize=8)
 
 
-def remark(made: Figure, text: str) -> None:
+def remark(drawing: Figure, text: str) -> None:
     """Write small print below everything."""
-    made.supxlabel(wrapped(made, text), fontsize=8, color=INK, x=0.01, ha="left")
+    drawing.supxlabel(wrapped(drawing, text), fontsize=8, color=INK, x=0.01, ha="left")
 
 
-def wrapped(made: Figure, text: str) -> str:
+def wrapped(drawing: Figure, text: str) -> str:
     """Break small print into lines as wide as the figure."""
-    return fill(text, int(made.get_figwidth() * LETTERS))
+    return fill(text, int(drawing.get_figwidth() * LETTERS))
 
 
 def draw_picture(axes: Axes, image: U8, title: str, below: str) -> None:

@@ -36,8 +36,8 @@ def quality(material: Material, feature: str, beside: Sequence[str] = (), *, shi
 
     `beside` are features whose ranks are drawn for comparison; `shifted` takes all pictures in more light.
     """
-    made, (left, right) = grid_of_axes(2, widths=(1.9, 1.0))
-    among = [one.in_light(MORE_LIGHT if shifted else 1.0) for one in material.several]
+    drawing, (left, right) = grid_of_axes(2, widths=(1.9, 1.0))
+    among = [album.in_light(MORE_LIGHT if shifted else 1.0) for album in material.several]
     pair = among[0].usual
     found = pair.pictures.quality(feature)[pair.number]
     light = f" in {MORE_LIGHT:g} x the light" if shifted else ""
@@ -56,8 +56,8 @@ def quality(material: Material, feature: str, beside: Sequence[str] = (), *, shi
     right.set_ylim(0, 101)
     right.legend(fontsize=8, loc="upper left")
     rank = int(pair.pictures.ranks(feature)[pair.number])
-    remark(made, f"truth's reference: rank {rank} of {len(found)}; {_over_all(among, feature)}")
-    return made
+    remark(drawing, f"truth's reference: rank {rank} of {len(found)}; {_over_all(among, feature)}")
+    return drawing
 
 
 def _by_entry(axes: Axes, pair: PicturePair, found: F32) -> None:
@@ -78,8 +78,8 @@ def _by_entry(axes: Axes, pair: PicturePair, found: F32) -> None:
 def _ranks(axes: Axes, among: Sequence[DrivePictures], feature: str, number: int) -> None:
     """Draw the share of pictures against rank, of all drives together; and the range of the drives."""
     color, _, line = STYLES[number]
-    ranks = [one.ranks(feature) for one in among]
-    at = np.arange(1, max(one.library.size for one in among) + 1)
+    ranks = [album.ranks(feature) for album in among]
+    at = np.arange(1, max(album.library.size for album in among) + 1)
     shares = 100 * np.array([(some[:, None] <= at).mean(axis=0) for some in ranks])
     together = np.concatenate(ranks)
     axes.step(
@@ -93,11 +93,11 @@ def _ranks(axes: Axes, among: Sequence[DrivePictures], feature: str, number: int
 
 def _over_all(among: Sequence[DrivePictures], feature: str) -> str:
     """Tell the ranks of the truth's references over all pictures."""
-    ranks = [one.ranks(feature) for one in among]
+    ranks = [album.ranks(feature) for album in among]
     low, middle, high = np.percentile(np.concatenate(ranks), (10, 50, 90))
     count, drives = len(np.concatenate(ranks)), len(ranks)
-    told = f"over {count} pictures of {drives} drive{'s' * (drives > 1)}: median {middle:.0f}"
-    return f"{told}, 80 % from {low:.0f} to {high:.0f}"
+    caption = f"over {count} pictures of {drives} drive{'s' * (drives > 1)}: median {middle:.0f}"
+    return f"{caption}, 80 % from {low:.0f} to {high:.0f}"
 
 
 def best_matches(material: Material, feature: str) -> Figure:
@@ -105,19 +105,19 @@ def best_matches(material: Material, feature: str) -> Figure:
     pair, library = material.pictures.usual, material.pictures.library
     found = pair.pictures.quality(feature)[pair.number]
     best = np.argsort(-found, kind="stable")[:BEST]
-    made, places = grid_of_axes(3, 2, height=6.4)
+    drawing, places = grid_of_axes(3, 2, height=6.4)
     draw_picture(places[0], pair.sample, f"sample of step {pair.step}", say_pose(pair.truth))
     for rank, (axes, entry) in enumerate(zip(places[1:], best.tolist(), strict=True), start=1):
         off = float(np.linalg.norm(library.poses[entry, :2] - pair.truth[:2])) / INCH_M
         title = f"{rank}. entry {entry}, quality {found[entry]:.3f}"
         true = ": the truth's reference" if entry == pair.entry else f": {off:.0f} in from the truth"
         draw_picture(axes, reference_picture(library, entry), title + true, say_pose(library.poses[entry]))
-    remark(made, _within_best(material, feature))
-    return made
+    remark(drawing, _within_best(material, feature))
+    return drawing
 
 
 def _within_best(material: Material, feature: str) -> str:
-    ranks = [one.ranks(feature) for one in material.several]
+    ranks = [album.ranks(feature) for album in material.several]
     hits = over_drives([np.asarray(some <= BEST, np.float64) for some in ranks])
     over = f"{sum(map(len, ranks))} pictures of {len(ranks)} drives"
     return f"the truth's reference is among the best five in {hits.text(100, 0)} % of {over}"
@@ -126,29 +126,29 @@ def _within_best(material: Material, feature: str) -> str:
 def placed(material: Material, *, reference: bool) -> Figure:
     """Draw the sample, or the truth's reference, beside a map of where it was taken."""
     pair = material.pictures.usual
-    made, (left, right) = grid_of_axes(2, widths=(1.25, 1.0))
+    drawing, (left, right) = grid_of_axes(2, widths=(1.25, 1.0))
     if reference:
         draw_picture(left, pair.reference, f"truth's reference, entry {pair.entry}", say_pose(pair.pose))
     else:
         draw_picture(left, pair.sample, f"sample of step {pair.step}", say_pose(pair.truth))
-    _map(made, right, pair)
+    _map(drawing, right, pair)
     gap = pair.pose - pair.truth
     off, turned = np.hypot(*gap[:2]) / INCH_M, np.degrees((gap[2] + np.pi) % (2 * np.pi) - np.pi)
-    far = [_gap_in(PicturePair(one, k)) for one in material.several for k in range(len(one.known))]
+    far = [_gap_in(PicturePair(album, k)) for album in material.several for k in range(len(album.known))]
     low, middle, high = np.percentile(far, (10, 50, 90))
-    told = f"the reference is {off:.1f} in and {turned:+.0f} deg from the sample"
+    caption = f"the reference is {off:.1f} in and {turned:+.0f} deg from the sample"
     spread = f"median {middle:.1f} in, 80 % from {low:.1f} to {high:.1f} in"
-    remark(made, f"{told}; over {len(far)} pictures {spread}")
-    return made
+    remark(drawing, f"{caption}; over {len(far)} pictures {spread}")
+    return drawing
 
 
 def _gap_in(pair: PicturePair) -> float:
     return float(np.hypot(*(pair.pose - pair.truth)[:2]) / INCH_M)
 
 
-def _map(made: Figure, axes: Axes, pair: PicturePair) -> None:
+def _map(drawing: Figure, axes: Axes, pair: PicturePair) -> None:
     """Draw walls, obstacles and places of references, with the sample's pose and its reference's."""
-    map_axes(made, axes, pair.pictures.library.arena)
+    map_axes(drawing, axes, pair.pictures.library.arena)
     axes.set_title("where they were taken", loc="left", fontsize=9, color=INK)
     places = np.unique(pair.pictures.library.poses[:, :2], axis=0) / INCH_M
     axes.plot(*places.T, ".", ms=3, color="#888D96", label="places of references")
@@ -164,36 +164,36 @@ def _map(made: Figure, axes: Axes, pair: PicturePair) -> None:
 
 def side_by_side(material: Material) -> Figure:
     """Draw a picture in the light of the drive and in more light, beside its reference."""
-    made, found = grid_of_axes(3)
+    drawing, found = grid_of_axes(3)
     for axes, pair in zip(found, (material.pictures.usual, material.pictures.shifted), strict=False):
         gain, shift = pair.pictures.gain, pair.pictures.brighter[pair.number]
         title = f"step {pair.step}, {gain:g} x the light: {shift:+.1f} gray levels"
         draw_picture(axes, pair.sample, title, say_pose(pair.truth))
     draw_picture(found[2], pair.reference, f"its reference, entry {pair.entry}", say_pose(pair.pose))
-    every = np.concatenate([one.brighter for one in material.several])
+    every = np.concatenate([album.brighter for album in material.several])
     low, middle, high = np.percentile(every, (10, 50, 90))
-    told = f"as driven, samples are brighter than their references by: median {middle:+.1f}, 80 % from"
+    caption = f"as driven, samples are brighter than their references by: median {middle:+.1f}, 80 % from"
     over = f"{len(every)} pictures of {len(material.several)} drives"
-    remark(made, f"{told} {low:+.1f} to {high:+.1f} gray levels, of {over}")
-    return made
+    remark(drawing, f"{caption} {low:+.1f} to {high:+.1f} gray levels, of {over}")
+    return drawing
 
 
 def edges(material: Material) -> Figure:
     """Draw a sample and its edge image."""
     pair = material.pictures.usual
-    made, (left, right) = grid_of_axes(2)
+    drawing, (left, right) = grid_of_axes(2)
     draw_picture(left, pair.sample, f"sample of step {pair.step}", say_pose(pair.truth))
     found = edge_image(pair.sample)
     seen = 100 * float((found >= 16).mean())
     below = f"contrast stretched; {seen:.0f} % of the values are 16 or more, which the histogram counts"
     draw_picture(right, stretched(found), "its edge image, color by color", below)
-    return made
+    return drawing
 
 
 def noise(material: Material) -> Figure:
     """Draw a sample before and after Gaussian noise, and what noise does to the matching."""
     pair, pictures = material.pictures.usual, material.pictures
-    made, (before, after, axes) = grid_of_axes(3, widths=(1.0, 1.0, 1.25))
+    drawing, (before, after, axes) = grid_of_axes(3, widths=(1.0, 1.0, 1.25))
     draw_picture(before, pair.sample, f"sample of step {pair.step}", "as taken")
     draw_picture(after, with_noise(pair.sample, SHOWN_NOISE), "with noise", f"sd {SHOWN_NOISE} gray levels")
     label = f"median rank, of {pictures.library.size} references"
@@ -205,16 +205,16 @@ def noise(material: Material) -> Figure:
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.legend(fontsize=8)
-    count = sum(len(one.known) for one in material.several)
-    remark(made, f"the thesis's distance over {count} pictures; vertical lines: lowest and highest drive")
-    return made
+    count = sum(len(album.known) for album in material.several)
+    remark(drawing, f"the thesis's distance over {count} pictures; vertical lines: lowest and highest drive")
+    return drawing
 
 
 def _noisy_ranks(material: Material, feature: str, sd: float) -> tuple[float, float, float]:
     ranks = []
-    for one in material.several:
-        noisy = [with_noise(image, sd) for image in one.images]
-        ranks.append(ranks_of(one.quality_of(feature, noisy), one.entries))
+    for album in material.several:
+        noisy = [with_noise(image, sd) for image in album.images]
+        ranks.append(ranks_of(album.quality_of(feature, noisy), album.entries))
     medians = [float(np.median(some)) for some in ranks]
     return min(medians), float(np.median(np.concatenate(ranks))), max(medians)
 

@@ -107,4 +107,4 @@ class Material(TrialsFolder):
 
 def over_drives(values: Sequence[F64], level: float = LEVEL) -> Interval:
     """Return the mean over drives of what each drive's pictures (P,) show; pictures of a drive are alike."""
-    return mean(np.array([one.mean() for one in values]), level=level)
+    return mean(np.array([ranks.mean() for ranks in values]), level=level)

@@ -73,7 +73,7 @@ def before_loss(material: Material, *, log: bool) -> Figure:
     rows = material.part("position-tracking").filter(pl.col("lost").is_not_null())
     if rows.is_empty():
         raise MissingRuns(material.folder, "holds no runs of position-tracking whose truth is known")
-    made, axes = figure("", "particles", "driven before it was lost (in)")
+    drawing, axes = figure("", "particles", "driven before it was lost (in)")
     for lost, mark, label in ((True, ".", "lost there"), (False, "^", "not lost: end of the drive")):
         if (some := rows.filter(pl.col("lost") == lost)).is_empty():
             continue
@@ -87,13 +87,13 @@ def before_loss(material: Material, *, log: bool) -> Figure:
     axes.axhline(GOAL_M / INCH_M, color=INK, linestyle=":", label="goal of the thesis, 1,000 in")
     axes.set_ylim(0)
     _finish(axes, log=log)
-    return made
+    return drawing
 
 
 def error(material: Material, *, fitted: bool = False) -> Figure:
     """Draw the mean error of position tracking against the number of particles; with a fit over its log."""
     rows = material.part("position-tracking").filter(pl.col("error_m").is_not_null())
-    made, axes = figure("", "particles", "mean error of a run (in)")
+    drawing, axes = figure("", "particles", "mean error of a run (in)")
     x, y = _jittered(_column(rows, PARTICLES)), _inches(rows, "error_m")
     axes.plot(x, y, ".", color=ACTUAL, alpha=0.35, label=_runs(rows, "each run"))
     _means(axes, rows, "error_m", 1 / INCH_M, "mean, 95 % interval", 0, shifted=False)
@@ -102,13 +102,13 @@ def error(material: Material, *, fitted: bool = False) -> Figure:
         _thesis(axes)
     axes.set_ylim(0)
     _finish(axes)
-    return made
+    return drawing
 
 
 def error_by_run(material: Material) -> Figure:
     """Draw the mean error of each run, runs ordered by their number of particles."""
     rows = material.part("position-tracking").filter(pl.col("error_m").is_not_null()).sort(PARTICLES, "seed")
-    made, axes = figure("", "run, ordered by number of particles", "mean error of a run (in)")
+    drawing, axes = figure("", "run, ordered by number of particles", "mean error of a run (in)")
     y = _inches(rows, "error_m")
     axes.plot(np.arange(1, len(y) + 1), y, ".", color=ACTUAL, label=_runs(rows, "each run"))
     counts = _column(rows, PARTICLES)
@@ -120,7 +120,7 @@ def error_by_run(material: Material) -> Figure:
     _thesis(axes)
     axes.set_ylim(0)
     axes.legend(loc="upper right", fontsize=8)
-    return made
+    return drawing
 
 
 def _thesis(axes: Axes) -> None:
@@ -142,7 +142,7 @@ def _fit(axes: Axes, rows: pl.DataFrame, metric: str, digits: int) -> None:
 def final_error(material: Material, features: Sequence[str] = ("color",)) -> Figure:
     """Draw the final error of every global run, marked by what made it fail."""
     rows = material.part("global-localization").filter(pl.col("feature").is_in(list(features)))
-    made, axes = figure("", "particles", "position error at the end (in)")
+    drawing, axes = figure("", "particles", "position error at the end (in)")
     good = rows.filter(pl.col("failure").is_null())
     axes.plot(
         _jittered(_column(good, PARTICLES)),
@@ -165,7 +165,7 @@ def final_error(material: Material, features: Sequence[str] = ("color",)) -> Fig
             axes.plot(x, y, marker, color=color, ms=5, alpha=0.7, label=_runs(some, label))
     axes.set_ylim(0)
     _finish(axes)
-    return made
+    return drawing
 
 
 def _causes(rows: pl.DataFrame) -> str:
@@ -177,20 +177,20 @@ def _causes(rows: pl.DataFrame) -> str:
 def by_feature(material: Material, metric: str, label: str, features: Sequence[str]) -> Figure:
     """Draw the mean of a metric, in inches, against the number of particles, a line a feature."""
     rows = material.part("global-localization").filter(pl.col("feature").is_in(list(features)))
-    made, axes = figure("", "particles", label)
+    drawing, axes = figure("", "particles", label)
     for number, feature in enumerate(features):
         some = rows.filter(pl.col("feature") == feature)
         if not some.is_empty():
             _means(axes, some, metric, 1 / INCH_M, _runs(some, feature), number)
     axes.set_ylim(0)
     _finish(axes)
-    return made
+    return drawing
 
 
 def time_to_localize(material: Material, features: Sequence[str] = ("color", "blended")) -> Figure:
     """Draw, for each number of particles, the share of runs that are not localized yet (Kaplan and Meier)."""
     rows = material.part("global-localization").filter(pl.col("feature").is_in(list(features)))
-    made, axes = figure("", "pictures", "share of runs not localized yet")
+    drawing, axes = figure("", "pictures", "share of runs not localized yet")
     counts = sorted(rows[PARTICLES].unique())
     chosen = [counts[k] for k in np.unique(np.linspace(0, len(counts) - 1, 4).round().astype(int))]
     for number, count in enumerate(chosen):
@@ -218,7 +218,7 @@ def time_to_localize(material: Material, features: Sequence[str] = ("color", "bl
     axes.set_ylim(0, 1.02)
     axes.set_xlim(0)
     axes.legend(fontsize=8)
-    return made
+    return drawing
 
 
 def localized_median(
@@ -233,7 +233,7 @@ def localized_median(
     if rows.is_empty():
         why = f"holds no runs of global-localization with {TIMES[metric]}; make them with this version"
         raise MissingRuns(material.folder, why)
-    made, axes = figure("", "particles", f"{label}, median")
+    drawing, axes = figure("", "particles", f"{label}, median")
     factor = metric_title(metric)[1]
     end = float(rows[TIMES[metric]].to_numpy().max()) * factor
     for number, feature in enumerate(features):
@@ -258,7 +258,7 @@ def localized_median(
     axes.axhline(end, color=INK, linestyle=":", label="end of the drive: not localized by half of the runs")
     axes.set_ylim(0)
     _finish(axes)
-    return made
+    return drawing
 
 
 def _means(
@@ -272,10 +272,10 @@ def _means(
     shifted: bool = True,
 ) -> None:
     color, marker, line = STYLES[number] if shifted else (INK, "o", "-")
-    groups = sorted(grouped(rows, [PARTICLES], metric), key=lambda one: float(one.by[PARTICLES]))
-    x = np.array([one.by[PARTICLES] for one in groups], float) * (1 + 0.05 * number)
+    groups = sorted(grouped(rows, [PARTICLES], metric), key=lambda group: float(group.by[PARTICLES]))
+    x = np.array([group.by[PARTICLES] for group in groups], float) * (1 + 0.05 * number)
     y, low, high = (
-        np.array([[one.figure.value, one.figure.low, one.figure.high] for one in groups]).T * factor
+        np.array([[group.figure.value, group.figure.low, group.figure.high] for group in groups]).T * factor
     )
     axes.errorbar(
         x, y, [y - low, high - y], color=color, marker=marker, linestyle=line, capsize=3, label=label

@@ -54,8 +54,8 @@ def curve(rows: pl.DataFrame, column: str) -> list[Interval]:
     """
     lists, clusters = rows[column].to_list(), clusters_of(rows)
     values = np.full((len(lists), max(map(len, lists))), np.nan)
-    for number, one in enumerate(lists):
-        values[number, : len(one)] = one
+    for number, values_of in enumerate(lists):
+        values[number, : len(values_of)] = values_of
     known = np.isfinite(values)
     return [mean(at[held], clusters[held]) for at, held in zip(values.T, known.T, strict=True)]
 
@@ -88,8 +88,8 @@ def uncertainty(material: Material, strategy: str) -> Figure:
         raise MissingRuns(material.folder, f"holds no runs with {STRATEGY} = {strategy}")
     made, (axes,) = panels(1, 1, UPDATE, LABELS[DEVIATION])
     for number, values in enumerate(rows[DEVIATION].to_list()):
-        told = f"each run, {len(rows)} runs" if number == 0 else None
-        axes.plot(_updates(values), np.array(values) / INCH_M, color="#9AA0AA", linewidth=0.7, label=told)
+        caption = f"each run, {len(rows)} runs" if number == 0 else None
+        axes.plot(_updates(values), np.array(values) / INCH_M, color="#9AA0AA", linewidth=0.7, label=caption)
     _band(axes, rows, DEVIATION, "mean, 95 % interval", 0)
     _mark_kidnapping(axes, rows)
     _finish(axes)
@@ -105,10 +105,12 @@ def by_strategy(material: Material) -> Figure:
     for place, column, number in ((axes[0], CONFIDENCE, 0), (axes[1], OFF, 1)):
         color, marker, _ = STYLES[number]
         found = [after_kidnapping(rows.filter(pl.col("label") == label), column) for label in labels]
-        y, value = np.arange(len(labels)), np.array([one.value for one in found])
-        reach = np.abs(np.array([[one.low, one.high] for one in found]).T - value)
-        told = None if number else f"mean, 95 % interval, {found[0].count} runs each"
-        place.errorbar(value, y, xerr=reach, color=color, marker=marker, linestyle="", capsize=3, label=told)
+        y, value = np.arange(len(labels)), np.array([values_of.value for values_of in found])
+        reach = np.abs(np.array([[values_of.low, values_of.high] for values_of in found]).T - value)
+        caption = None if number else f"mean, 95 % interval, {found[0].count} runs each"
+        place.errorbar(
+            value, y, xerr=reach, color=color, marker=marker, linestyle="", capsize=3, label=caption
+        )
         place.set_yticks(y, labels if number == 0 else ["" for _ in labels])
         place.set_xlabel(LABELS[column])
         place.set_xlim(0)
@@ -122,7 +124,7 @@ def after_kidnapping(rows: pl.DataFrame, column: str) -> Interval:
     """Return the mean of a column of lists over the updates since the kidnapping, run by run."""
     since = rows["kidnapped_at_update"].to_list()
     lists = rows[column].to_list()
-    values = np.array([np.nanmean(one[at - 1 :]) for one, at in zip(lists, since, strict=True)])
+    values = np.array([np.nanmean(values_of[at - 1 :]) for values_of, at in zip(lists, since, strict=True)])
     return mean(values * FACTORS[column], clusters_of(rows))
 
 
@@ -150,7 +152,10 @@ def _band(axes: Axes, rows: pl.DataFrame, column: str, what: str, number: int) -
     color, marker, line = STYLES[number]
     found = curve(rows, column)
     x = _updates(found)
-    y, low, high = np.array([[one.value, one.low, one.high] for one in found]).T * FACTORS[column]
+    y, low, high = (
+        np.array([[values_of.value, values_of.low, values_of.high] for values_of in found]).T
+        * FACTORS[column]
+    )
     axes.plot(
         x,
         y,
@@ -161,8 +166,8 @@ def _band(axes: Axes, rows: pl.DataFrame, column: str, what: str, number: int) -
         markevery=(number, max(len(x) // MARKS, 1)),
         label=f"{what}, {len(rows)} runs",
     )
-    told = BANDS if number == 0 and "interval" not in what else None
-    axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0, label=told)
+    caption = BANDS if number == 0 and "interval" not in what else None
+    axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0, label=caption)
 
 
 def _mark_kidnapping(axes: Axes, rows: pl.DataFrame) -> None:

@@ -56,7 +56,7 @@ def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) 
     set_up = stage(plan, ground.world)
     info = replace(session_info(set_up), survey=None, notes=())
     return RenderedSession(
-        info, tuple(replace(one, events=()) for one in SimulatedSession(set_up, info).moments())
+        info, tuple(replace(entry, events=()) for entry in SimulatedSession(set_up, info).moments())
     )
 
 
@@ -67,28 +67,28 @@ def plain_drive(ground: Ground, seed: int) -> RenderedSession:
 
 
 def with_moments(
-    held: RenderedSession, moments: Sequence[Moment], start: F64 | None = None
+    drive: RenderedSession, moments: Sequence[Moment], start: F64 | None = None
 ) -> RenderedSession:
     """Return a drive with other moments, and with another start where one is given."""
-    info = held.info if start is None else replace(held.info, start=start)
+    info = drive.info if start is None else replace(drive.info, start=start)
     return RenderedSession(info, tuple(moments))
 
 
-def anywhere(held: RenderedSession) -> RenderedSession:
+def anywhere(drive: RenderedSession) -> RenderedSession:
     """Return a drive that starts at a place that nobody knows."""
-    return RenderedSession(replace(held.info, start=None), held.all_moments)
+    return RenderedSession(replace(drive.info, start=None), drive.all_moments)
 
 
-def started_at(held: RenderedSession, start: F64) -> RenderedSession:
+def started_at(drive: RenderedSession, start: F64) -> RenderedSession:
     """Return a drive whose header names another start."""
     turned = np.append(start[:2], wrap(start[2:])[0])
-    return with_moments(held, held.all_moments, turned)
+    return with_moments(drive, drive.all_moments, turned)
 
 
-def pictures_changed(held: RenderedSession, change: Picture, since: int = 1) -> RenderedSession:
+def pictures_changed(drive: RenderedSession, change: Picture, since: int = 1) -> RenderedSession:
     """Return a drive whose pictures are changed from an update on."""
     return with_moments(
-        held, [_seen(one, change) if one.frame.step >= since else one for one in held.moments()]
+        drive, [_seen(entry, change) if entry.frame.step >= since else entry for entry in drive.moments()]
     )
 
 
@@ -98,18 +98,18 @@ def _seen(moment: Moment, change: Picture) -> Moment:
     )
 
 
-def frozen(held: RenderedSession, since: int, count: int) -> RenderedSession:
+def frozen(drive: RenderedSession, since: int, count: int) -> RenderedSession:
     """Return a drive whose camera gives the same picture again and again for some updates."""
-    still = held.all_moments[since - 2].frame.image
+    still = drive.all_moments[since - 2].frame.image
 
     def shown(moment: Moment) -> Moment:
         stuck = since <= moment.frame.step < since + count
         return _seen(moment, lambda image: still) if stuck else moment
 
-    return with_moments(held, [shown(moment) for moment in held.moments()])
+    return with_moments(drive, [shown(moment) for moment in drive.moments()])
 
 
-def odometry_changed(held: RenderedSession, change: Callable[[F64], F64], steps: range) -> RenderedSession:
+def odometry_changed(drive: RenderedSession, change: Callable[[F64], F64], steps: range) -> RenderedSession:
     """Return a drive whose odometry (M, 3) reports something else at some updates."""
 
     def told(moment: Moment) -> Moment:
@@ -117,11 +117,11 @@ def odometry_changed(held: RenderedSession, change: Callable[[F64], F64], steps:
             return moment
         return replace(moment, frame=replace(moment.frame, motions=change(moment.frame.motions.copy())))
 
-    return with_moments(held, [told(moment) for moment in held.moments()])
+    return with_moments(drive, [told(moment) for moment in drive.moments()])
 
 
-def gap(held: RenderedSession, since: int, count: int) -> RenderedSession:
+def gap(drive: RenderedSession, since: int, count: int) -> RenderedSession:
     """Return a drive whose log lacks everything of some updates, pictures and odometry alike."""
-    kept = [one for one in held.moments() if not since <= one.frame.step < since + count]
-    numbered = [replace(one, frame=replace(one.frame, step=k)) for k, one in enumerate(kept, start=1)]
-    return with_moments(held, numbered)
+    kept = [entry for entry in drive.moments() if not since <= entry.frame.step < since + count]
+    numbered = [replace(entry, frame=replace(entry.frame, step=k)) for k, entry in enumerate(kept, start=1)]
+    return with_moments(drive, numbered)

@@ -100,12 +100,12 @@ def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
         if left is None and {LEFT, ALL_ZERO} & set(record.events):
             left = step
         zero = step if zero is None and _is_zero(record) else zero
-    localized = first_mostly(np.array([one.localized is True for one in scores], bool))
+    localized = first_mostly(np.array([score.localized is True for score in scores], bool))
     return Outcome(
         updates=len(scores),
         localized_at=localized,
         lost_from=_lost_from(scores, 0 if start_known else localized),
-        right_share=float(np.mean([one.correct is True for one in scores])),
+        right_share=float(np.mean([score.correct is True for score in scores])),
         held_from=held,
         dropped_at=dropped,
         left_at=left,
@@ -126,7 +126,7 @@ def _lost_from(scores: Sequence[StepScore], first: int | None) -> int | None:
     """Return the first update of a loss after the first update; None where it never was localized."""
     if first is None:
         return None
-    found = first_run_of([one.lost is True for one in scores[first:]], LOST_FOR)
+    found = first_run_of([score.lost is True for score in scores[first:]], LOST_FOR)
     return None if found is None else first + found - LOST_FOR + 1
 
 

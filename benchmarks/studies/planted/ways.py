@@ -251,16 +251,16 @@ def off_the_map(ground: Ground, seed: int, rng: np.random.Generator) -> Planting
 
 def begun_outside(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """The header names a start off the map."""
-    held, angle = plain_drive(ground, seed), float(rng.uniform(-np.pi, np.pi))
+    drive, angle = plain_drive(ground, seed), float(rng.uniform(-np.pi, np.pi))
     out_m = float(np.hypot(*ground.library.arena.size_m)) + 2
-    start = _start(held) + np.array([out_m * np.cos(angle), out_m * np.sin(angle), 0.0])
-    return Planting("the start is off the map", 1, started_at(held, start), ground.library)
+    start = _start(drive) + np.array([out_m * np.cos(angle), out_m * np.sin(angle), 0.0])
+    return Planting("the start is off the map", 1, started_at(drive, start), ground.library)
 
 
-def _start(held: RenderedSession) -> F64:
-    if held.info.start is None:
+def _start(drive: RenderedSession) -> F64:
+    if drive.info.start is None:
         raise ValueError("expected a drive with a known start")
-    return held.info.start
+    return drive.info.start
 
 
 # The library.
@@ -268,14 +268,14 @@ def _start(held: RenderedSession) -> F64:
 
 def region_left_out(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """The survey leaves out what is around a place that the drive comes to."""
-    held, at = plain_drive(ground, seed), _since(rng)
-    truths = np.array([moment.truth for moment in held.all_moments])
+    drive, at = plain_drive(ground, seed), _since(rng)
+    truths = np.array([moment.truth for moment in drive.all_moments])
     places, middle = ground.library.poses[:, :2], truths[at + 3, :2]
     kept = np.linalg.norm(places - middle, axis=1) > GAP_M
     inside = np.linalg.norm(truths[:, :2] - middle, axis=1) < GAP_M
     since = int(np.argmax(inside)) + 1
     return Planting(
-        "a region is not surveyed", since, held, part_of(ground.library, kept), SEEING, LASTING, SEEING
+        "a region is not surveyed", since, drive, part_of(ground.library, kept), SEEING, LASTING, SEEING
     )
 
 
@@ -290,13 +290,13 @@ def looking_alike(ground: Ground, seed: int, rng: np.random.Generator) -> Planti
 
 def wrong_start(ground: Ground, seed: int, rng: np.random.Generator) -> Planting:
     """The header names a start far from the true one."""
-    held, map_ = plain_drive(ground, seed), raster(ground.world.arena)
+    drive, map_ = plain_drive(ground, seed), raster(ground.world.arena)
     if map_ is None:
         raise ValueError("expected a world with room to drive in")
-    truths = np.array([moment.truth for moment in held.all_moments[:STAYS]])
-    starts = [free_pose(map_, rng, _start(held), FAR_M) for _ in range(STARTS)]
-    start = max(starts, key=lambda one: _stays(ground, _start(held), one, truths))
-    return Planting("the start is wrong", 1, started_at(held, start), ground.library)
+    truths = np.array([moment.truth for moment in drive.all_moments[:STAYS]])
+    starts = [free_pose(map_, rng, _start(drive), FAR_M) for _ in range(STARTS)]
+    start = max(starts, key=lambda one: _stays(ground, _start(drive), one, truths))
+    return Planting("the start is wrong", 1, started_at(drive, start), ground.library)
 
 
 def _stays(ground: Ground, start: F64, wrong: F64, truths: F64) -> int:
