@@ -62,7 +62,8 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
     return rrb.TextDocumentView(name=title, origin=paths.text)
 
 
-LOG_WORDS = ("bump", "slip", BRANCH)  # first words of what else a log says that have marks of their own
+# First words of what else a log says that have marks of their own.
+LOG_WORDS = ("bump", "slip", BRANCH, kinds.PARTED)
 LINE_COLORS: Mapping[str, RGB] = {
     name: FRESH if kind.tone == kinds.ACTS else LOST if kind.tone == kinds.GRAVE else PALE
     for name, kind in KINDS.items()

@@ -77,8 +77,8 @@ def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
     assert f"the estimates part at step {found.parted_at}" in found.line
     assert found.scores.rrd == folder / "out.rrd"
     batches = _texts(found.scores.rrd)
-    assert "['branch']" in batches["/_log"]
-    assert "['parted']" in batches["/_log"]
+    assert "'branch'" in batches["/what_happened"]
+    assert "'parted'" in batches["/what_happened"]
     assert f"apart, since step {found.parted_at}" in batches["/compare/text"]
 
 
