@@ -22,19 +22,19 @@ from .app.replay import replay
 from .app.snapshot import draw_saved
 from .listener import SILENT, Listener
 from .running.output import verdict_of
-from .running.saved_steps import NUMBERS, POSES, Collected, Pictures, Restored, collect
+from .running.saved_steps import NUMBER_NAMES, POSE_NAMES, Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
 from .text.score_json import to_json
 
 Place: TypeAlias = str | Path
 Side: TypeAlias = int | Literal["auto"]
 
-EXTRA = "pip install 'maurice-replay[notebook]'"
-ASSETS = "RERUN_NOTEBOOK_ASSET"
+INSTALL_COMMAND = "pip install 'maurice-replay[notebook]'"
+ASSETS_VARIABLE = "RERUN_NOTEBOOK_ASSET"
 SERVED_HERE = "serve-local"  # Rerun's default is a web site of its own
 WIDTH: Side = "auto"
 HEIGHT: Side = 760
-AXES = ("x_m", "y_m", "heading_rad")
+POSE_AXES = ("x_m", "y_m", "heading_rad")
 
 
 def show(
@@ -116,8 +116,8 @@ def traces(run: Place) -> pl.DataFrame:
 def expect_widget() -> None:
     """Raise ImportError with the command that installs it where Rerun's widget is missing."""
     if importlib.util.find_spec("rerun_notebook") is None:
-        raise ImportError(f"Rerun's notebook widget is not installed; {EXTRA}")
-    os.environ.setdefault(ASSETS, SERVED_HERE)
+        raise ImportError(f"Rerun's notebook widget is not installed; {INSTALL_COMMAND}")
+    os.environ.setdefault(ASSETS_VARIABLE, SERVED_HERE)
 
 
 def _display(recording: Path, width: Side, height: Side) -> None:
@@ -155,8 +155,8 @@ def _flat(row: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _traces(run: SavedRun) -> pl.DataFrame:
     (track,) = _collected(run).tracks
-    columns = {name: track.column(name) for name in NUMBERS}
-    for pose in POSES:
-        columns |= {f"{pose}_{axis}": track.path(pose)[:, k] for k, axis in enumerate(AXES)}
+    columns = {name: track.column(name) for name in NUMBER_NAMES}
+    for pose in POSE_NAMES:
+        columns |= {f"{pose}_{axis}": track.path(pose)[:, k] for k, axis in enumerate(POSE_AXES)}
     frame = pl.DataFrame(columns).fill_nan(None).with_columns(pl.col("step").cast(pl.Int32))
     return frame.select(pl.lit(run.manifest.label).alias("label"), pl.all())

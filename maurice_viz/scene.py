@@ -23,7 +23,11 @@ from .drawing.contact_sheet import cell_height
 from .entities import RunPaths
 from .style import COLOR_WORDS, RGB, RUN_COLORS, Scale, scale_for
 
-NEVER, EVENLY, LIKELY = "never", "evenly", "likelihood"  # where a run draws new particles
+DRAWS_NEVER, DRAWS_EVENLY, DRAWS_WHERE_LIKELY = (
+    "never",
+    "evenly",
+    "likelihood",
+)  # where a run draws new particles
 
 
 class Detail(StrEnum):
@@ -143,5 +147,5 @@ def _draws_new(localizer: Localizer) -> str | None:
     if isinstance(strategy, Expansion):
         return None  # spreads those that it has
     if strategy is none:
-        return NEVER if localizer.mixture is None else LIKELY
-    return EVENLY if localizer.recovery.draw_evenly else LIKELY
+        return DRAWS_NEVER if localizer.mixture is None else DRAWS_WHERE_LIKELY
+    return DRAWS_EVENLY if localizer.recovery.draw_evenly else DRAWS_WHERE_LIKELY

@@ -71,7 +71,7 @@ PLAIN: RGBA = (136, 140, 150, 30)  # the tint of what needs none
 
 FAR_M = 10_000.0  # beyond it float32 screen coordinates get coarse, so the map's middle becomes their zero
 WEIGHT_OCTAVES = 3.0  # colors run from 1/8 of the average weight to 8 times it
-DARKEST = 48  # viridis below this entry cannot be seen on the dark ground
+DARKEST_ENTRY = 48  # viridis below this entry cannot be seen on the dark ground
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,7 @@ def packed(rgb: RGB, alpha: int = 255) -> int:
 
 
 def _viridis() -> U32:
-    index = np.linspace(DARKEST, 255, 256).round().astype(np.uint8)
+    index = np.linspace(DARKEST_ENTRY, 255, 256).round().astype(np.uint8)
     bgr = cv2.applyColorMap(index[:, None], cv2.COLORMAP_VIRIDIS)[:, 0].astype(np.uint32)
     return np.asarray(bgr[:, 2] << 24 | bgr[:, 1] << 16 | bgr[:, 0] << 8 | 255, np.uint32)
 
@@ -223,7 +223,7 @@ DEEPEST = 8.0  # nats below the best place that still have a color
 
 # Texts that the viewer can show: what its font has no sign for is written as a code.
 
-RANGES = (
+GLYPH_RANGES = (
     (0x20, 0x24F),
     (0x370, 0x3E1),
     (0x3F0, 0x52F),
@@ -235,9 +235,9 @@ RANGES = (
     (0x25A0, 0x25FF),
 )  # first and last of each, as tried out in 0.41
 WITHOUT_GLYPH = (0x149, 0x1C4, *range(0x7F, 0xA0))
-UNKNOWN = re.compile(
+UNKNOWN_GLYPH = re.compile(
     "[^\n"
-    + "".join(f"{chr(first)}-{chr(last)}" for first, last in RANGES)
+    + "".join(f"{chr(first)}-{chr(last)}" for first, last in GLYPH_RANGES)
     + "]|["
     + "".join(map(chr, WITHOUT_GLYPH))
     + "]"
@@ -248,7 +248,7 @@ def font_safe(text: str) -> str:
     """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
     if text.isascii():
         return text
-    return UNKNOWN.sub(lambda letter: f"u{ord(letter[0]):04X}", unicodedata.normalize("NFC", text))
+    return UNKNOWN_GLYPH.sub(lambda letter: f"u{ord(letter[0]):04X}", unicodedata.normalize("NFC", text))
 
 
 def font_safe_names(part: Any) -> None:

@@ -225,6 +225,6 @@ def test_what_is_no_recording_is_an_error_and_no_hang(tmp_path):
 
 
 def test_without_a_driver_the_package_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVER_FOLDERS", ())
     with pytest.raises(InputError, match="mesa-vulkan-drivers"), headless_viewer(tmp_path / "any.rrd"):
         pass

@@ -20,9 +20,11 @@ from ..style import PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
 
 PLANES = 3  # red, green, blue: equal thirds of a descriptor
 REFERENCE, SAMPLE = RUN_COLORS[:2]
-USUAL = 99.5  # percentile of all library bins that the bands reach up to; a higher bar makes the chart grow
-SMALLEST = 1e-6  # a band of no height could not be seen
-MOST_COMPARED = 100  # references from which the usual height of differences is taken
+USUAL_PERCENTILE = (
+    99.5  # percentile of all library bins that the bands reach up to; a higher bar makes the chart grow
+)
+LEAST_HEIGHT = 1e-6  # a band of no height could not be seen
+COMPARED_REFERENCES = 100  # references from which the usual height of differences is taken
 REFERENCE_BAR, SAMPLE_BAR = (0.0, 1.0), (0.25, 0.5)  # where in a bin they begin, and how wide they are
 
 
@@ -41,7 +43,7 @@ def place_bars(
 
 def usual_height(index: ChannelIndex) -> float:
     """Return a height that nearly all bins of the library stay under."""
-    return max(float(np.percentile(index.references, USUAL)), SMALLEST)
+    return max(float(np.percentile(index.references, USUAL_PERCENTILE)), LEAST_HEIGHT)
 
 
 def usual_difference(index: ChannelIndex, distance: str) -> float:
@@ -50,12 +52,12 @@ def usual_difference(index: ChannelIndex, distance: str) -> float:
     if count < 2:
         return 1.0
     parts = []
-    for k in np.linspace(0, count - 1, min(count, MOST_COMPARED)).astype(int):
+    for k in np.linspace(0, count - 1, min(count, COMPARED_REFERENCES)).astype(int):
         differences = DISTANCES[distance](index.references[k], index)
         differences[k] = np.inf
         best = index.references[differences.argmin()]
         parts.append(contributions(distance, index.references[k], best, index))
-    return max(float(np.percentile(parts, USUAL)), SMALLEST)
+    return max(float(np.percentile(parts, USUAL_PERCENTILE)), LEAST_HEIGHT)
 
 
 def bands_of(bins: int) -> tuple[RGBA, ...]:

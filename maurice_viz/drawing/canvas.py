@@ -84,12 +84,12 @@ def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:
 
 
 LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
-MARGIN = {"left": 0.09, "right": 0.05, "top": 0.075, "bottom": 0.06}  # shares of the arena's long side
-TEXT = 0.024  # height of capitals, as a share of the arena's long side
-FLOORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (54, 54, 60)}
-OTHER_FLOORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
+MAP_MARGINS = {"left": 0.09, "right": 0.05, "top": 0.075, "bottom": 0.06}  # shares of the arena's long side
+MAP_TEXT_SHARE = 0.024  # height of capitals, as a share of the arena's long side
+FLOOR_COLORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (54, 54, 60)}
+OTHER_FLOOR_COLORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
 MOST_TICKS = 9  # labels along one side of the ruler
-LEAST_SHRUNK = 0.7  # of the usual size of text, to make a name fit its obstacle
+LEAST_TEXT_SCALE = 0.7  # of the usual size of text, to make a name fit its obstacle
 TICK_STEPS = (1, 2, 3, 5, 10)
 
 
@@ -130,10 +130,10 @@ def map_extent(arena: Arena, scale: Scale) -> Extent:
     """Return the rectangle that a map view shows: the arena, its ruler and the key above it."""
     inner, side = arena_extent(arena, scale), long_side(arena, scale)
     return Extent(
-        inner.left - MARGIN["left"] * side,
-        inner.right + MARGIN["right"] * side,
-        inner.top - MARGIN["top"] * side,
-        inner.bottom + MARGIN["bottom"] * side,
+        inner.left - MAP_MARGINS["left"] * side,
+        inner.right + MAP_MARGINS["right"] * side,
+        inner.top - MAP_MARGINS["top"] * side,
+        inner.bottom + MAP_MARGINS["bottom"] * side,
     )
 
 
@@ -152,7 +152,7 @@ def draw_ground(arena: Arena, scale: Scale, *, named: bool = True) -> Canvas:
     unit_per_px = max(extent.width, extent.height) / LONG_SIDE_PX
     shape = (round(extent.height / unit_per_px), round(extent.width / unit_per_px), 3)
     canvas = Canvas(np.full(shape, GROUND, np.uint8), extent, unit_per_px)
-    text_px = TEXT * long_side(arena, scale) / unit_per_px
+    text_px = MAP_TEXT_SHARE * long_side(arena, scale) / unit_per_px
     _fill_arena(canvas, arena, scale)
     for number, floor in enumerate(arena.floors):
         _fill_floor(canvas, _pixels(canvas, floor.polygon, scale), floor.name, number)
@@ -178,7 +178,7 @@ def _fill_arena(canvas: Canvas, arena: Arena, scale: Scale) -> None:
 
 def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:
     """Fill a floor with its color; planks for wood and dots for carpet also show without color."""
-    color = FLOORS.get(name.lower(), OTHER_FLOORS[number % len(OTHER_FLOORS)])
+    color = FLOOR_COLORS.get(name.lower(), OTHER_FLOOR_COLORS[number % len(OTHER_FLOOR_COLORS)])
     tile = np.full((24, 24, 3), color, np.uint8)
     if name.lower() == "wood":
         tile[::24] = np.asarray(color) * 3 // 4
@@ -207,7 +207,7 @@ def _put_inside(image: U8, name: str, polygon: F64, text_px: float) -> None:
     """Write a name in the middle of an obstacle, smaller if need be; not at all where it would not fit."""
     room = np.ptp(polygon[:, 0]) * 0.9
     width, _ = text_size(name, text_px)
-    shrunk = max(min(text_px, text_px * room / max(width, 1)), LEAST_SHRUNK * text_px)
+    shrunk = max(min(text_px, text_px * room / max(width, 1)), LEAST_TEXT_SCALE * text_px)
     if width * shrunk / text_px < 1.3 * room:  # a little over the edge is better than too small to read
         middle = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
         width, height = text_size(name, shrunk)

@@ -34,10 +34,14 @@ ENTRY_AT_PX, QUALITY_AT_PX = 24, 78  # where in a cell these captions begin
 WIDTH_OF_A_LETTER = 0.78  # in text heights, on average in a caption
 NOT_KEPT = "picture not kept"
 GAP_PX = 6
-TRIED = 16  # pictures that are tried before a usual shape is assumed
-KEPT = 640  # references in memory as JPEGs, about 4 kB each: matches come back, and reading one costs 0.5 ms
-LATEST = 16  # pictures in memory before they are encoded: several drawings of one update show the same
-QUALITY = 70  # of their pictures
+TRIED_PICTURES = 16  # pictures that are tried before a usual shape is assumed
+CACHED_REFERENCES = (
+    640  # references in memory as JPEGs, about 4 kB each: matches come back, and reading one costs 0.5 ms
+)
+CACHED_THUMBNAILS = (
+    16  # pictures in memory before they are encoded: several drawings of one update show the same
+)
+JPEG_QUALITY = 70  # of their pictures
 
 # a card: a picture over its edges, to be compared with others
 CARD_PX = 120  # width: with 144 px three of them were 16 kB an update
@@ -90,11 +94,11 @@ class ContactSheet:
         return CAPTIONS.png(image)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_REFERENCES)
 def reference_jpeg(path: Path | None, height: int) -> bytes:
     """Return a reference's picture in a cell's size as a JPEG; gray with words if it is not available."""
     thumbnail = None if path is None else thumbnail_of(path, height)
-    return no_picture(height, NOT_KEPT) if thumbnail is None else jpeg(thumbnail, QUALITY)
+    return no_picture(height, NOT_KEPT) if thumbnail is None else jpeg(thumbnail, JPEG_QUALITY)
 
 
 @lru_cache(maxsize=8)
@@ -102,7 +106,7 @@ def no_picture(height: int, words: str = "") -> bytes:
     """Return what stands in place of a picture, as a JPEG."""
     gray = blank(height, CELL_PX, MISSING)
     put_text(gray, words, (CELL_PX - text_size(words, TEXT_PX)[0]) / 2, height / 2, TEXT_PX, PALE)
-    return jpeg(gray, QUALITY)
+    return jpeg(gray, JPEG_QUALITY)
 
 
 @lru_cache(maxsize=8)
@@ -111,7 +115,7 @@ def no_caption(height: int) -> bytes:
     return CAPTIONS.png(np.full((height, CELL_PX), INKS[PALE], np.uint8))
 
 
-@lru_cache(maxsize=LATEST)
+@lru_cache(maxsize=CACHED_THUMBNAILS)
 def thumbnail_of(path: Path, height: int) -> U8 | None:
     """Return a picture in a cell's size (height, CELL_PX, 3), read-only and cached; None if unreadable."""
     image = read_picture(path)
@@ -125,7 +129,7 @@ def thumbnail_of(path: Path, height: int) -> U8 | None:
 def cell_height(pictures: Sequence[Path | None]) -> int:
     """Return the height in pixels of a picture in its cell, by the shape of the first readable one."""
     paths = [path for path in pictures if path is not None]
-    for path in paths[:TRIED]:
+    for path in paths[:TRIED_PICTURES]:
         image = read_picture(path)
         if image is not None:
             rows, columns = image.shape[:2]
@@ -146,7 +150,7 @@ def _fitting(text: str) -> float:
     return min(TEXT_PX, (CELL_PX - 4) / (WIDTH_OF_A_LETTER * len(text)))
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_REFERENCES)
 def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
     """Return the card of a reference's picture; gray with a reason if the picture is not available."""
     thumbnail = None if path is None else thumbnail_of(path, cell_height)

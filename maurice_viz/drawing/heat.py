@@ -12,12 +12,12 @@ from maurice_mcl.sensor.descriptors import chromaticity
 from maurice_mcl.values.arrays import F32, U8
 
 from ..style import BAR, EMPTY, GROUND, PALE
-from .bars import REFERENCE, SAMPLE, SMALLEST
+from .bars import LEAST_HEIGHT, REFERENCE, SAMPLE
 from .canvas import text_size
 from .indexed import IndexedColors, write
 
 GRIDS = {"chromaticity": (chromaticity.BINS, chromaticity.BINS)}  # rows and columns of 2D histograms
-AXES = "up: red share, right: green share, 0.13 to 0.55"
+AXES_WORDS = "up: red share, right: green share, 0.13 to 0.55"
 HEAT_PX = 176  # side of a heat map in a panel of its own
 TITLE_PX, TITLE_TEXT_PX, GAP_PX = 26, 11.0, 14
 SHADES = 24  # of a color, from nothing to the most
@@ -39,7 +39,7 @@ def heat_of(values: F32, most: float, ink: int) -> U8:
 
     The root, because most bins of a histogram are far below the highest. `ink` is one of `HEATS`.
     """
-    share = np.sqrt(np.clip(values / max(most, SMALLEST), 0, 1))[::-1]
+    share = np.sqrt(np.clip(values / max(most, LEAST_HEIGHT), 0, 1))[::-1]
     return np.asarray(ink + (share * (SHADES - 1)).round(), np.uint8)
 
 

@@ -17,10 +17,10 @@ from maurice_mcl.values.arrays import U8, Bool
 from ..style import RGB
 from .canvas import put_text, text_size
 
-LEVELS = 8  # colors of a smooth edge, from the ground to the ink
+INK_LEVELS = 8  # colors of a smooth edge, from the ground to the ink
 MOST_COLORS = 256
-KEPT = 1024  # texts in memory, about 4 kB each
-PAD = 3  # pixels of room around a text
+CACHED_TEXTS = 1024  # texts in memory, about 4 kB each
+TEXT_PAD_PX = 3  # pixels of room around a text
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BY_PALETTE = b"\x08\x03\x00\x00\x00"  # 8 bits a pixel, colors from a palette, no interlacing
@@ -38,7 +38,7 @@ class IndexedColors:
         """Add a color; return its number."""
         return self.ramp(color, color, 1)
 
-    def ramp(self, ground: RGB, ink: RGB, levels: int = LEVELS) -> int:
+    def ramp(self, ground: RGB, ink: RGB, levels: int = INK_LEVELS) -> int:
         """Add colors from a ground to an ink; return the number of the first."""
         first, low, high = len(self._colors), np.array(ground), np.array(ink)
         shares = np.linspace(0, 1, levels) if levels > 1 else np.ones(1)
@@ -64,14 +64,14 @@ class IndexedColors:
         size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
         header = _chunk(b"IHDR", size + BY_PALETTE)
         pixels = _chunk(b"IDAT", packer.compress(rows.data) + packer.flush())
-        return b"".join([SIGNATURE, header, self._table, pixels, END])
+        return b"".join([SIGNATURE, header, self._table, pixels, END_CHUNK])
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
     return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(data, zlib.crc32(kind)).to_bytes(4, "big")
 
 
-END = _chunk(b"IEND", b"")
+END_CHUNK = _chunk(b"IEND", b"")
 
 
 def fill(image: U8, where: Bool, number: int) -> None:
@@ -85,20 +85,20 @@ def write(image: U8, text: str, left: float, base: float, height_px: float, ink:
     `ink` is the first number of a ramp, from what is under the text to the color of its letters.
     """
     shades, inked, above = _letters(text, height_px)
-    top, at = round(base) - above, round(left) - PAD
+    top, at = round(base) - above, round(left) - TEXT_PAD_PX
     skipped, hidden = max(-top, 0), max(-at, 0)
     part = image[top + skipped : max(top + len(shades), 0), at + hidden : max(at + shades.shape[1], 0)]
     visible = slice(skipped, skipped + part.shape[0]), slice(hidden, hidden + part.shape[1])
     np.copyto(part, shades[visible] + np.uint8(ink), where=inked[visible])
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_TEXTS)
 def _letters(text: str, height_px: float) -> tuple[U8, Bool, int]:
     """Return a text (h, w), from 0 to LEVELS - 1, where it has ink, and how many rows are above its base."""
     width, height = text_size(text, height_px)
-    above = height + PAD
-    image = np.zeros((above + height // 2 + PAD, width + 2 * PAD, 3), np.uint8)
-    put_text(image, text, PAD, above, height_px, (255, 255, 255))
-    covered = np.asarray(cv2.extractChannel(image, 0), np.float32) * ((LEVELS - 1) / 255)
+    above = height + TEXT_PAD_PX
+    image = np.zeros((above + height // 2 + TEXT_PAD_PX, width + 2 * TEXT_PAD_PX, 3), np.uint8)
+    put_text(image, text, TEXT_PAD_PX, above, height_px, (255, 255, 255))
+    covered = np.asarray(cv2.extractChannel(image, 0), np.float32) * ((INK_LEVELS - 1) / 255)
     shades = covered.round().astype(np.uint8)
     return shades, shades > 0, above

@@ -19,7 +19,7 @@ from maurice_mcl.values.map import Arena
 from .. import style
 from ..entities import Phase
 from ..style import RGB, U32, Scale
-from .canvas import MARGIN, Extent, ascii_of, long_side, map_extent, put_text, text_size
+from .canvas import MAP_MARGINS, Extent, ascii_of, long_side, map_extent, put_text, text_size
 
 HEIGHT_PX = 64
 TEXT_PX = 24.0
@@ -267,7 +267,7 @@ def key_extent(key: U8, arena: Arena, scale: Scale) -> Extent:
     """Return the rectangle of a key: as wide as the map view, its last row where the view's margin is."""
     extent = map_extent(arena, scale)
     height = extent.width * key.shape[0] / key.shape[1]
-    bottom = extent.top + 0.85 * MARGIN["top"] * long_side(arena, scale)
+    bottom = extent.top + 0.85 * MAP_MARGINS["top"] * long_side(arena, scale)
     return Extent(extent.left, extent.right, bottom - height, bottom)
 
 

@@ -19,7 +19,7 @@ from maurice_mcl.reasons.explanation import ChannelExplanation, EntryExplanation
 from maurice_mcl.values.arrays import F32, F64, I32, U8
 
 from ..style import BAR, EMPTY, GROUND, PALE, PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
-from .bars import REFERENCE, SAMPLE, SMALLEST, bands_of
+from .bars import LEAST_HEIGHT, REFERENCE, SAMPLE, bands_of
 from .canvas import blank, put_text, text_size
 from .heat import CHART, EMPTY_INK, HEATS, grid_of, heat_of, place_heat
 from .indexed import fill, write
@@ -29,7 +29,7 @@ BAR_SHARE = 0.23  # of the height, with the axis below it
 TEXT_SHARE = 0.045  # height of capitals, of the width
 COST_SHARE = 0.32  # of a small chart's height: what each element costs
 SEGMENTS: tuple[RGB, ...] = (*RUN_COLORS[2:], (182, 90, 62), (204, 121, 167))  # of channels, in turn
-TICKS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
+TICK_NATS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
 MOST_MARKS = 5
 
 # numbers of the colors of charts
@@ -55,8 +55,8 @@ def scale_of(entries: Sequence[EntryExplanation]) -> ChartScale:
     for channels in by_channel:
         both = np.concatenate([part for c in channels for part in (c.sample, c.reference)])
         low = min(float(both.min()), 0.0)
-        spans.append((low, max(float(both.max()), low + SMALLEST)))
-        costs.append(max(SMALLEST, *(float(c.nats.max()) for c in channels)))
+        spans.append((low, max(float(both.max()), low + LEAST_HEIGHT)))
+        costs.append(max(LEAST_HEIGHT, *(float(c.nats.max()) for c in channels)))
     nats = max(sum(c.loses for c in entry.channels) for entry in entries)
     return ChartScale(max(nats, 1.0), tuple(spans), tuple(costs))
 
@@ -142,7 +142,7 @@ def _with_axis(channels: tuple[tuple[str, int], ...], size: tuple[int, int], mos
     """Draw what all charts of an update share: their ground, and the marks of the axis of the bars."""
     image, text = _ground(channels, size).copy(), TEXT_SHARE * size[0]
     _, high, end = _bar_place(size)
-    step = next((t for t in TICKS if most / t <= MOST_MARKS), TICKS[-1])
+    step = next((t for t in TICK_NATS if most / t <= MOST_MARKS), TICK_NATS[-1])
     marks = np.arange(0, most + 1e-9, step).tolist()
     for mark in marks:
         x = 4 + mark / most * (end - 4)
@@ -162,19 +162,21 @@ def color_of(number: int) -> RGB:
     return SEGMENTS[number % len(SEGMENTS)]
 
 
-def _draw_channel(image: U8, found: ChannelExplanation, number: int, scale: ChartScale, text: float) -> None:
+def _draw_channel(
+    image: U8, channel: ChannelExplanation, number: int, scale: ChartScale, text: float
+) -> None:
     """Draw the descriptors of one channel, and what each element costs."""
-    grid = grid_of(found.channel, len(found.sample))
+    grid = grid_of(channel.channel, len(channel.sample))
     if grid is not None:
         _, most = scale.spans[number]
-        amounts = (found.sample, found.reference, found.nats)
+        amounts = (channel.sample, channel.reference, channel.nats)
         tops = (most, most, scale.costs[number])
         maps = [heat_of(a.reshape(grid), t, ink) for a, t, ink in zip(amounts, tops, HEATS, strict=True)]
         place_heat(image[: _under(image, text)], maps)
         return
     levels, costs = _levels_and_costs(image, text)
-    draw_levels(levels, found.sample, found.reference, scale.spans[number])
-    _draw_costs(costs, found.nats, scale.costs[number])
+    draw_levels(levels, channel.sample, channel.reference, scale.spans[number])
+    _draw_costs(costs, channel.nats, scale.costs[number])
 
 
 def _under(image: U8, text: float) -> int:

@@ -30,7 +30,7 @@ from ..drawing.bars import (
     usual_height,
 )
 from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, put_text
-from ..drawing.heat import AXES, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
+from ..drawing.heat import AXES_WORDS, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import BAR, GROUND, MISSING, PALE, RGB, TRUTH, font_safe
@@ -213,8 +213,8 @@ class HistogramsPanel(Panel):
         tops = (usual, usual, most)
         maps = [heat_of(p.reshape(grid), top, ink) for p, top, ink in zip(parts, tops, HEATS, strict=True)]
         drawn = {
-            MAPS: titled_heat(maps[:2], ("picture", "best match"), AXES),
-            ADDED: titled_heat(maps[2:], ("adds to D",), AXES),
+            MAPS: titled_heat(maps[:2], ("picture", "best match"), AXES_WORDS),
+            ADDED: titled_heat(maps[2:], ("adds to D",), AXES_WORDS),
         }
         for kind, image in drawn.items():
             picture = row_of(rr.EncodedImage, blob=blob_of(CHART.png(image)))

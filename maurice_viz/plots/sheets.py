@@ -16,7 +16,7 @@ from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import spacing
 
-from ..drawing.canvas import TEXT, Canvas, draw_ground, jpeg, long_side, png, put_text
+from ..drawing.canvas import MAP_TEXT_SHARE, Canvas, draw_ground, jpeg, long_side, png, put_text
 from ..panels.world import clipped
 from ..style import DEAD, FRESH, GROUND, PALE, RGB, WALL, Scale, scale_for, shade
 
@@ -63,7 +63,7 @@ def draw_ambiguity(
         label = f"{value:.0f}"
         height = radius * 0.8
         put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
-    text_px = TEXT * long_side(library.arena, scale) / canvas.unit_per_px
+    text_px = MAP_TEXT_SHARE * long_side(library.arena, scale) / canvas.unit_per_px
     what = "number of places that fit a picture taken here; lines: aliases"
     if added:
         what = f"number of places that fit a picture; lines: aliases; pink: {len(added)} to add"

@@ -40,13 +40,13 @@ from ..listener import SILENT, Listener
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
 from ..scene import RunView, Scene
 from .open import remark_skipped
-from .output import NEXT_KEYS, Drawn, OutputOptions, opened
+from .output import NEXT_KEYS_HINT, Drawn, OutputOptions, opened
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen
 
 MOST_RUNS = 4  # recorded localizers side by side
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
-MISSING = "Nothing was localized: there is no library"
+NOT_LOCALIZED = "Nothing was localized: there is no library"
 
 
 def advice_for(path: Path, drive: DriveView) -> str:
@@ -68,7 +68,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     session, paths = _with_paths(whole)
     drive = DriveView(session.info, paths, not isinstance(session.recording, Placeholders))
     advice = advice_for(session.path, drive)
-    drive = replace(drive, advice=f"**{MISSING}.** {advice}")
+    drive = replace(drive, advice=f"**{NOT_LOCALIZED}.** {advice}")
     shown_session = _thinned(session, paths.moments, listener)
     total = paths.moments if shown_session is session else MOST_DRAWN
     target = Drawn()
@@ -79,14 +79,14 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
             yield moment
 
     stopped: KeyboardInterrupt | None = None
-    layout, keys = drive_blueprint(drive), f"{NEXT_KEYS}."
+    layout, keys = drive_blueprint(drive), f"{NEXT_KEYS_HINT}."
     with opened(target, output, session.info.name, layout, listener, keys=keys) as rec:
         try:
             draw_drive(rec, drive, counted())
         except KeyboardInterrupt as stop:
             stopped = stop
     remark_skipped(shown_session, listener)
-    listener.remark(f"{MISSING}, so only the drive itself is shown. {advice}")
+    listener.remark(f"{NOT_LOCALIZED}, so only the drive itself is shown. {advice}")
     if stopped is not None:
         raise type(stopped)("the recording is complete up to that point")
     return target.file
@@ -239,11 +239,11 @@ def estimate_of(update: RecordedUpdate, belief: Belief, radii: Radii) -> Estimat
     """Return the localizer's own pose with its own spread, or the heaviest cluster where it said none."""
     if update.pose is None:
         return heaviest_cluster(belief, radii)
-    own = update.pose
-    x, y, heading = (float(value) for value in own.sd)
-    near = share_within(belief, own.pose, radii.cluster_m)
-    sure = share_within(belief, own.pose, radii.confidence_m)
-    return Estimate(own.pose, (x, y), heading, near, sure, converged=near, radii=radii)
+    pose = update.pose
+    x, y, heading = (float(value) for value in pose.sd)
+    mass = share_within(belief, pose.pose, radii.cluster_m)
+    confidence = share_within(belief, pose.pose, radii.confidence_m)
+    return Estimate(pose.pose, (x, y), heading, mass, confidence, converged=mass, radii=radii)
 
 
 def _log_weights(weights: F64 | None) -> F64 | None:

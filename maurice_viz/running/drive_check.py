@@ -25,8 +25,8 @@ from maurice_mcl.values.library import Library
 from ..text.places import say_drive
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
-SAME = 2e-3  # meters and radians between a picture and the reference that it became
-SCALES = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # setting any of them is a choice
+SAME_POSE = 2e-3  # meters and radians between a picture and the reference that it became
+SCALE_KEYS = ("sensor.widening", "sensor.scales", "sensor.sharpness")  # setting any of them is a choice
 
 
 def drive_pictures(session: RecordedSession) -> list[list[DrivePicture]]:
@@ -34,8 +34,8 @@ def drive_pictures(session: RecordedSession) -> list[list[DrivePicture]]:
 
     None where odometry is made from the pictures: reading it would take as long as the drive.
     """
-    known = [] if session.options.odometry_from_pictures else session.known_pictures(MOST_UPDATES)
-    return [[known[k] for k in group] for group in spread_groups(len(known))]
+    pictures = [] if session.options.odometry_from_pictures else session.known_pictures(MOST_UPDATES)
+    return [[pictures[k] for k in group] for group in spread_groups(len(pictures))]
 
 
 def score_of(localizer: Localizer, groups: Sequence[Sequence[DrivePicture]]) -> DriveScore | None:
@@ -62,7 +62,7 @@ def score_feature(library: Library, weights: Mapping[str, float], session: Recor
 
 
 def _is_in(library: Library, pose: F64) -> bool:
-    return bool((np.abs(library.poses - pose) < SAME).all(axis=1).any())
+    return bool((np.abs(library.poses - pose) < SAME_POSE).all(axis=1).any())
 
 
 def suited(
@@ -81,7 +81,9 @@ def suited(
         return configuration, localizer, ()
     sensor = localizer.sensor.parameters
     ours = ("default", f"library {localizer.library.name}")
-    chosen = any(setting.key in SCALES and setting.origin not in ours for setting in configuration.settings)
+    chosen = any(
+        setting.key in SCALE_KEYS and setting.origin not in ours for setting in configuration.settings
+    )
     has_scales = (sensor.blend, sensor.likelihood) == ("calibrated", "exponential")
     changes = has_scales and not chosen and start is not None
     text = tuple(say_drive(localizer.library.name, localizer.sensor.weights, score, changed=changes))

@@ -38,7 +38,7 @@ from .run_spec import RunSpec, Start
 
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
-STARTS = "a start is tracking, truth, global or X,Y,HEADING"
+START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
 
 
 def typed_pose(text: str, units: Units, wanted: str) -> F64:
@@ -78,7 +78,7 @@ def start_pose(
         if pose is None:
             raise InputError(log, "found no truth to start from; give --start X,Y,HEADING or global")
         return pose
-    return typed_pose(start, units_named(info.display_units), STARTS)
+    return typed_pose(start, units_named(info.display_units), START_WORDS)
 
 
 NONE_YET = (
@@ -196,11 +196,11 @@ def make_runs(
 
 def once(tell: Callable[[str], None]) -> Callable[[str], None]:
     """Return what passes on every text once: several runs often have the same to tell."""
-    seen = set[str]()
+    texts = set[str]()
 
     def tell_once(text: str) -> None:
-        if text not in seen:
-            seen.add(text)
+        if text not in texts:
+            texts.add(text)
             tell(text)
 
     return tell_once

@@ -51,11 +51,11 @@ def layout_of(
     return runs_blueprint(runs, scene, first, light=light)
 
 
-NEXT_KEYS = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
-KEYS = f"{NEXT_KEYS}; choose the timeline `phase` to walk through one step."
+NEXT_KEYS_HINT = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
+KEYS_HINT = f"{NEXT_KEYS_HINT}; choose the timeline `phase` to walk through one step."
 
 LONGEST_STEM = 80  # characters of a recording's name
-LARGE = 50_000_000  # bytes of a recording whose size is remarked beforehand
+LARGE_BYTES = 50_000_000  # bytes of a recording whose size is remarked beforehand
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ def _live(
     drawn.file = path
     if output.web is not None:
         output.web.close()  # what it showed came from here
-    _remark_written(path, KEYS, listener)
+    _remark_written(path, KEYS_HINT, listener)
 
 
 @contextmanager
@@ -191,7 +191,7 @@ def opened(
     layout: rrb.Blueprint,
     listener: Listener,
     before_file: Callable[[Path], None] = lambda path: None,
-    keys: str = KEYS,
+    keys: str = KEYS_HINT,
 ) -> Iterator[rr.RecordingStream]:
     """Open a page for browsers if that is asked for, a viewer where there is a display, else a file.
 
@@ -276,7 +276,7 @@ def show_recording(path: Path, listener: Listener, web: WebViewer | None = None)
     if not sinks.has_display():
         how = "found no display to open it on; add --web for a browser, or copy it to where there is one"
         raise SinkError(path, how)
-    _look_at(sinks.bring_up_viewer([str(path)]), step, KEYS, listener)
+    _look_at(sinks.bring_up_viewer([str(path)]), step, KEYS_HINT, listener)
 
 
 def decisive_step_of(path: Path) -> int | None:
@@ -312,7 +312,7 @@ def _remark_size(
     from ..panels.observer import expected_bytes
 
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
-    if (total := sum(parts)) >= LARGE:
+    if (total := sum(parts)) >= LARGE_BYTES:
         smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it smaller"
         listener.remark(f"{path} will be about {total / 1e6:.0f} MB{smaller}")
 

@@ -24,13 +24,13 @@ from ..playback import ResultCollector, RunResult
 from ..scene import RunView, Scene, numbered
 from ..style import Scale, units_named
 from ..text.sensors import say_other_shape
-from .open import AnySession, remark_skipped
+from .open import AnySession, once, remark_skipped
 from .output import OutputOptions, drawing
 
 if TYPE_CHECKING:
     from ..panels.observer import SceneObserver
 
-AS_FAR = "the recording and the scores are complete up to that point"
+COMPLETE_SO_FAR = "the recording and the scores are complete up to that point"
 
 
 @dataclass(slots=True, eq=False)
@@ -123,7 +123,7 @@ def play(
     scores = _scores(collector, playback, drawn.file, output.save_run)
     report(scores)
     if stopped is not None:
-        raise type(stopped)(AS_FAR)
+        raise type(stopped)(COMPLETE_SO_FAR)
     return scores
 
 
@@ -174,14 +174,13 @@ def step_through(
 
 def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Step]]:
     """Yield all updates; warn at the first of what no sensor of a run can read."""
-    is_first = True
-    for steps in playback.updates:
-        if is_first:
-            sensors = {run.label: run.sensor.sensors.values() for run in playback.views if run.sensor}
-            texts = {say_other_shape(steps[label][0].frame, known) for label, known in sensors.items()}
-            for text in sorted(text for text in texts if text is not None):
-                listener.warning(text)
-            is_first = False
+    warn = once(listener.warning)
+    for number, steps in enumerate(playback.updates):
+        for run in playback.views if number == 0 else ():
+            frame = steps[run.label][0].frame
+            text = None if run.sensor is None else say_other_shape(frame, run.sensor.sensors.values())
+            if text is not None:
+                warn(text)
         yield steps
 
 
@@ -203,7 +202,7 @@ def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
             listener.warning(f"{label}: at {times} of {collector.updates} steps all weights were zero: {why}")
 
 
-STOPS = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stops:
@@ -239,7 +238,7 @@ def stops_between() -> Iterator[Stops]:
     """
     stops, before = Stops(), dict[int, Any]()
     if threading.current_thread() is threading.main_thread():
-        before = {number: signal.getsignal(number) for number in STOPS}
+        before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
         before = {number: handler for number, handler in before.items() if callable(handler)}
     try:
         for number in before:

@@ -86,7 +86,7 @@ def settings_with(settings: Mapping[str, Any] | None, sensors: Sequence[str]) ->
     return dict(settings or {}) | ({"sensor.outside": ",".join(sensors)} if sensors else {})
 
 
-TWINS = {"sensor.weights": "--feature", "particles": "--particles"}  # by key of --set
+OPTIONS_BY_KEY = {"sensor.weights": "--feature", "particles": "--particles"}  # by key of --set
 
 
 def combined(
@@ -97,12 +97,14 @@ def combined(
     The names are checked already. OptionError for what both give.
     """
     weights = None if feature is None else weights_of(feature)
-    by_key = dict(zip(TWINS, (weights, particles), strict=True))
+    by_key = dict(zip(OPTIONS_BY_KEY, (weights, particles), strict=True))
     given = {key: value for key, value in by_key.items() if value is not None}
     for key in settings:
         for twin in given:
             if key == twin or key.startswith(f"{twin}."):
-                raise OptionError(f"{key} is given twice, by {TWINS[twin]} and by --set; give it once")
+                raise OptionError(
+                    f"{key} is given twice, by {OPTIONS_BY_KEY[twin]} and by --set; give it once"
+                )
     return given | dict(settings)
 
 

@@ -39,7 +39,7 @@ from maurice_mcl.values.session import Moment, SessionInfo
 from ..errors import SinkError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun, ResultCollector, shared
-from ..scene import LIKELY, NEVER, RunView, Scene
+from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
 from .open import AnySession, landmarked
 from .output import OutputOptions
 from .run import Playback, remark_zeros
@@ -134,11 +134,11 @@ class Opened:
 def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     """Open a saved run's folder, or a comparison's. Warnings name what is gone; InputError."""
     runs = open_runs(folder)
-    run, first = runs[0], runs[0].manifest
+    run, manifest = runs[0], runs[0].manifest
     for text in changed_sensors(run):
         listener.warning(f"{run.folder}: {text}: comparisons may differ from those of the run")
     for other in runs[1:]:
-        if other.manifest.session.sha256 != first.session.sha256:
+        if other.manifest.session.sha256 != manifest.session.sha256:
             raise InputError(other.folder, f"is a run of another session than {run.folder}; replay it alone")
     problems: list[str] = []
     session = _tried(lambda: session_of(run), problems)
@@ -150,14 +150,14 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
         empty = "pictures and comparisons" if session is None else "comparisons"
         listener.warning(f"{'; '.join(problems)}: the panels of {empty} stay empty")
     if localizers is None or library is None:
-        library = Library(first.name, np.zeros((0, 3)), (), {}, run.arena(), first.display_units)
+        library = Library(manifest.name, np.zeros((0, 3)), (), {}, run.arena(), manifest.display_units)
     localizers_known: Sequence[Localizer | None] = localizers or [None] * len(runs)
     restored = [Restored(*pair) for pair in zip(runs, localizers_known, strict=True)]
-    reading = first.reading
+    reading = manifest.reading
     odometry_from = (NAMED, reading.odometry_from_truth), (FROM_PICTURES, reading.odometry_from_pictures)
     notes = tuple(named for named, is_so in odometry_from if is_so)
-    info = session.info if session else SessionInfo(first.name, first.display_units, notes=notes)
-    scene = Scene(info, library, first.has_truth, first.pictures)
+    info = session.info if session else SessionInfo(manifest.name, manifest.display_units, notes=notes)
+    scene = Scene(info, library, manifest.has_truth, manifest.pictures)
     return Opened(runs, restored, session, scene, listener)
 
 
@@ -184,7 +184,7 @@ def view_of(run: Restored) -> RunView:
     """Return how one saved run is shown."""
     manifest = run.saved.manifest
     parameters = run.saved.configuration.parameters
-    special = {"none": NEVER, "mixture": LIKELY, "expansion": None}
+    special = {"none": DRAWS_NEVER, "mixture": DRAWS_WHERE_LIKELY, "expansion": None}
     draws_new = special.get(parameters.recovery.strategy, parameters.recovery.draw)
     return RunView(
         manifest.label,
@@ -302,16 +302,23 @@ def _full(target: Path, problem: OSError) -> SinkError:
 
 def changed_sensors(run: SavedRun) -> tuple[str, ...]:
     """Name the packages of its sensors that are here in another version than the run was made with."""
-    now, then = versions_now(run.manifest.sensors), run.manifest.versions
+    packages = set(run.manifest.sensors.values())
     return tuple(
-        f"{name} was {then.get(name, 'unknown')}, is {now[name]}"
-        for name in run.manifest.sensors.values()
-        if now.get(name, NOT_THERE) not in (then.get(name), NOT_THERE)
+        f"{name} was {before}, is {now}"
+        for name, before, now in _changes(run)
+        if name in packages and now != NOT_THERE
     )
 
 
 def changed_versions(run: SavedRun) -> tuple[str, ...]:
     """Name the packages whose version differs from the one that the run was made with."""
-    then, now = run.manifest.versions, versions_now(run.manifest.sensors)
-    names = [name for name in {**then, **now} if then.get(name) != now.get(name)]
-    return tuple(f"{name} was {then.get(name, 'unknown')}, is {now.get(name, 'not there')}" for name in names)
+    return tuple(f"{name} was {before}, is {now}" for name, before, now in _changes(run))
+
+
+def _changes(run: SavedRun) -> Iterator[tuple[str, str, str]]:
+    """Yield packages with the version that the run was made with, and that of today, where they differ."""
+    made_with, today = run.manifest.versions, versions_now(run.manifest.sensors)
+    for name in {**made_with, **today}:
+        before, now = made_with.get(name, "unknown"), today.get(name, "not there")
+        if before != now:
+            yield name, before, now

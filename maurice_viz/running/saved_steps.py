@@ -105,7 +105,7 @@ def nothing_seen(particles: int) -> Sighting:
     return Sighting(comparison, np.full(particles, -1, np.int32), unknown)
 
 
-NUMBERS = (
+NUMBER_NAMES = (
     "step",
     "time_s",
     "position_error_m",
@@ -119,8 +119,8 @@ NUMBERS = (
     "odometry_m",
     "knows_where_it_is",
 )
-POSES = ("estimate", "truth", "odometry")
-NOWHERE: F64 = np.full(3, np.nan)
+POSE_NAMES = ("estimate", "truth", "odometry")
+UNKNOWN_POSE: F64 = np.full(3, np.nan)
 
 
 @dataclass(slots=True)
@@ -155,7 +155,7 @@ class Track:
             np.nan if lost_signal is None else lost_signal,
         )
         self._odometry = self._reckoned(motions, truth, start)
-        poses = [NOWHERE if pose is None else pose for pose in (truth, self._odometry)]
+        poses = [UNKNOWN_POSE if pose is None else pose for pose in (truth, self._odometry)]
         self.rows.append(values)
         self.poses.append(np.stack([record.estimate.pose, *poses]))
 
@@ -170,11 +170,11 @@ class Track:
 
     def column(self, name: str) -> F64:
         """Give one of NUMBERS for all steps (S,)."""
-        return np.array([row[NUMBERS.index(name)] for row in self.rows], np.float64)
+        return np.array([row[NUMBER_NAMES.index(name)] for row in self.rows], np.float64)
 
     def path(self, name: str) -> F64:
         """Give one of POSES for all steps (S, 3)."""
-        return np.array([poses[POSES.index(name)] for poses in self.poses], np.float64).reshape(-1, 3)
+        return np.array([poses[POSE_NAMES.index(name)] for poses in self.poses], np.float64).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True)

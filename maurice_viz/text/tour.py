@@ -10,7 +10,7 @@ from maurice_mcl.reasons.tour import BACK, BEGINS, DIVIDED, ENDS, FOUND, LOST, S
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
 from maurice_mcl.scoring.episodes import Episode
 
-from ..scene import EVENLY, LIKELY, NEVER, RunView
+from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from ..style import Scale
 from .causes import say_cause, say_incident
 
@@ -34,9 +34,9 @@ LOOKS = {
 
 
 DRAWS = {
-    NEVER: "never draws new dots",
-    EVENLY: "draws new dots anywhere once no dot fits",
-    LIKELY: "draws new dots where the picture fits",
+    DRAWS_NEVER: "never draws new dots",
+    DRAWS_EVENLY: "draws new dots anywhere once no dot fits",
+    DRAWS_WHERE_LIKELY: "draws new dots where the picture fits",
 }
 DOT = "A **dot** is one guess of where the robot is (a particle); an **oval** holds most of a run's dots"
 TRUTH = "; the **white** disk is where the robot really is"

@@ -20,9 +20,11 @@ from ..drawing.arrow import ReadyComponent, Values, joined, ready
 from ..entities import STEP
 
 Timelines = tuple[str, ...]
-UPDATES = 100  # in a block; every block of an entity costs the writer some 8 kB of memory until the end
-MOST_BYTES = 16 << 20  # in a block: pictures may be large
-AT_ONCE = 1 << 19  # bytes given to the writer, which holds them several times, before it is waited for
+UPDATES_A_BLOCK = (
+    100  # in a block; every block of an entity costs the writer some 8 kB of memory until the end
+)
+BYTES_A_BLOCK = 16 << 20  # in a block: pictures may be large
+BYTES_AT_ONCE = 1 << 19  # bytes given to the writer, which holds them several times, before it is waited for
 FILE_BATCH_S = 1.0  # of what is not in blocks
 GIVEN_UP_S = 1.0  # to wait after a block, once a disk has not taken one
 
@@ -101,7 +103,7 @@ class BlockRecording(rr.RecordingStream):
         if timeline == STEP and self._step != at:
             self._step = at
             self._updates += 1
-            if self._updates > UPDATES or self._bytes > MOST_BYTES:
+            if self._updates > UPDATES_A_BLOCK or self._bytes > BYTES_A_BLOCK:
                 self.send_rows()
         self._times[timeline], self._kinds[timeline] = at, kind
 
@@ -146,7 +148,7 @@ class BlockRecording(rr.RecordingStream):
         sent = 0
         for entity in list(self._rows):
             sent += self._send_entity(entity)
-            if sent > AT_ONCE:
+            if sent > BYTES_AT_ONCE:
                 self._wait_for_the_disk()
                 sent = 0
         self._rows.clear()

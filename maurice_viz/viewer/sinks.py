@@ -39,10 +39,10 @@ GIVE_UP_S = 5.0  # for closing what could not be written
 CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
 PATIENCE_S = 20.0  # for a viewer to come up
 SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
-ELSEWHERE = "use -o FILE.rrd, and open it where there is a screen"
-SERVED = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
-LEAST_FREE = 1 << 20  # bytes: a disk with less than that is called full
-PROBE = 1 << 18  # bytes that are written to try the disk
+ELSEWHERE_ADVICE = "use -o FILE.rrd, and open it where there is a screen"
+SERVED_MEMORY = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
+LEAST_FREE_BYTES = 1 << 20  # bytes: a disk with less than that is called full
+PROBE_BYTES = 1 << 18  # bytes that are written to try the disk
 
 
 Remark = Callable[[str], None]  # receives a line for people
@@ -96,7 +96,7 @@ def to_file(
         if serve is None:
             rec.save(part, default_blueprint=blueprint)
         else:
-            server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED)
+            server = rr.GrpcServerSink(bind_ip=HOST, port=serve, server_memory_limit=SERVED_MEMORY)
             # A footer lists every chunk, and is held in memory until the end, which may never come.
             rec.set_sinks(rr.FileSink(part, write_footer=False), server, default_blueprint=blueprint)
     except CANNOT_WRITE as error:
@@ -140,7 +140,7 @@ def to_viewer(port: int, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
     finally:
         flushed = _close(rec)
     if not flushed:
-        raise SinkError(viewer_binary(), f"was closed before everything was shown; {ELSEWHERE}")
+        raise SinkError(viewer_binary(), f"was closed before everything was shown; {ELSEWHERE_ADVICE}")
 
 
 def _check_target(path: Path, force: bool) -> None:
@@ -153,7 +153,7 @@ def _check_target(path: Path, force: bool) -> None:
     remove_leftovers(path)
     part = part_of(path)
     try:
-        part.write_bytes(bytes(PROBE))  # on a full disk opening the recording would never end
+        part.write_bytes(bytes(PROBE_BYTES))  # on a full disk opening the recording would never end
     except OSError as error:
         part.unlink(missing_ok=True)
         raise SinkError(path, f"cannot be written ({error.strerror}); choose another folder") from error
@@ -192,7 +192,7 @@ def _disconnect(rec: rr.RecordingStream, patience_s: float) -> bool:
 def _check_written(part: Path, flushed: bool) -> None:
     if not part.exists():
         raise SinkError(part, "vanished while it was being written")
-    if shutil.disk_usage(part.parent).free < LEAST_FREE:
+    if shutil.disk_usage(part.parent).free < LEAST_FREE_BYTES:
         raise SinkError(part, f"{os.strerror(errno.ENOSPC)}; free some space, or write to another disk")
     if not flushed:
         raise SinkError(part, "could not be written to the end; is the disk full or gone?")

@@ -66,23 +66,23 @@ def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blue
 
     Case does not matter. Raises LayoutError for anything else.
     """
-    sought = name.casefold()
-    equal = [title for title in views if title.casefold() == sought]
-    titles_that_fit = equal or [title for title in views if title.casefold().startswith(sought)]
-    if len(titles_that_fit) != 1:
-        titles = ", ".join(repr(title) for title in sorted(titles_that_fit or views))
-        count = f"found {len(titles_that_fit) or 'no'} views that begin with {name!r}"
-        raise LayoutError(f"{count}; {'these are' if titles_that_fit else 'there are'} {titles}")
+    wanted_title = name.casefold()
+    equal = [title for title in views if title.casefold() == wanted_title]
+    matching = equal or [title for title in views if title.casefold().startswith(wanted_title)]
+    if len(matching) != 1:
+        titles = ", ".join(repr(title) for title in sorted(matching or views))
+        count = f"found {len(matching) or 'no'} views that begin with {name!r}"
+        raise LayoutError(f"{count}; {'these are' if matching else 'there are'} {titles}")
     changed = copy.deepcopy(blueprint)
-    changed["/viewport"][VIEWPORT]["maximized"] = views[titles_that_fit[0]]
+    changed["/viewport"][VIEWPORT]["maximized"] = views[matching[0]]
     return changed
 
 
 PATIENCE_S = 60.0  # for a recording to load, and again for a picture to settle
 LOOK_EVERY_S = 0.2
-CUT_OFF = "exceeds file size"  # in the error about a file that ends inside of a frame
-ALIKE = 3  # this many equal pictures in a row show that drawing is done
-DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+CUT_OFF_ERROR = "exceeds file size"  # in the error about a file that ends inside of a frame
+EQUAL_PICTURES = 3  # this many equal pictures in a row show that drawing is done
+DRIVER_FOLDERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 ADVICE = "apt-get install mesa-vulkan-drivers libvulkan1"
 
 
@@ -94,7 +94,7 @@ class Viewer:
         self._client, self._recording, self._file = client, recording, file
         self._last = b""
 
-    def picture(self, timeline: str, value: int, alike: int = ALIKE) -> bytes:
+    def picture(self, timeline: str, value: int, alike: int = EQUAL_PICTURES) -> bytes:
         """Return a PNG of the whole window at one value of the timeline "step" or "phase".
 
         It is taken once `alike` pictures in a row were equal, plus one if they equal the last one returned.
@@ -163,14 +163,15 @@ def expect_whole_frames(recording: Path) -> None:
             for _ in RrdReader(recording).stream():  # to its end: frames are read as they are asked for
                 pass
     except RuntimeError as problem:
-        if CUT_OFF in str(problem):
+        if CUT_OFF_ERROR in str(problem):
             repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"
             raise InputError(recording, f"found a recording that was cut off; {repair}") from None
 
 
 def software_driver() -> Path | None:
     """Find Mesa's software Vulkan driver, whose pictures are the same on every machine."""
-    files = [file for folder in DRIVERS if folder.is_dir() for file in sorted(folder.glob("lvp*.json"))]
+    folders = [folder for folder in DRIVER_FOLDERS if folder.is_dir()]
+    files = [file for folder in folders for file in sorted(folder.glob("lvp*.json"))]
     return files[0] if files else None
 
 

@@ -70,7 +70,7 @@ def test_what_cannot_be_is_said(saved, options, status, words):
 def test_what_cannot_be_explained(tmp_path, saved, monkeypatch):
     (tmp_path / "empty").mkdir()
     assert "Traceback" not in one_line(ask("empty", expect=1)[1])
-    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVER_FOLDERS", ())
     assert "mesa-vulkan-drivers" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])
     shutil.move(tmp_path / "survey.log", tmp_path / "elsewhere.log")
     _, err = ask(saved, expect=1)

@@ -45,7 +45,7 @@ def test_what_contradicts_itself_is_a_usage_error(words):
 
 
 def test_bad_sources_and_drivers_are_a_line(tmp_path, monkeypatch):
-    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVERS", ())
+    monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVER_FOLDERS", ())
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.png", expect=1)[1])
     assert "mesa-vulkan-drivers" in one_line(maurice("snapshot", "kept", "-o", "a.gif", expect=1)[1])
     monkeypatch.setattr("maurice_viz.viewer.snapshot.software_driver", lambda: Path("driver.json"))

@@ -8,11 +8,11 @@ import pytest
 
 from helpers import viz_fakes as fakes
 from maurice_viz.drawing.contact_sheet import (
+    CACHED_REFERENCES,
     CAPTION_PX,
     CAPTIONS,
     CELL_PX,
     INKS,
-    KEPT,
     ContactSheet,
     Match,
     best_matches,
@@ -75,7 +75,7 @@ def test_missing_and_broken_pictures_are_said_to_be(tmp_path, name):
 def test_pictures_are_encoded_once_in_bounded_memory(tmp_path):
     sheet = ContactSheet(fakes.make_library(tmp_path), INCHES)
     assert sheet.picture(3) is sheet.picture(3)
-    assert reference_jpeg.cache_info().maxsize == KEPT
+    assert reference_jpeg.cache_info().maxsize == CACHED_REFERENCES
 
 
 def test_matches_are_the_best_in_order():

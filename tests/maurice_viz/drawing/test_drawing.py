@@ -15,9 +15,9 @@ from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.bars import usual_difference
 from maurice_viz.drawing.canvas import (
     LONG_SIDE_PX,
-    MARGIN,
+    MAP_MARGINS,
+    MAP_TEXT_SHARE,
     MOST_TICKS,
-    TEXT,
     ascii_of,
     blank,
     draw_ground,
@@ -25,7 +25,7 @@ from maurice_viz.drawing.canvas import (
     text_size,
     ticks,
 )
-from maurice_viz.drawing.indexed import LEVELS, IndexedColors, write
+from maurice_viz.drawing.indexed import INK_LEVELS, IndexedColors, write
 from maurice_viz.drawing.reference_chart import TEXT_SHARE
 from maurice_viz.entities import Phase
 from maurice_viz.style import (
@@ -157,7 +157,7 @@ def decoded(png: bytes) -> np.ndarray:
 def test_a_drawing_of_palette_colors_is_read_back_as_it_was_drawn():
     palette = IndexedColors()
     first = [palette.flat(GROUND), palette.ramp((0, 0, 0), (255, 0, 0)), palette.flat(PALE)]
-    assert first == [0, 1, 1 + LEVELS]
+    assert first == [0, 1, 1 + INK_LEVELS]
     image = np.random.default_rng(0).integers(0, len(palette.colors), (37, 53)).astype(np.uint8)
     for some in (image, image[:1], image[:, :1]):
         np.testing.assert_array_equal(decoded(palette.png(some)), palette.colors[some])
@@ -170,7 +170,7 @@ def test_palette_letters_are_those_of_the_canvas_also_at_the_edge(at):
     image, expected = np.full((40, 120), ink, np.uint8), blank(40, 120, GROUND)
     write(image, "Agj 12.5", *at, 14.0, ink)
     put_text(expected, "Agj 12.5", *at, 14.0, PALE)
-    assert np.abs(palette.colors[image].astype(int) - expected).max() <= 255 / LEVELS
+    assert np.abs(palette.colors[image].astype(int) - expected).max() <= 255 / INK_LEVELS
     assert (image != ink).any() == (expected != GROUND).any()
 
 
@@ -181,5 +181,5 @@ MAP_PX, CHART_PX = 450, 220  # widths on a screen of 1600 x 1000: a map with its
 def test_words_of_the_story_and_of_explanations_can_be_read():
     assert keys.BELIEF_PX / keys.WIDTH_PX * MAP_PX >= CAPITALS_PX
     assert keys.TEXT_PX / keys.ROWS_PX * MAP_PX >= CAPITALS_PX
-    assert TEXT / (1 + MARGIN["left"] + MARGIN["right"]) * MAP_PX >= CAPITALS_PX
+    assert MAP_TEXT_SHARE / (1 + MAP_MARGINS["left"] + MAP_MARGINS["right"]) * MAP_PX >= CAPITALS_PX
     assert 0.85 * TEXT_SHARE * CHART_PX >= CAPITALS_PX

@@ -13,7 +13,7 @@ from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, li
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
 from maurice_viz.reports.pages import templates
-from maurice_viz.running.saved_steps import NOWHERE, NUMBERS, Collected, Track
+from maurice_viz.running.saved_steps import NUMBER_NAMES, UNKNOWN_POSE, Collected, Track
 
 
 def test_text_is_escaped_in_tables_and_attributes():
@@ -75,9 +75,9 @@ def test_paths_are_broken_at_jumps_and_keep_their_ends():
 def track(label: str, errors: list[float], events: list[RunEvent] | None = None) -> Track:
     made = Track(label, events=events or [])
     for step, error in enumerate(errors, start=1):
-        row = dict.fromkeys(NUMBERS, 0.5) | {"step": float(step), "position_error_m": error}
-        made.rows.append(tuple(row[name] for name in NUMBERS))
-        made.poses.append(np.stack([np.zeros(3), NOWHERE, NOWHERE]))
+        row = dict.fromkeys(NUMBER_NAMES, 0.5) | {"step": float(step), "position_error_m": error}
+        made.rows.append(tuple(row[name] for name in NUMBER_NAMES))
+        made.poses.append(np.stack([np.zeros(3), UNKNOWN_POSE, UNKNOWN_POSE]))
     return made
 
 

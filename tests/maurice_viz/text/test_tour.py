@@ -8,7 +8,7 @@ from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
-from maurice_viz.scene import LIKELY, NEVER, RunView
+from maurice_viz.scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from maurice_viz.style import UNITS, Scale
 from maurice_viz.text.tour import tour_pages, words
 
@@ -41,7 +41,7 @@ def test_without_truth_no_page_speaks_of_it():
 def test_runs_that_differ_in_it_are_told_apart_by_where_they_draw_new_particles():
     thesis, robust = RunView("thesis", ("color",)), RunView("robust", ("color",))
     assert "`thesis`" not in words([thesis, robust])  # not known, of saved runs
-    runs = [replace(thesis, draws_new=NEVER), replace(robust, draws_new=LIKELY)]
+    runs = [replace(thesis, draws_new=DRAWS_NEVER), replace(robust, draws_new=DRAWS_WHERE_LIKELY)]
     assert words(runs).startswith("`thesis` never draws new dots; `robust` draws new dots where")
     assert words(runs[:1]).startswith("A **dot** is one guess")
     assert "white" not in words(runs, has_truth=False)

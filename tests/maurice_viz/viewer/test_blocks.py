@@ -13,7 +13,7 @@ from maurice_viz.entities import PHASE, SESSION, STEP
 from maurice_viz.viewer import blocks
 from maurice_viz.viewer.blocks import BlockRecording
 
-STEPS = 2 * blocks.UPDATES + 6  # two blocks and a part of one
+STEPS = 2 * blocks.UPDATES_A_BLOCK + 6  # two blocks and a part of one
 
 
 def draw(rec: rr.RecordingStream) -> None:
@@ -99,7 +99,7 @@ def test_of_rows_at_one_time_the_later_one_wins(tmp_path):
 
 
 def test_a_block_ends_when_it_is_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(blocks, "MOST_BYTES", 1000)
+    monkeypatch.setattr(blocks, "BYTES_A_BLOCK", 1000)
     rec, sent = BlockRecording("large", patience_s=10), []
     rec.save(tmp_path / "a.rrd")
     monkeypatch.setattr(rec, "send_rows", lambda: sent.append(rec._bytes) or rec._rows.clear())
@@ -126,7 +126,7 @@ def test_an_error_of_the_disk_while_drawing_waits_for_the_end(tmp_path, monkeypa
         raise RuntimeError("the disk is gone")
 
     monkeypatch.setattr(rr.RecordingStream, "flush", fail)
-    for step in range(blocks.UPDATES + 2):
+    for step in range(blocks.UPDATES_A_BLOCK + 2):
         rec.set_time(STEP, sequence=step)
         rec.log("/a", rr.Scalars(1.5))
     with pytest.raises(RuntimeError, match="the disk is gone"):

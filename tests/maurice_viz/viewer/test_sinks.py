@@ -76,7 +76,7 @@ def test_places_that_cannot_be_written_are_named(tmp_path):
 
 
 def test_a_disk_that_ran_full_is_an_error_and_not_a_recording(tmp_path, monkeypatch):
-    monkeypatch.setattr(sinks, "LEAST_FREE", 1 << 62)
+    monkeypatch.setattr(sinks, "LEAST_FREE_BYTES", 1 << 62)
     with pytest.raises(sinks.SinkError, match="space"):
         write(tmp_path / "a.rrd")
     assert not (tmp_path / "a.rrd").exists()
@@ -139,7 +139,7 @@ def test_a_disk_that_fails_meanwhile_is_told_at_the_end(tmp_path, monkeypatch):
     def fail(self: rr.RecordingStream, **how: float) -> None:
         raise RuntimeError("the disk is gone")
 
-    monkeypatch.setattr(blocks, "UPDATES", 1)
+    monkeypatch.setattr(blocks, "UPDATES_A_BLOCK", 1)
     monkeypatch.setattr(rr.RecordingStream, "flush", fail)
     with pytest.raises(sinks.SinkError, match="could not be written to the end"):
         write(tmp_path / "a.rrd")
