@@ -17,23 +17,15 @@ from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, 
 from maurice_mcl.values.arrays import F64, U8, Bool
 from maurice_mcl.values.geometry import INCH_M, motion_between, rotated
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import first_word
+from maurice_mcl.values.session import first_word, is_kidnapping
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files.pictures import decode_picture, picture_file
 from .files.text import PICTURES, number_in, read_csv, read_number_rows, show
 from .files.writing import write_whole
+from .reading.recording import LeftOut, Motion, Note, TruthPose
 from .reading.transforms import GATE
-from .session_log.reader import picture_bytes
-from .session_log.records import (
-    EventRecord,
-    OdometryRecord,
-    PictureRecord,
-    TruthRecord,
-    is_kidnapping,
-    read_header,
-    read_records,
-)
+from .session_log.reader import LogRecording
 
 # A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
 
@@ -127,11 +119,9 @@ SAMPLES = 9  # points of a path at which the floor is looked up
 
 def trials_from_session(path: Path) -> Trials:
     """Read a session's movements and truth. Raises InputError for what is no session, or has no truth."""
-    info, kind = read_header(path)
-    if kind != "session":
-        raise InputError(path, f"found a {kind} log, expected a session log with odometry and truth", 1)
-    reader = _Legs(path)
-    trials = trials_of(reader, lambda a, b: floor_between(info.arena, a, b))
+    log = LogRecording(path)
+    reader = _Legs(log)
+    trials = trials_of(reader, lambda a, b: floor_between(log.info.arena, a, b))
     trials = replace(trials, left_out=trials.left_out + reader.bent)
     if reader.truths < 2:
         found = "no truth" if not reader.truths else "one truth"
@@ -142,8 +132,8 @@ def trials_from_session(path: Path) -> Trials:
 class _Legs:
     """The movements between truths, each with the first truth after it; none across a kidnapping."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, log: LogRecording) -> None:
+        self._log = log
         self.truths = 0  # seen so far ...
         self.bent = 0  # ... and movements left out because they are arcs
 
@@ -151,12 +141,12 @@ class _Legs:
         self.truths = self.bent = 0
         before: F64 | None = None
         motions: list[F64] = []
-        for record in read_records(self._path, "session", ReadingNotes(keep_going=False)):
-            if isinstance(record, OdometryRecord):
+        for record in self._log.records(ReadingNotes(keep_going=False)):
+            if isinstance(record, Motion):
                 motions.append(record.motion)
-            elif is_kidnapping(record):
-                before, motions = None, []
-            elif isinstance(record, TruthRecord):
+            elif isinstance(record, Note):
+                before, motions = (None, []) if is_kidnapping(record.text) else (before, motions)
+            elif isinstance(record, TruthPose):
                 self.truths += 1
                 if before is not None and motions:
                     leg = plain(MotionSegment(before, tuple(motions), record.pose))
@@ -168,11 +158,11 @@ class _Legs:
 
 def mishaps(path: Path) -> dict[str, int]:
     """Count what a session log tells of slips and bumps: events that begin with these words."""
-    found = dict.fromkeys(MISHAPS, 0)
-    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
-        if isinstance(record, EventRecord) and (word := first_word(record.text)) in found:
-            found[word] += 1
-    return found
+    counts = dict.fromkeys(MISHAPS, 0)
+    for record in LogRecording(path).records(ReadingNotes(keep_going=False)):
+        if isinstance(record, Note) and (word := first_word(record.text)) in counts:
+            counts[word] += 1
+    return counts
 
 
 def plain(leg: MotionSegment) -> MotionSegment | None:
@@ -227,15 +217,14 @@ def _log_of(folder: Path) -> Path | None:
 
 
 def _of_log(log: Path) -> Iterator[U8]:
-    _, kind = read_header(log)
     none = True
-    for record in read_records(log, kind, ReadingNotes(keep_going=False)):
-        if isinstance(record, PictureRecord) and record.covered:
+    for record in LogRecording(log, any_kind=True).records(ReadingNotes(keep_going=False)):
+        if isinstance(record, LeftOut) and record.picture.covered:
             none = False
             try:
-                yield decode_picture(picture_bytes(record, log))
+                yield record.picture.read()
             except PictureError as problem:
-                raise InputError(log, f"{record.path or 'inline picture'}: {problem}", record.line) from None
+                raise InputError(log, f"{record.picture.name}: {problem}", record.picture.line) from None
     if none:
         wanted = "expected some taken with the lens cap on"
         raise InputError(log, f'found no picture with "covered": true, {wanted}')

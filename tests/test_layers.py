@@ -43,9 +43,9 @@ ROOMS = {
     "maurice_loaders": (
         ("errors",),
         ("files",),
-        ("session_log",),
         ("reading",),
         ("formats",),
+        ("session_log",),
         ("bags",),
         ("config_files",),
         ("libraries", "live"),

@@ -12,19 +12,13 @@ import numpy as np
 
 from maurice_loaders.calibration_trials import Cutting, jumps, read_aligned
 from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.reading.recording import Motion, Note, Picture, TruthPose
+from maurice_loaders.reading.time_alignment import Aligner
 from maurice_loaders.session_log.header import session_in
-from maurice_loaders.session_log.records import (
-    OdometryRecord,
-    PictureRecord,
-    TruthRecord,
-    is_kidnapping,
-    read_header,
-    read_records,
-    with_truth,
-)
+from maurice_loaders.session_log.reader import LogRecording
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M, motion_between
-from maurice_mcl.values.session import KIDNAPPED
+from maurice_mcl.values.session import KIDNAPPED, is_kidnapping
 
 from .planner import Placement
 from .segments import Happened, Moved, Segment
@@ -89,20 +83,21 @@ def read_tables(folder: Path, updates: int) -> RecordedPath:
 
 def read_log(path: Path, updates: int) -> RecordedPath:
     """Read a session log's odometry and truth; its pictures only mark when it looked."""
-    info, kind = read_header(path)
-    if kind != "session":
-        raise InputError(path, f"found a {kind} log, expected a session log with truth", 1)
+    log, notes = LogRecording(path), ReadingNotes(keep_going=False)
+    truths = (aligned.truth_at() for aligned in Aligner()(log.records(notes)))
+    info = log.info
     start, begin_s = info.start, 0.0
     segments: list[Segment] = []
     moved: list[Moved | Happened] = []
-    for record, truth in with_truth(read_records(path, kind, ReadingNotes(False))):
-        if isinstance(record, TruthRecord) and start is None and not moved:
+    for record in log.records(notes):
+        if isinstance(record, TruthPose) and start is None and not moved:
             start, begin_s = record.pose, record.t_s
-        if is_kidnapping(record):
+        if isinstance(record, Note) and is_kidnapping(record.text):
             moved.append(Happened(record.t_s - begin_s, KIDNAPPED))
-        if isinstance(record, OdometryRecord):
+        if isinstance(record, Motion):
             moved.append(Moved(record.t_s - begin_s, record.motion, record.encoders_m))
-        if isinstance(record, PictureRecord) and not record.covered and len(segments) < updates:
+        if isinstance(record, Picture) and len(segments) < updates:
+            truth = next(truths)
             if start is None or truth is None:
                 why = "found a picture without truth, expected truth throughout"
                 raise InputError(path, why, record.line)

@@ -154,13 +154,13 @@ class Overview:
     arena: Arena  # the bag's map, or where the particles were
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _CloudPicture(Picture):
     """A cloud disguised as a picture, for which the time alignment is made."""
 
     cloud: Cloud
-    pose: LocalizerPose | None
-    camera: Picture | None
+    estimate: LocalizerPose | None
+    view: Picture | None
 
 
 class RecordedLocalizer:
@@ -213,11 +213,11 @@ class RecordedLocalizer:
                 one.t_s,
                 one.cloud.poses,
                 one.cloud.weights,
-                one.pose,
+                one.estimate,
                 as_rows(motions),
                 aligned.truth_at(),
-                None if one.camera is None else one.camera.read,
-                "" if one.camera is None else one.camera.name,
+                None if one.view is None else one.view.read,
+                "" if one.view is None else one.view.name,
             )
 
     def overview(self) -> Overview:
@@ -293,7 +293,11 @@ def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> I
         if pose is not None and abs(pose.t_s - record.t_s) > NEAR_S:
             pose = None
         camera = last[0] if isinstance(last[0], Picture) else None
-        yield _CloudPicture(record.t_s, lambda: np.zeros((1, 1, 3), np.uint8), "", record, pose, camera)
+        yield _CloudPicture(record.t_s, _no_image, "", cloud=record, estimate=pose, view=camera)
+
+
+def _no_image() -> U8:
+    return np.zeros((1, 1, 3), np.uint8)
 
 
 def _cloud_topic(path: Path, topics: tuple[Topic, ...], pose: Topic | None) -> Topic:

@@ -18,7 +18,7 @@ from ..errors import InputError, ReadingNotes
 from ..formats.registry import Format
 from ..reading.options import ReadingOptions
 from ..reading.plane import Plane, Pose, forward_axis, leaning, planar, plane_of
-from ..reading.recording import OdometryPose, Record, Recording, TruthPose
+from ..reading.recording import OdometryPose, Record, TruthPose
 from .containers import COMPRESSED, is_bag_folder, is_mcap, open_mcap, open_ros1, open_ros2
 from .messages import (
     TEXT,
@@ -322,8 +322,21 @@ SQLITE_MAGIC = b"SQLite format 3\0"
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
 
 
-def _opening(open_bag: OpenBag) -> Callable[[Path, ReadingOptions], Recording]:
-    return lambda path, options: BagRecording(path, open_bag, options)
+def _format(name: str, what: str, looks_like: Callable[[Path], bool]) -> Format:
+    def opened(path: Path, options: ReadingOptions) -> BagRecording:
+        return BagRecording(path, BAGS[name], options)
+
+    return Format(
+        name,
+        what,
+        looks_like,
+        opened,
+        extra="ros",
+        module="rosbags",
+        shifts=True,
+        in_space=True,
+        readings=True,
+    )
 
 
 def looks_like_rosbag1(path: Path) -> bool:
@@ -343,11 +356,9 @@ def looks_like_mcap(path: Path) -> bool:
     return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
 
 
-ROS1 = "ROS 1 bag: .bag, chunks plain, bz2 or lz4"
-ROS2 = "ROS 2 bag: a folder with metadata.yaml, or one .db3"
 MCAP = "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it"
 FORMATS = (
-    Format("rosbag1", ROS1, looks_like_rosbag1, _opening(open_ros1), "ros", True, True, readings=True),
-    Format("rosbag2", ROS2, looks_like_rosbag2, _opening(open_ros2), "ros", True, True, readings=True),
-    Format("mcap", MCAP, looks_like_mcap, _opening(open_mcap), "ros", True, True, readings=True),
+    _format("rosbag1", "ROS 1 bag: .bag, chunks plain, bz2 or lz4", looks_like_rosbag1),
+    _format("rosbag2", "ROS 2 bag: a folder with metadata.yaml, or one .db3", looks_like_rosbag2),
+    _format("mcap", MCAP, looks_like_mcap),
 )

@@ -1,4 +1,4 @@
-"""Diagnosing a session with truth, with a library, or by the numbers alone, and the options that fix it."""
+"""Examining a session with truth, with a library, or by the numbers alone, and the options that fix it."""
 
 from __future__ import annotations
 
@@ -25,12 +25,10 @@ from maurice_mcl.values.session import Moment, SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import MOST
-from ..formats.native import RawLog
-from ..formats.registry import NATIVE, chosen, open_recording
+from ..formats.registry import Format, chosen, open_recording
 from ..reading.options import MADE_ODOMETRY, ReadingOptions, option_name
-from ..reading.recording import Motion, OdometryPose, Picture, Readings, Recording, TruthPose
+from ..reading.recording import Motion, Note, OdometryPose, Picture, TruthPose
 from ..reading.time_alignment import offset_between
-from ..reading.transforms import corrected
 from .findings import Evidence, Finding, RecordedDrive, RecordedOdometry, RecordedTruth
 from .odometry import comparable, compared_with_truth
 from .pictures import (
@@ -85,12 +83,12 @@ class _Lists:
 
 
 def gather(path: Path, options: ReadingOptions) -> Gathered:
-    """Read all but the pictures. Raises InputError if there is nothing to diagnose."""
-    info = opened(path, options).info
-    notes = ReadingNotes(keep_going=True)
+    """Read all but the pictures. Raises InputError if there is nothing to examine."""
+    recording = open_recording(path, options, unchecked=True)
+    info, notes = recording.info, ReadingNotes(keep_going=True)
     moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
     falls, part, last_s, cut = 0, 0, -math.inf, False
-    for record in opened(path, options).records(notes):
+    for record in recording.records(notes):
         falls += record.t_s < last_s
         last_s = max(last_s, record.t_s) if record.t_s >= last_s else record.t_s
         if isinstance(record, Motion):
@@ -99,13 +97,11 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
             went.add(record.t_s, record.pose)
         elif isinstance(record, TruthPose):
             truth.add(record.t_s, record.pose, part)
-        elif isinstance(record, Readings):
-            continue
         elif isinstance(record, Picture):
             pictures.add(record.t_s, np.zeros(3))
-        else:
+        elif isinstance(record, Note):
             part += is_kidnapping(record.text)
-        if any(one.full for one in (moved, went, truth, pictures)):
+        if any(records.full for records in (moved, went, truth, pictures)):
             cut = True
             break
     odometry = moved if moved.t_s else went
@@ -129,13 +125,6 @@ def movement_apart(drive: RecordedDrive) -> float | None:
     poses = odometry.values if odometry.poses else path_of(odometry.values)
     found = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
     return None if found is None else found.offset_s
-
-
-def opened(path: Path, options: ReadingOptions) -> Recording:
-    """Open a recording; a native log as it stands, put right by the options alone."""
-    if chosen(path, options).name != NATIVE:
-        return open_recording(path, options)
-    return corrected(RawLog(path, options), options)
 
 
 def _gain(path: Path, info: SessionInfo) -> float:
@@ -192,7 +181,7 @@ def _localizer(path: Path, library: Library, info: SessionInfo) -> Localizer:
 
 
 def _pictures(path: Path, options: ReadingOptions, stride: int) -> Iterator[tuple[float, U8]]:
-    records = opened(path, options).records(ReadingNotes(keep_going=True))
+    records = open_recording(path, options, unchecked=True).records(ReadingNotes(keep_going=True))
     pictures = (record for record in records if isinstance(record, Picture))
     for picture in islice(pictures, 0, None, stride):
         with suppress(PictureError):
@@ -211,7 +200,7 @@ WRONG_TRUTH = ("truth-degrees", "truth-scale", "truth-clock", "disagreement")  #
 
 
 @dataclass(frozen=True, slots=True)
-class Diagnosis:
+class Examination:
     """What was looked at, and what is wrong."""
 
     path: Path
@@ -237,7 +226,7 @@ FROM_PICTURES = "on 8 simulated drives 0.07 m off with landmarks; with channels 
 def has_view(info: SessionInfo, options: ReadingOptions) -> bool:
     """Return whether the field of view of the camera that is read is stated, by the header or the options."""
     cameras = info.cameras
-    read = [one for one in cameras if one.name == options.camera] or list(cameras)
+    read = [camera for camera in cameras if camera.name == options.camera] or list(cameras)
     return bool(options.camera_fov_rad or (read and read[0].horizontal_fov_rad))
 
 
@@ -257,25 +246,27 @@ def made_odometry(info: SessionInfo, options: ReadingOptions) -> str:
 SYNTHETIC = re.compile(r"odometry (is synthetic|made from|is not measured|from pictures)", re.I)
 
 
-def odometry_advice(found: Diagnosis) -> tuple[str, ...]:
+def odometry_advice(examination: Examination) -> tuple[str, ...]:
     """Return how odometry can be made for a recording that has none, and how well each way does."""
-    if found.odometry:
+    if examination.odometry:
         return ()
     ways = []
-    if found.truth > 1:
+    if examination.truth > 1:
         ways.append(
             f"--reading odometry_from_truth=true makes some from the truth, with noise ({FROM_TRUTH})"
         )
-    if found.pictures > 1:
-        typed = f"--reading odometry_from_pictures=true{'' if found.fov_known else ',camera_fov_deg=60'}"
-        view = "" if found.fov_known else "; 60 stands for your camera's horizontal field of view"
+    if examination.pictures > 1:
+        typed = (
+            f"--reading odometry_from_pictures=true{'' if examination.fov_known else ',camera_fov_deg=60'}"
+        )
+        view = "" if examination.fov_known else "; 60 stands for your camera's horizontal field of view"
         ways.append(f"{typed} makes some from the pictures alone ({FROM_PICTURES}){view}")
     return tuple(ways)
 
 
-def diagnose(
+def examine(
     path: Path, options: ReadingOptions, library: Library | None, progress: Progress | None = None
-) -> Diagnosis:
+) -> Examination:
     """Look for everything that is known to go wrong. InputError for what cannot be read at all.
 
     What one check finds is taken back before the next: times first, then truth, then at most 60 pictures.
@@ -309,14 +300,14 @@ def diagnose(
             without.append(f"where and when the camera looks, by the pictures: {text}")
         known = known + seen_with_truth(looks, drive.truth)
     delayed = any(one.code == "picture-delay" for one in known)  # why truth seems to be elsewhere in time
-    format_name = chosen(path, options).name
-    told = [one for one in known if not (delayed and one.code == "truth-apart")]
-    findings = [fixable(_on_robot(one, options), format_name) for one in told]
+    form = chosen(path, options)
+    clear = [finding for finding in known if not (delayed and finding.code == "truth-apart")]
+    findings = [fixable(_on_robot(finding, options), form) for finding in clear]
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     asked = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
     name, shown_in, fov_known = found.info.name, found.info.display_units, has_view(found.info, options)
-    return Diagnosis(path, name, *counts, found.cut, found.warnings, *asked, fixed, shown_in, fov_known)
+    return Examination(path, name, *counts, found.cut, found.warnings, *asked, fixed, shown_in, fov_known)
 
 
 def _about_odometry(
@@ -355,14 +346,13 @@ def _about_reading(found: Gathered) -> list[Finding]:
 
 # From what the doctor found to the options of reading that fix it.
 
-UNITS_TAKEN = ("session-log", "table", "tum", "tum-trajectory", "openloris", "euroc")  # by time_unit=...
 # what was read with one factor and needs another is read with their product
 FACTORS = ("odometry_scale", "turn_scale", "turn_gain", "truth_scale", "truth_turn_scale")
 
 
-def fixable(finding: Finding, format_name: str) -> Finding:
+def fixable(finding: Finding, form: Format) -> Finding:
     """Leave out of a finding the options that a format does not take."""
-    if "time_unit" in finding.options and format_name not in UNITS_TAKEN:
+    if "time_unit" in finding.options and not form.takes_unit:
         return replace(finding, options={})
     return finding
 

@@ -1,4 +1,4 @@
-"""What a diagnosis looks at, a recording as plain arrays, and what it returns: findings as codes and numbers.
+"""What an examination looks at, a recording as plain arrays, and its findings as codes and numbers.
 
 Nothing here reads files, and nothing is put into words: `maurice_viz.text.findings` does that.
 """

@@ -3,33 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import decode_picture, picture_format
-from ..reading.recording import Motion, Note, Picture, Readings, TruthPose, checked
+from ..formats.registry import open_recording
+from ..reading.options import ReadingOptions
+from ..reading.recording import LeftOut, Motion, Note, Picture, Readings, Record, TruthPose, checked
 from ..reading.session import RecordedSession
 from ..reading.time_alignment import TimeSpan
 from ..reading.transforms import PLACEHOLDER
 from ..session_log.header import Kind
-from ..session_log.reader import picture_bytes
-from ..session_log.records import (
-    EventRecord,
-    OdometryRecord,
-    ReadingRecord,
-    TruthRecord,
-    read_header,
-    read_records,
-    with_truth,
-)
+from ..session_log.reader import LogRecording, is_survey
 
 MOST_EVENTS = 100
 KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading",)
@@ -61,35 +52,11 @@ class Inspection:
     display_units: str = "m"  # of the header, for tables; distances here are in meters
 
 
-def inspect_session(path: Path, *, outside: bool = False) -> Inspection:
-    """Read a log to its end, every picture included. Raises InputError only if it has no readable header."""
-    info, kind = read_header(path)
-    notes = ReadingNotes(keep_going=True)
-    tally = _Tally(path, notes)
-    pictures_with_truth = 0
-    for record, truth in with_truth(read_records(path, kind, notes)):
-        if isinstance(record, OdometryRecord):
-            tally.count("odometry", record.t_s)
-            tally.move("odometry", record.motion)
-        elif isinstance(record, TruthRecord):
-            tally.count("truth", record.t_s)
-            tally.move_to("truth", record.pose)
-        elif isinstance(record, EventRecord):
-            tally.add_event(record.t_s, record.text)
-        elif isinstance(record, ReadingRecord):
-            tally.count("reading", record.t_s)
-        else:
-            tally.count("covered" if record.covered else "image", record.t_s)
-            pictures_with_truth += truth is not None and not record.covered
-            where = f"{record.path}: " if record.path else ""
-            tally.add_picture(partial(picture_bytes, record, path, outside), where, record.line)
-    if info.survey is not None and not info.survey.exists():
-        notes.warning(f"the header names {info.survey}, which is not there")
-    if len(tally.pictures) > 1:
-        notes.warning(f"pictures differ in format or size: {', '.join(sorted(tally.pictures))}")
-    pictures = tally.records["image"]
-    share = pictures_with_truth / pictures if pictures and kind == "session" else None
-    return tally.inspection(kind, info, share)
+def inspect_file(path: Path, options: ReadingOptions) -> Inspection:
+    """Read a recording or a survey to its end; InputError as for `open_recording`."""
+    if options.format is None and is_survey(path):
+        return inspect_recording(RecordedSession(LogRecording(path, options, any_kind=True), options))
+    return inspect_recording(RecordedSession(open_recording(path, options), options))
 
 
 def inspect_recording(session: RecordedSession) -> Inspection:
@@ -97,32 +64,23 @@ def inspect_recording(session: RecordedSession) -> Inspection:
     notes = ReadingNotes(keep_going=True)
     tally = _Tally(session.path, notes)
     for record in checked(session.recording, notes):
-        if isinstance(record, Note):
-            tally.add_event(record.t_s, record.text)
-        elif isinstance(record, Readings):
-            tally.count("reading", record.t_s)
-        elif isinstance(record, Picture) and record.name == PLACEHOLDER:
-            continue
-        elif isinstance(record, Picture):
-            tally.count("image", record.t_s)
-            tally.add_picture(record.read, f"{record.name}: ")
-        else:
-            kind = "truth" if isinstance(record, TruthPose) else "odometry"
-            tally.count(kind, record.t_s)
-            if isinstance(record, Motion):
-                tally.move(kind, record.motion)
-            else:
-                tally.move_to(kind, record.pose)
-    share = _truth_share(session, tally.records["image"], notes)
-    return tally.inspection("session", session.info, share, session.info.notes)
+        tally.add(record)
+    info = session.info
+    if info.survey is not None and not info.survey.exists():
+        notes.warning(f"the header names {info.survey}, which is not there")
+    if len(tally.pictures) > 1:
+        notes.warning(f"pictures differ in format or size: {', '.join(sorted(tally.pictures))}")
+    if getattr(session.recording, "kind", "session") == "survey":
+        return tally.inspection("survey", info, None)
+    return tally.inspection("session", info, _truth_share(session, tally.used, notes), session.remarks)
 
 
 def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -> float | None:
     if not pictures:
         return None
-    kept = RecordedSession(session.recording, session.options)
+    again = RecordedSession(session.recording, session.options)
     try:
-        known = sum(glance.truth is not None for glance in kept.glances(notes))
+        known = sum(glance.truth is not None for glance in again.glances(ReadingNotes(keep_going=True)))
     except InputError as problem:  # the clocks disagree; the rest can still be reported
         notes.problem(problem)
         return None
@@ -139,40 +97,59 @@ class _Tally:
         self._events: list[str] = []
         self.records: Counter[str] = Counter()
         self.pictures: Counter[str] = Counter()
+        self.used = 0  # pictures that are part of the drive
 
-    def count(self, kind: str, t_s: float) -> None:
+    def add(self, record: Record) -> None:
+        """Take in the next record."""
+        if isinstance(record, Note):
+            self._add_event(record.t_s, record.text)
+        elif isinstance(record, Readings):
+            self._count("reading", record.t_s)
+        elif isinstance(record, LeftOut):
+            self._add_picture(record.picture)
+        elif isinstance(record, Picture):
+            if record.name != PLACEHOLDER:
+                self.used += 1
+                self._add_picture(record)
+        elif isinstance(record, Motion):
+            self._count("odometry", record.t_s)
+            self._move("odometry", record.motion)
+        else:
+            kind = "truth" if isinstance(record, TruthPose) else "odometry"
+            self._count(kind, record.t_s)
+            self._move(kind, record.pose - self._before.get(kind, record.pose))
+            self._before[kind] = record.pose
+
+    def _count(self, kind: str, t_s: float) -> None:
         self.records[kind] += 1
         self._spans[kind].add(t_s)
         self._all.add(t_s)
 
-    def move(self, kind: str, motion: F64) -> None:
+    def _move(self, kind: str, motion: F64) -> None:
         self._distance_m[kind] += float(np.hypot(*motion[:2]))
 
-    def move_to(self, kind: str, pose: F64) -> None:
-        self.move(kind, pose - self._before.get(kind, pose))
-        self._before[kind] = pose
-
-    def add_event(self, t_s: float, text: str) -> None:
+    def _add_event(self, t_s: float, text: str) -> None:
         """Take in an event; truth is not joined across a kidnapping."""
-        self.count("event", t_s)
+        self._count("event", t_s)
         if is_kidnapping(text):
             self._before.pop("truth", None)
         if len(self._events) < MOST_EVENTS:
             self._events.append(text)
 
-    def add_picture(self, read: Callable[[], U8 | bytes], where: str, line: int | None = None) -> None:
+    def _add_picture(self, picture: Picture) -> None:
+        self._count("covered" if picture.covered else "image", picture.t_s)
         try:
-            found = read()
-            image = decode_picture(found) if isinstance(found, bytes) else found
+            encoded = None if picture.encoded is None else picture.encoded()
+            image = picture.read() if encoded is None else decode_picture(encoded)
         except PictureError as problem:
-            self._notes.problem(InputError(self._path, f"{where}{problem}", line))
+            self._notes.problem(InputError(self._path, f"{picture.name}: {problem}", picture.line))
         else:
-            kind = f"{picture_format(found)} " if isinstance(found, bytes) else ""
+            kind = "" if encoded is None else f"{picture_format(encoded)} "
             height, width = image.shape[:2]
             self.pictures[f"{kind}{width}x{height}"] += 1
 
     def inspection(
-        self, kind: Kind, info: SessionInfo, truth_share: float | None, said: tuple[str, ...] = ()
+        self, kind: Kind, info: SessionInfo, truth_share: float | None, remarks: tuple[str, ...] = ()
     ) -> Inspection:
         counts, notes = self.records, self._notes
         return Inspection(
@@ -194,7 +171,7 @@ class _Tally:
             has_map=info.arena is not None,
             problem_count=notes.count,
             problems=tuple(str(problem) for problem in notes.problems),
-            warnings=tuple(dict.fromkeys((*said, *notes.warnings))),
+            warnings=tuple(dict.fromkeys((*remarks, *notes.warnings))),
             display_units=info.display_units,
         )
 

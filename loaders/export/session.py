@@ -20,6 +20,7 @@ from ..errors import InputError, ReadingNotes
 from ..files.pictures import PictureKind, encode_picture
 from ..files.writing import FolderKind, check_target, discard, expect_absent, filling, scratch_folder, writing
 from ..reading.recording import (
+    LeftOut,
     Motion,
     Note,
     OdometryPose,
@@ -33,7 +34,6 @@ from ..reading.recording import (
 from ..reading.session import RecordedSession
 from ..reading.transforms import PLACEHOLDER
 from ..session_log.header import FORMAT, header_to_json
-from ..session_log.records import OdometryRecord, PictureRecord, read_header, read_records
 from ..session_log.writer import SessionWriter
 from .mcap import (
     EVENTS,
@@ -146,8 +146,11 @@ def left_out(recording: Recording, done: Converted) -> dict[str, int]:
     A log with pictures has everything at the pictures that make a step, as a replay sees it.
     """
     total, after, begin_s = Counter[type](), Counter[type](), None
+    covered = encoders = 0
     for record in checked(recording, ReadingNotes(keep_going=True)):
         begin_s = record.t_s if begin_s is None else begin_s
+        covered += isinstance(record, LeftOut) and record.picture.covered
+        encoders += isinstance(record, Motion) and record.encoders_m is not None
         if not isinstance(record, Picture) or record.name != PLACEHOLDER:
             total[type(record)] += 1
             after[type(record)] += record.t_s - begin_s > done.last_s
@@ -157,19 +160,10 @@ def left_out(recording: Recording, done: Converted) -> dict[str, int]:
         "true poses between pictures": total[TruthPose] - done.truths,
         "events after the last picture": total[Note] - done.events,
         "readings that newer ones replace": total[Readings] - done.readings,
+        "covered pictures": covered,
+        "raw distances of wheels": encoders,
     }
     return {what: count for what, count in counts.items() if count > 0}
-
-
-def left_out_of_log(log: Path) -> dict[str, int]:
-    """Count what a native log holds and no recording has: covered pictures, and the way of each wheel."""
-    counts = Counter[str]()
-    for record in read_records(log, read_header(log)[1], ReadingNotes(keep_going=True)):
-        counts["covered pictures"] += isinstance(record, PictureRecord) and record.covered
-        counts["raw distances of wheels"] += (
-            isinstance(record, OdometryRecord) and record.encoders_m is not None
-        )
-    return {what: count for what, count in counts.items() if count}
 
 
 # A recording without pictures as a native log, record by record at their own times.
@@ -308,7 +302,7 @@ class DriveWriter:
         elif isinstance(record, Readings):
             self._mcap.write(READINGS, t_s, make.readings(record.values))
             self.done.readings += 1
-        elif moment is not None and record.name != PLACEHOLDER:
+        elif isinstance(record, Picture) and moment is not None and record.name != PLACEHOLDER:
             if self._in_motions and t_s > self._odometry_s:  # other readers pair by time
                 self._write_odometry(t_s)
             self._scene.write_picture(self._mcap, t_s, moment.frame.image, self._kind)

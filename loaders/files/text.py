@@ -221,11 +221,11 @@ def up_to(most: float = MOST) -> str:
     return f"a number up to {most:g} in size".replace("e+0", "e")
 
 
-def numbers(value: Any, count: int, what: str) -> list[float]:
+def numbers(value: Any, count: int, what: str, most: float = MOST) -> list[float]:
     """Return a list of exactly so many numbers, each of them as `number` takes it."""
     if not isinstance(value, list) or len(value) != count:
         raise FieldError(f"found {what} {show(value)}, expected a list of {count} numbers")
-    return [number(v, what) for v in value]
+    return [number(v, what, most) for v in value]
 
 
 def text(value: Any, what: str) -> str:

@@ -225,5 +225,6 @@ FORMATS = (
         open_euroc,
         shifts=True,
         in_space=True,
+        takes_unit=True,
     ),
 )

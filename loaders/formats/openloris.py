@@ -100,5 +100,6 @@ FORMATS = (
         open_openloris,
         shifts=True,
         in_space=True,
+        takes_unit=True,
     ),
 )

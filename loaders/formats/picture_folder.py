@@ -262,13 +262,6 @@ def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
     return Frames(path) if path.suffix.lower() in VIDEOS else None
 
 
-TABLE_FORMATS = (
-    Format(
-        "table", "a CSV table of pictures with poses or odometry", looks_like_table, open_table, readings=True
-    ),
-)
-
-
 @dataclass(frozen=True, eq=False)
 class FolderRecording:
     """Pictures in the order of their names, a second apart."""
@@ -305,6 +298,19 @@ def looks_like_pictures(path: Path) -> bool:
 
 
 FORMATS = (
-    *TABLE_FORMATS,
-    Format("pictures", "a folder of pictures, in the order of their names", looks_like_pictures, open_folder),
+    Format(
+        "table",
+        "a CSV table of pictures with poses or odometry",
+        looks_like_table,
+        open_table,
+        takes_unit=True,
+        readings=True,
+    ),
+    Format(
+        "pictures",
+        "a folder of pictures, in the order of their names",
+        looks_like_pictures,
+        open_folder,
+        bare=True,
+    ),
 )

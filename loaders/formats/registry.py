@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
 from shlex import quote
@@ -19,13 +20,10 @@ from ..reading.plane import TURNED
 from ..reading.recording import Recording
 from ..reading.session import RecordedSession
 from ..reading.transforms import corrected, odometry_from_truth
-from ..session_log.reader import SessionLog
-from ._frames import FramesOfReadings, with_frames
+from ._frames import with_frames
 
-NATIVE = "session-log"
-BARE = ("pictures", "video")  # formats that a table goes beside
 MODULES = (  # in the order in which they are asked whether a file looks like theirs; each has `FORMATS`
-    ".native",
+    "..session_log.reader",
     "..bags.recording",
     ".tum",
     ".openloris",
@@ -44,6 +42,9 @@ def nothing_beside(path: Path) -> Sequence[Path]:
     return ()
 
 
+Opening = Callable[[Path, ReadingOptions], Recording]  # InputError for what cannot be read
+
+
 @dataclass(frozen=True, slots=True)
 class Format:
     """A format that can be read."""
@@ -51,45 +52,68 @@ class Format:
     name: str  # as `--reading format=` takes it
     what: str  # one line
     looks_like: Callable[[Path], bool]  # by content before name; quick, never raises
-    open: Callable[[Path, ReadingOptions], Recording]  # InputError for what cannot be read
+    open: Opening
+    open_unchecked: Opening | None = None  # for the doctor: also what breaks the format's rules
     extra: str | None = None  # the extra that has to be installed for it
+    module: str | None = None  # that the extra installs
     shifts: bool = False  # whether it adds the offsets of odometry and truth itself
     in_space: bool = False  # whether it holds poses in space, whose plane `plane` says
+    takes_unit: bool = False  # whether `time_unit` says in which unit its times are
     readings: bool = False  # whether it may hold readings, and so frames without pictures
+    bare: bool = False  # whether it holds pictures alone, which a table may go beside
     beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
+
+    @property
+    def installed(self) -> bool:
+        """Whether it can be read here."""
+        return self.module is None or find_spec(self.module) is not None
 
 
 @cache
 def formats() -> dict[str, Format]:
     """Return all formats by name, in the order in which they are asked."""
     package = __name__.rpartition(".")[0]
-    found = [one for module in MODULES for one in import_module(module, package).FORMATS]
-    return {one.name: one for one in found}
+    lists = (import_module(module, package).FORMATS for module in MODULES)
+    return {form.name: form for forms in lists for form in forms}
 
 
 def guess(path: Path) -> Format:
     """Return the format of a file or folder. InputError naming what was found, and the formats there are."""
-    one = _guess(path)
-    if one is None:
-        found, names = describe(path, _known, BARE), ", ".join(formats())
+    form = _guess(path)
+    if form is None:
+        found, names = describe(path), ", ".join(formats())
         raise InputError(path, f"found {found}, expected one of {names}; see --reading format=...")
-    return one
+    return form
 
 
 def _guess(path: Path) -> Format | None:
     _expect_there(path)
-    return next((one for one in formats().values() if one.looks_like(path)), None)
+    return next((form for form in formats().values() if form.looks_like(path)), None)
 
 
-def open_recording(path: Path, options: ReadingOptions | None = None) -> Recording:
-    """Open any recording as a stream of records."""
+def open_recording(
+    path: Path, options: ReadingOptions | None = None, *, unchecked: bool = False
+) -> Recording:
+    """Open any recording as a stream of records; with `unchecked`, as the doctor looks at it."""
     options = options or ReadingOptions()
-    return _opened(chosen(path, options), path, options)
+    form = chosen(path, options)
+    opening = form.open_unchecked if unchecked and form.open_unchecked else form.open
+    if options.plane in TURNED and not form.in_space:
+        found = f"found --reading plane={options.plane}, which is for poses in space"
+        raise InputError(path, f"{found}, and the format {form.name} holds poses in x-y; leave it out")
+    rest = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if form.shifts else options
+    recording = corrected(opening(path, options), rest)
+    if options.odometry_from_pictures:
+        if options.odometry_from_truth:
+            both = "found odometry_from_truth and odometry_from_pictures"
+            raise InputError(path, f"{both}, expected one of them; leave one out")
+        return odometry_from_pictures(recording, options)
+    if not options.odometry_from_truth:
+        return recording
+    return odometry_from_truth(recording, options.odometry_seed)
 
 
-def open_session(
-    path: str | Path, reading: ReadingOptions | None = None, **changes: Any
-) -> SessionLog | RecordedSession:
+def open_session(path: str | Path, reading: ReadingOptions | None = None, **changes: Any) -> RecordedSession:
     """Open a recording of any format as a session, whose `moments()` are what a robot saw and did.
 
     Keyword arguments are fields of `ReadingOptions`, over those of `reading`. Only the header is read; every
@@ -102,33 +126,8 @@ def open_session(
         [(4, 6, 3), (4, 6, 3)]
     """
     path, options = Path(path), replace(reading or ReadingOptions(), **changes)
-    one = chosen(path, options)
-    recording = _opened(one, path, options)
-    framed = with_frames(recording) if one.readings else recording
-    if one.name == NATIVE and options.as_it_is and not isinstance(framed, FramesOfReadings):
-        return SessionLog(
-            path,
-            keep_going=options.keep_going,
-            camera=options.camera,
-            outside=options.pictures_outside,
-        )
-    return RecordedSession(framed, options)
-
-
-def _opened(one: Format, path: Path, options: ReadingOptions) -> Recording:
-    if options.plane in TURNED and not one.in_space:
-        found = f"found --reading plane={options.plane}, which is for poses in space"
-        raise InputError(path, f"{found}, and the format {one.name} holds poses in x-y; leave it out")
-    left = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if one.shifts else options
-    recording = corrected(one.open(path, options), left)
-    if options.odometry_from_pictures:
-        if options.odometry_from_truth:
-            both = "found odometry_from_truth and odometry_from_pictures"
-            raise InputError(path, f"{both}, expected one of them; leave one out")
-        return odometry_from_pictures(recording, options)
-    if not options.odometry_from_truth:
-        return recording
-    return odometry_from_truth(recording, options.odometry_seed)
+    recording = open_recording(path, options)
+    return RecordedSession(with_frames(recording) if chosen(path, options).readings else recording, options)
 
 
 def chosen(path: Path, options: ReadingOptions) -> Format:
@@ -136,8 +135,8 @@ def chosen(path: Path, options: ReadingOptions) -> Format:
     if options.format is None:
         if not (options.table or options.columns):
             return guess(path)
-        one = _guess(path)  # a table whose columns have other names looks like nothing
-        return formats()["table"] if one is None or one.name in BARE else one
+        form = _guess(path)  # a table whose columns have other names looks like nothing
+        return formats()["table"] if form is None or form.bare else form
     if options.format not in formats():
         names = ", ".join(formats())
         raise InputError(path, f"there is no format {options.format!r}, expected one of {names}")
@@ -153,12 +152,11 @@ def _expect_there(path: Path) -> None:
     expect_regular(path, "a recording")
 
 
-def _known(path: Path) -> str | None:
+def _known(path: Path) -> Format | None:
     try:
-        one = _guess(path)
+        return _guess(path)
     except InputError:
         return None
-    return None if one is None else one.name
 
 
 # The description of a path that is no recording: what it is, and what was probably meant.
@@ -178,19 +176,17 @@ ARCHIVES = {  # by their first bytes
 }
 TAR_NAMES = (".tgz", ".tbz2", ".txz", ".tar.gz", ".tar.bz2", ".tar.xz", ".tar.zst")
 
-Known = Callable[[Path], str | None]  # the name of the format that a path looks like
 
-
-def describe(path: Path, known: Known, bare: Sequence[str]) -> str:
-    """Return what a path is. Formats that are `bare` are not meant where a folder holds others."""
+def describe(path: Path) -> str:
+    """Return what a path is. Pictures alone are not meant where a folder holds other formats."""
     if not path.is_dir():
         return _describe_file(path)
     names = sorted((entry.name for entry in path.iterdir()), key=lambda name: (name.startswith("."), name))
     if not names:
         return "an empty folder"
-    found = _below(path, known)
-    meant = [one for one, name in found.items() if name not in bare]
-    hint = _did_you_mean(meant) or table_hint(path) or _did_you_mean(list(found))
+    below = _below(path)
+    meant = [inside for inside, form in below.items() if not form.bare]
+    hint = _did_you_mean(meant) or table_hint(path) or _did_you_mean(list(below))
     return f"a folder with {', '.join(names[:MOST_LISTED])}{hint}"
 
 
@@ -206,13 +202,13 @@ def _describe_file(path: Path) -> str:
     return f"a file that begins with {begin[:16]!r}{table_hint(path)}" if begin else "an empty file"
 
 
-def _below(path: Path, known: Known) -> dict[Path, str]:
+def _below(path: Path) -> dict[Path, Format]:
     level = [path]
     for _ in range(DEPTH):
-        inside = sorted(islice((one for folder in level for one in _entries(folder)), MOST_LOOKED_AT))
-        if found := {one: name for one in inside if (name := known(one)) is not None}:
-            return found
-        level = [one for one in inside if one.is_dir()]
+        inside = sorted(islice((entry for folder in level for entry in _entries(folder)), MOST_LOOKED_AT))
+        if forms := {entry: form for entry in inside if (form := _known(entry)) is not None}:
+            return forms
+        level = [entry for entry in inside if entry.is_dir()]
     return {}
 
 
@@ -223,11 +219,11 @@ def _entries(folder: Path) -> Iterator[Path]:
         return
 
 
-def _did_you_mean(found: Sequence[Path]) -> str:
-    if not found:
+def _did_you_mean(paths: Sequence[Path]) -> str:
+    if not paths:
         return ""
-    named = ", ".join(map(str, found[:MOST_NAMED])) + (", ..." if len(found) > MOST_NAMED else "")
-    return f" (did you mean {named}?)" if len(found) == 1 else f" (did you mean one of {named}?)"
+    named = ", ".join(map(str, paths[:MOST_NAMED])) + (", ..." if len(paths) > MOST_NAMED else "")
+    return f" (did you mean {named}?)" if len(paths) == 1 else f" (did you mean one of {named}?)"
 
 
 def table_hint(path: Path) -> str:

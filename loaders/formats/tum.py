@@ -100,6 +100,7 @@ FORMATS = (
         open_tum,
         shifts=True,
         in_space=True,
+        takes_unit=True,
     ),
     Format(
         "tum-trajectory",
@@ -108,5 +109,6 @@ FORMATS = (
         open_trajectory,
         shifts=True,
         in_space=True,
+        takes_unit=True,
     ),
 )

@@ -121,4 +121,4 @@ def _opened(path: Path) -> cv2.VideoCapture:
     return video
 
 
-FORMATS = (Format("video", "a video: pictures without odometry", looks_like_video, open_video),)
+FORMATS = (Format("video", "a video: pictures without odometry", looks_like_video, open_video, bare=True),)

@@ -20,9 +20,9 @@ from maurice_mcl.values.session import Camera
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files.maps import check_span, read_map
 from ..files.writing import cache_root, discard
+from ..reading.options import ReadingOptions
 from ..session_log.header import arena_to_json
-from ..session_log.reader import SessionLog, SurveyPicture
-from ..session_log.records import PictureRecord, read_header, read_records
+from ..session_log.reader import SurveyLog, SurveyPicture
 from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
@@ -63,7 +63,7 @@ def build_library(
         (2, ['color'])
     """
     survey = Path(survey)
-    log = log or SessionLog(survey, keep_going=keep_going)
+    log = log or SurveyLog(survey, ReadingOptions(keep_going=keep_going))
     rows = _Rows(chosen_channels(channels), yaw_rad)
     total = log.count_pictures() if progress else 0
     for done, picture in enumerate(log.survey_pictures(), start=1):
@@ -220,13 +220,13 @@ def _content(files: Sequence[str]) -> str:
 
 def _walls_and_files(survey: Path) -> tuple[Any, list[str]]:
     """Return the map of a survey log, which may be a file of its own, and the log with its pictures."""
-    info, kind = read_header(survey)
+    log = SurveyLog(survey)
 
     def names() -> str:
-        records = read_records(survey, kind, ReadingNotes(keep_going=True))
-        return json.dumps([one.path for one in records if isinstance(one, PictureRecord) and one.path])
+        pictures = log.pictures(ReadingNotes(keep_going=True))
+        return json.dumps([picture.path for picture in pictures if picture.path])
 
-    walls = None if info.arena is None else arena_to_json(info.arena)
+    walls = None if log.info.arena is None else arena_to_json(log.info.arena)
     named = json.loads(remembered("pictures", [str(survey)], names))
     return walls, [str(survey), *(str(survey.parent / name) for name in named)]
 

@@ -21,13 +21,12 @@ from maurice_mcl.values.session import Moment, SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import encode_jpeg
 from ..formats.picture_folder import TABLES, TableRecording, looks_like_table
-from ..formats.registry import NATIVE, chosen, open_session
+from ..formats.registry import open_session
 from ..reading.options import ReadingOptions
 from ..reading.recording import Picture, RecordingWrapper
 from ..reading.session import RecordedSession
 from ..session_log.header import session_in
-from ..session_log.reader import SessionLog, SurveyPicture
-from ..session_log.records import read_header
+from ..session_log.reader import SurveyLog, SurveyPicture, is_survey
 from .files import MANIFEST
 
 METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
@@ -149,14 +148,8 @@ def open_survey(
     folder `keep`, where there is one.
     """
     path = session_in(survey_in(path))
-    native = chosen(path, options).name == NATIVE
-    if native and read_header(path)[1] == "survey":
-        survey = SessionLog(
-            path,
-            keep_going=options.keep_going,
-            camera=options.camera,
-            outside=options.pictures_outside,
-        )
+    if options.format is None and is_survey(path):
+        survey = SurveyLog(path, options)
         if every is None:
             return survey
         return SelectedSurvey(survey, survey.survey_pictures, every, None, progress)
@@ -174,7 +167,7 @@ def open_table(path: Path) -> SelectedSurvey:
 
 
 def _selected(
-    drive: SessionLog | RecordedSession,
+    drive: RecordedSession,
     every: Spacing | None,
     keep: Path | None = None,
     progress: Progress | None = None,
@@ -210,23 +203,23 @@ def survey_in(path: Path) -> Path:
     return log if log.is_file() and not (path / MANIFEST).exists() else path
 
 
-def _table_of(drive: SessionLog | RecordedSession) -> TableRecording | None:
-    recording = getattr(drive, "recording", None)
+def _table_of(drive: RecordedSession) -> TableRecording | None:
+    recording = drive.recording
     while isinstance(recording, RecordingWrapper):
         recording = recording.measured
     return recording if isinstance(recording, TableRecording) else None
 
 
-def _is_surveyed(drive: SessionLog | RecordedSession) -> bool:
+def _is_surveyed(drive: RecordedSession) -> bool:
     table = _table_of(drive)
     return table is not None and table.surveyed
 
 
-def _file_of(drive: SessionLog | RecordedSession, moment: Moment) -> Path | None:
+def _file_of(drive: RecordedSession, moment: Moment) -> Path | None:
     return _file_named(drive, moment.frame.picture)
 
 
-def _file_named(drive: SessionLog | RecordedSession, name: str | None) -> Path | None:
+def _file_named(drive: RecordedSession, name: str | None) -> Path | None:
     for folder in (drive.path.parent, drive.path, Path()):
         if name and len(name) < 1000 and (folder / name).is_file():
             return folder / name
@@ -238,7 +231,7 @@ class SelectedSurvey:
 
     def __init__(
         self,
-        source: SessionLog | RecordedSession,
+        source: SurveyLog | RecordedSession,
         pictures: Callable[[], Iterator[SurveyPicture]],
         every: Spacing | None,
         keep: Path | None,
@@ -271,7 +264,8 @@ class SelectedSurvey:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Remarks for the user; the first one says what was chosen."""
-        of_a_drive = () if _is_surveyed(self._source) else self._source.warnings  # no odometry, no times
+        table = isinstance(self._source, RecordedSession) and _is_surveyed(self._source)
+        of_a_drive = () if table else self._source.warnings  # no odometry, no times
         return (f"{self.path}: {self.chosen}", *of_a_drive)
 
     def count_pictures(self) -> int:
@@ -364,4 +358,4 @@ class JoinedSurvey:
             yield from one.survey_pictures()
 
 
-Survey = SessionLog | RecordedSession | SelectedSurvey | JoinedSurvey  # where a library's pictures come from
+Survey = SurveyLog | SelectedSurvey | JoinedSurvey  # where a library's pictures come from

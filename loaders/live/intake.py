@@ -8,16 +8,18 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
+from ..files.pictures import decode_picture
 from ..files.text import MOST_T_S, time_falls, up_to
+from ..reading.recording import Note, Picture, Record
 from ..session_log.header import header_from_json
-from ..session_log.reader import picture_bytes
-from ..session_log.records import EventRecord, LogLine, PictureRecord, Record, parse_object, record_of
+from ..session_log.records import LineReader, LogLine, parse_object
 from .source import Connected, Disconnected, Listening, LiveSource, Malformed
 
 # One clock for a session whose source may restart: times that never decrease.
@@ -91,6 +93,8 @@ class Intake:
         self.counts = Counts()
         self._source, self._listening, self._notes, self._say = source, listening, notes, say
         self._clock = LiveClock()
+        self._place = (source.folder or Path.cwd()) / "live"  # of the log that the lines would be in
+        self._reader = LineReader(self._place)
         self._header_next = True
         self._broken_running = 0
         self._why = ""  # it is away
@@ -131,22 +135,22 @@ class Intake:
                 self._greet(line)
                 yield None
                 return
-            record = record_of(line, "session")
+            record = self._reader.record(line)
             t_s = self._clock.time(record.t_s)
             yield from self._mind_the_gap(t_s)
-            heard = self._as_recorded(record, line, t_s)
+            received = self._as_recorded(record, line, t_s)
         except FieldError as problem:
             self._broken(line, problem)
             return
         self._broken_running = 0
         self._listening.heard()
         self.counts.records += 1
-        self.counts.pictures += isinstance(record, PictureRecord)
-        yield heard
+        self.counts.pictures += isinstance(record, Picture)
+        yield received
 
     def _greet(self, line: LogLine) -> None:
         """Process a header; the first one is kept, a later one means that the source restarted."""
-        info, kind = header_from_json(parse_object(line), self._folder / "live")
+        info, kind = header_from_json(parse_object(line), self._place)
         if kind != "session":
             raise FieldError(f"found a {kind} log, expected a session log")
         self._header_next = False
@@ -175,30 +179,26 @@ class Intake:
             self.counts.gaps += 1
             text = f"{GAP}: the source was away for {away_s:.1f} s"
             self._say(f"{self._source.name}: back after {away_s:.1f} s")
-            yield Received(EventRecord(0, t_s, text), _line({"t": t_s, "event": text}))
+            yield Received(Note(t_s, text), _line({"t": t_s, "event": text}))
 
     def _as_recorded(self, record: Record, line: LogLine, t_s: float) -> Received:
-        by_path = isinstance(record, PictureRecord) and record.path is not None
+        by_path = isinstance(record, Picture) and record.path is not None
         if not by_path and not self._clock.shift_s:
             return Received(record, line.data + b"\n")
         fields, record = parse_object(line) | {"t": t_s}, replace(record, t_s=t_s)
-        if by_path and isinstance(record, PictureRecord):
-            inline = self._inline(record)
-            fields["image"] = {"base64": inline}
-            record = replace(record, base64=inline)  # its path stays, for people
+        if by_path and isinstance(record, Picture):
+            data = self._encoded(record)
+            fields["image"] = {"base64": base64.b64encode(data).decode("ascii")}
+            record = replace(record, read=partial(decode_picture, data))
         return Received(record, _line(fields))
 
-    def _inline(self, record: PictureRecord) -> str:
-        if self._source.folder is None:
-            raise FieldError(f"found a picture by its path {record.path!r}, expected it inline as base64")
+    def _encoded(self, picture: Picture) -> bytes:
+        if self._source.folder is None or picture.encoded is None:
+            raise FieldError(f"found a picture by its path {picture.path!r}, expected it inline as base64")
         try:
-            return base64.b64encode(picture_bytes(record, self._folder / "live")).decode("ascii")
+            return picture.encoded()
         except PictureError as problem:
-            raise FieldError(f"{record.path}: {problem}") from None
-
-    @property
-    def _folder(self) -> Path:
-        return self._source.folder or Path.cwd()
+            raise FieldError(f"{picture.path}: {problem}") from None
 
     def _broken(self, line: LogLine, problem: FieldError) -> None:
         if not line.ended and not line.too_long:

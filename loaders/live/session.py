@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import reduce
 from pathlib import Path
 from threading import Condition, Event, Thread
 from types import TracebackType
@@ -15,50 +15,23 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import compose, compose_motions
+from maurice_mcl.values.geometry import compose_motions
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
-from ..files.pictures import decode_picture
 from ..files.writing import expect_absent
-from ..reading.time_alignment import as_rows
+from ..reading.recording import Picture, Record
+from ..reading.time_alignment import Aligned, Aligner, as_rows
 from ..reading.transforms import Gate
-from ..session_log.header import FORMAT, SESSION_LOG, Kind, header_to_json
-from ..session_log.reader import CameraChoice, picture_bytes
-from ..session_log.records import (
-    EventRecord,
-    OdometryRecord,
-    PictureRecord,
-    ReadingRecord,
-    Record,
-    with_truth,
-)
-from .intake import Counts, Intake, Received
+from ..session_log.header import FORMAT, SESSION_LOG, header_to_json
+from ..session_log.reader import CameraChoice
+from .intake import Counts, Intake
 from .source import Listening, LiveSource, Patience
 
 # Pictures that wait for the filter: those that it cannot keep up with are left out and counted.
 
 ROOM = 4  # pictures that wait: the most updates that the view lags behind
-MOST_MOTIONS = 1000  # per picture; more are joined two by two
-MOST_EVENTS = 1000  # per picture; more are dropped
-
-
-@dataclass(slots=True, eq=False)
-class Waiting:
-    """A picture with its truth, and the motions and events since the one before."""
-
-    picture: PictureRecord
-    truth: F64 | None
-    motions: list[F64] = field(default_factory=list)  # (3,) each, since the picture before
-    events: list[str] = field(default_factory=list)
-    readings: dict[str, float] = field(default_factory=dict)  # the newest of each name
-
-    def follow(self, earlier: Waiting) -> None:
-        """Take over motions, events and readings of a picture that was left out."""
-        self.motions = joined([*earlier.motions, *self.motions])
-        self.events = [*earlier.events, *self.events][:MOST_EVENTS]
-        self.readings = earlier.readings | self.readings
+MOST = 1000  # motions and events per picture; more motions are joined two by two, more events dropped
 
 
 class Backlog:
@@ -67,19 +40,19 @@ class Backlog:
     def __init__(self, *, keep_up: bool, room: int = ROOM) -> None:
         self.skipped = 0
         self._keep_up, self._room = keep_up, room
-        self._waiting: deque[Waiting] = deque()
+        self._waiting: deque[Aligned] = deque()
         self._changed = Condition()
         self._over = False
 
-    def put(self, one: Waiting, stop: Event) -> None:
+    def put(self, aligned: Aligned, stop: Event) -> None:
         """Add a picture; without `keep_up` wait for room or for `stop`."""
         with self._changed:
             while len(self._waiting) >= self._room and not self._keep_up and not stop.is_set():
                 self._changed.wait(LOOK_S)
-            self._waiting.append(one)
+            self._waiting.append(aligned)
             if len(self._waiting) > self._room:
                 left_out = self._waiting.popleft()
-                self._waiting[0].follow(left_out)
+                self._waiting[0].follow(left_out, MOST)
                 self.skipped += 1
             self._changed.notify_all()
 
@@ -89,25 +62,16 @@ class Backlog:
             self._over = True
             self._changed.notify_all()
 
-    def __iter__(self) -> Iterator[Waiting]:
+    def __iter__(self) -> Iterator[Aligned]:
         while True:
             with self._changed:
                 while not self._waiting and not self._over:
                     self._changed.wait(LOOK_S)
                 if not self._waiting:
                     return
-                one = self._waiting.popleft()
+                aligned = self._waiting.popleft()
                 self._changed.notify_all()
-            yield one
-
-
-def joined(motions: list[F64]) -> list[F64]:
-    """Compose neighbors of too many motions; their composition stays the same."""
-    while len(motions) > MOST_MOTIONS:
-        pairs = zip(motions[::2], motions[1::2], strict=False)
-        odd = motions[-1:] if len(motions) % 2 else []
-        motions = [compose(first, second) for first, second in pairs] + odd
-    return motions
+            yield aligned
 
 
 # The recording: one session log, written line by line, complete whenever it stops.
@@ -160,7 +124,6 @@ class LiveRecorder:
 QUIET = 4  # polls without a line (a second) after which truth is not awaited
 LOOK_S = 0.2
 CLOSE_S = 5.0
-NOTHING_COMES = EventRecord(0, math.inf, "")  # inserted among the records when nothing has come for a while
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,8 +143,6 @@ class LiveSession(HasReadingNotes):
 
     A recorder gets everything that is valid. InputError for no session log, or when recording fails.
     """
-
-    kind: Kind = "session"
 
     def __init__(
         self,
@@ -263,20 +224,20 @@ class LiveSession(HasReadingNotes):
     def moments(self) -> Iterator[Moment]:
         """Yield updates as they come, once; motions and events of those left out go to the next one."""
         step, earlier = 0, None
-        for one in self._backlog:
+        for aligned in self._backlog:
             if earlier is not None:
-                one.follow(earlier)
+                aligned.follow(earlier, MOST)
+            picture = aligned.picture
             try:
-                image = decode_picture(picture_bytes(replace(one.picture, path=None), self.path))
+                image = picture.read()
             except PictureError as problem:
-                self._notes.problem(SourceError(self.source.name, f"{self._name(one.picture)}: {problem}"))
-                earlier = one
+                self._notes.problem(SourceError(self.source.name, f"{picture.name}: {problem}"))
+                earlier = aligned
                 continue
             step, earlier = step + 1, None
-            time_s = one.picture.t_s - (self._begin_s or 0.0)
-            name, readings = self._name(one.picture), one.readings
-            frame = Frame(step, time_s, as_rows(one.motions), image, name, readings)
-            yield Moment(frame, one.truth, tuple(one.events))
+            time_s = picture.t_s - (self._begin_s or 0.0)
+            frame = Frame(step, time_s, as_rows(aligned.motions), image, picture.name, aligned.readings)
+            yield Moment(frame, aligned.truth_at(), tuple(aligned.events))
         if self._error is not None:
             raise self._error
 
@@ -301,45 +262,46 @@ class LiveSession(HasReadingNotes):
             self._backlog.close()
 
     def _take_in(self) -> None:
-        taken: CameraChoice | None = None
-        motions: list[F64] = []
-        way: F64 = np.zeros(3)  # their composition
-        events: list[str] = []
-        readings: dict[str, float] = {}
-        for record, truth in with_truth(self._records()):
-            if isinstance(record, OdometryRecord):
-                motions.append(record.motion)
-                way = compose_motions(way, record.motion)
-                motions = joined(motions) if len(motions) > 2 * MOST_MOTIONS else motions
-            elif isinstance(record, EventRecord) and record is not NOTHING_COMES:
-                events = [*events[-MOST_EVENTS:], record.text]
-            elif isinstance(record, ReadingRecord):
-                readings |= record.values
-            elif isinstance(record, PictureRecord) and not record.covered:
-                taken = taken or self._camera()
-                if taken(record) and self._makes_an_update(way):
-                    self._backlog.put(Waiting(record, truth, motions, events, readings), self._stop)
-                    motions, way, events, readings = [], np.zeros(3), [], {}
+        passed: Aligned | None = None  # the last picture that makes no update, with all before it
+        for aligned in Aligner(most=MOST)(self._records()):
+            if passed is not None:
+                aligned.follow(passed, MOST)
+            passed = aligned
+            if self._makes_an_update(aligned):
+                self._backlog.put(aligned, self._stop)
+                passed = None
 
-    def _makes_an_update(self, way: F64) -> bool:
-        if self._listen.only_record or not (self._first or self._listen.gate.open_after(way)):
+    def _makes_an_update(self, aligned: Aligned) -> bool:
+        if self._listen.only_record:
+            return False
+        way = reduce(compose_motions, aligned.motions, np.zeros(3))
+        if not (self._first or self._listen.gate.open_after(way)):
             return False
         self._first = False
         return True
 
-    def _records(self) -> Iterator[Record]:
+    def _records(self) -> Iterator[Record | None]:
+        """Yield what belongs to the drive; None while nothing comes, so that truth is no longer awaited."""
+        choice: CameraChoice | None = None
         quiet = 0
-        for heard in self._intake:
+        for received in self._intake:
             if self._info is None and self._intake.info is not None:
                 self._greet(self._intake.info)
-            quiet = quiet + 1 if heard is None else 0
-            if isinstance(heard, Received):
-                if self._recorder is not None:
-                    self._recorder.add(heard.line)
-                self._begin_s = heard.record.t_s if self._begin_s is None else self._begin_s
-                yield heard.record
-            elif quiet >= QUIET or self._intake.away:
-                yield NOTHING_COMES
+            quiet = quiet + 1 if received is None else 0
+            if received is None:
+                if quiet >= QUIET or self._intake.away:
+                    yield None
+                continue
+            record = received.record
+            if self._recorder is not None:
+                self._recorder.add(received.line)
+            self._begin_s = record.t_s if self._begin_s is None else self._begin_s
+            if not isinstance(record, Picture):
+                yield record
+            elif not record.covered:
+                choice = choice or self._camera()
+                if choice(record):
+                    yield replace(record, name=self._name(record))
 
     def _greet(self, info: SessionInfo) -> None:
         if self._listen.library is not None:
@@ -349,11 +311,11 @@ class LiveSession(HasReadingNotes):
         self._info = info
         self._greeted.set()
 
-    def _name(self, picture: PictureRecord) -> str:
+    def _name(self, picture: Picture) -> str:
         return picture.path or f"line {picture.line} of {self.source.name}"
 
     def _camera(self) -> CameraChoice:
-        known = [one.name for one in self.info.cameras]
+        known = [camera.name for camera in self.info.cameras]
         wanted = self._listen.camera
         if wanted is not None and known and wanted not in known:
             found = f"found cameras {', '.join(known)}, expected {wanted!r} among them"

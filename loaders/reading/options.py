@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 from ..errors import FieldError, InputError
 from ..files.text import flag, mapping, number, read_toml, show, text, toml_value, whole
 from ..files.writing import write_whole
-from .plane import PLANES, TURNED
+from .plane import PLANES
 
 MAX_DT_S = 0.1  # two samples of odometry at 10 Hz, which is slow
 TIME_UNITS = ("s", "ms", "us", "ns")
@@ -151,13 +151,6 @@ class ReadingOptions:
         usual = ReadingOptions()
         changed = [name for name in CORRECTIONS if getattr(self, name) != getattr(usual, name)]
         return tuple(f"{option_name(name)}={option_value(name, getattr(self, name))}" for name in changed)
-
-    @property
-    def as_it_is(self) -> bool:
-        """Whether a session log is read unchanged: nothing aligned, made or corrected."""
-        gated = self.min_distance_m or self.min_angle_rad or any(getattr(self, one) for one in MADE_ODOMETRY)
-        turned = self.plane in TURNED
-        return not (gated or turned or self.time_unit not in (None, "s") or self.corrections)
 
 
 FIELDS: dict[str, Meaning] = {

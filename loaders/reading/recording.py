@@ -28,6 +28,20 @@ class Picture:
     t_s: float
     read: Callable[[], U8]  # decodes to (H, W, 3) RGB, top row first; raises PictureError
     name: str  # where it can be found again
+    line: int | None = None  # of the file that lists it
+    path: str | None = None  # relative to that file, where it is named there
+    camera: str | None = None  # that took it
+    covered: bool = False  # taken with the lens covered
+    pose: F64 | None = None  # (3,) x_m, y_m, heading_rad as surveyed
+    encoded: Callable[[], bytes] | None = None  # returns its file, if it comes as one; raises PictureError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeftOut:
+    """A picture that is no part of the drive: taken with the lens covered, or by another camera."""
+
+    t_s: float
+    picture: Picture
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,6 +58,7 @@ class Motion:
 
     t_s: float
     motion: F64  # (3,) forward_m, left_m, turn_rad, in the robot's frame at its start
+    encoders_m: F64 | None = None  # (4,) of wheels: front left, front right, rear left, rear right
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +85,7 @@ class Readings:
     values: Mapping[str, float]
 
 
-Record = Picture | OdometryPose | Motion | TruthPose | Note | Readings
+Record = Picture | LeftOut | OdometryPose | Motion | TruthPose | Note | Readings
 
 
 class Recording(Protocol):
@@ -135,6 +150,11 @@ class RecordingWrapper:
     def path(self) -> Path:
         """The file or folder."""
         return self.measured.path
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """The notes that the file itself holds, which are no remarks about reading it."""
+        return tuple(getattr(self.measured, "stated", ()))
 
     @property
     def not_read(self) -> str:

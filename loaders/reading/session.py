@@ -17,9 +17,6 @@ from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
-from ..session_log.header import Kind
-from ..session_log.reader import SessionLog, SurveyPicture
-from ..session_log.records import read_records
 from .options import ReadingOptions
 from .recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
 from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
@@ -53,10 +50,8 @@ class RecordedSession(HasReadingNotes):
     """A recording as a `maurice_mcl.values.session.Session`; nothing is read before it is asked for.
 
     Odometry poses become one motion a used picture; motions measured as such stay apart. A picture without
-    odometry within `max_dt_s` is left out. InputError as `SessionLog` raises it.
+    odometry within `max_dt_s` is left out. Raises InputError for what is broken, unless `keep_going`.
     """
-
-    kind: Kind = "session"
 
     def __init__(self, recording: Recording, options: ReadingOptions | None = None) -> None:
         self.recording = recording
@@ -74,10 +69,16 @@ class RecordedSession(HasReadingNotes):
         return with_stated_view(self.path, self.recording.info, self.options)
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What there is to say about reading it: the notes that its file does not hold."""
+        stated = getattr(self.recording, "stated", ())
+        return tuple(text for text in self.info.notes if text not in stated)
+
+    @property
     def told(self) -> tuple[str, ...]:
-        """What is to be said when it is opened: the header's notes, and what is not read."""
+        """What is to be said when it is opened: the remarks, and what is not read."""
         not_read = str(getattr(self.recording, "not_read", ""))
-        return (*self.info.notes, *([not_read] if not_read else []))
+        return (*self.remarks, *([not_read] if not_read else []))
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture at a time."""
@@ -89,7 +90,7 @@ class RecordedSession(HasReadingNotes):
             try:
                 image = picture.read()
             except PictureError as problem:
-                notes.problem(InputError(self.path, f"{picture.name}: {problem}"))
+                notes.problem(InputError(self.path, f"{picture.name}: {problem}", picture.line))
                 continue
             updates.used(update)
             step += 1
@@ -114,23 +115,17 @@ class RecordedSession(HasReadingNotes):
 
     def known_pictures(self, most: int) -> list[DrivePicture]:
         """Return those of the first `most` updates whose true pose is known; decodes none, raises nothing."""
-        updates, found = _Updates(self, ReadingNotes(keep_going=True)), list[DrivePicture]()
+        updates, pictures = _Updates(self, ReadingNotes(keep_going=True)), list[DrivePicture]()
         for update in islice(updates, most):
             updates.used(update)
             if update.truth is not None:
-                found.append(DrivePicture(_reader(update.aligned.picture), update.truth))
-        return found
+                pictures.append(DrivePicture(_reader(update.aligned.picture), update.truth))
+        return pictures
 
     def count_pictures(self) -> int:
         """Count all pictures, used or not, without decoding any."""
         records = checked(self.recording, ReadingNotes(self.options.keep_going))
         return sum(isinstance(record, Picture) for record in records)
-
-    def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Yield the used pictures whose true pose is known, as a survey; those without one are left out."""
-        for moment in self.moments():
-            if moment.truth is not None:
-                yield SurveyPicture(None, moment.frame.image, moment.truth, covered=False)
 
     @cached_property
     def odometry(self) -> type[OdometryPose] | type[Motion] | None:
@@ -162,7 +157,7 @@ def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> 
         found = f"found a camera's field of view of {np.degrees(view_rad):g} degrees"
         raise InputError(path, f"{found}, expected 1 to 170; see --reading camera_fov_deg=60")
     cameras = list(info.cameras or (Camera(options.camera or "camera"),))
-    names = [one.name for one in cameras]
+    names = [camera.name for camera in cameras]
     at = names.index(options.camera) if options.camera in names else 0
     cameras[at] = replace(cameras[at], horizontal_fov_rad=view_rad)
     return replace(info, cameras=tuple(cameras))
@@ -184,13 +179,14 @@ class _Updates:
         self._what = "pictures"  # or moments of a recording without any
 
     def __iter__(self) -> Iterator[_Update]:
-        aligner = Aligner(self._session.options.max_dt_s)
+        in_poses = self._session.odometry is OdometryPose
+        aligner = Aligner(self._session.options.max_dt_s if in_poses else None)
         for aligned in aligner(self._seen()):
             self._events += aligned.events
             self._readings |= aligned.readings
             pose = aligned.odometry_at(self._session.options.max_dt_s)
             motions = self._steps.add(aligned.motions, pose, aligner.first_odometry)
-            if pose is None and self._session.odometry is OdometryPose:
+            if pose is None and in_poses:
                 self._unpaired += 1
                 continue
             if not self._used or self._gate.open_after(self._steps.way):
@@ -249,13 +245,9 @@ class _Updates:
         )
 
 
-def begin_of(session: SessionLog | RecordedSession) -> float:
+def begin_of(session: RecordedSession) -> float:
     """Return the time in seconds of the first record; 0 where there is none. InputError as reading."""
-    notes = ReadingNotes(keep_going=True)
-    if isinstance(session, SessionLog):
-        line = next(read_records(session.path, "session", notes), None)
-        return 0.0 if line is None else line.t_s
-    record = next(checked(session.recording, notes), None)
+    record = next(checked(session.recording, ReadingNotes(keep_going=True)), None)
     return 0.0 if record is None else record.t_s
 
 
@@ -300,7 +292,7 @@ def _between_truths(session: RecordedSession) -> Iterator[tuple[Iterable[F64], F
     if session.odometry is not Motion:
         if not session.count_pictures():
             session = RecordedSession(Placeholders(session.recording), session.options)
-        yield from ((one.motions, one.truth, one.events) for one in session.glances(notes))
+        yield from ((glance.motions, glance.truth, glance.events) for glance in session.glances(notes))
         return
     for record in checked(session.recording, notes):
         if isinstance(record, Motion):

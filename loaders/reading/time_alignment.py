@@ -15,7 +15,6 @@ from maurice_mcl.values.geometry import compose_motions, motion_between
 from maurice_mcl.values.session import is_kidnapping
 
 from ..files.text import MOST_T_S
-from ..session_log.records import MAX_GAP_S
 from .recording import Motion, Note, OdometryPose, Picture, Readings, Record, TruthPose, interpolated
 
 # Units of time stamps, and clocks that disagree.
@@ -173,13 +172,18 @@ def _correlations(ours: F64, theirs: F64) -> F64:
     return np.where(enough & lively, both / power, 0.0)
 
 
+# Pictures, each with the odometry and the truth at its time.
+
+MAX_GAP_S = 1.0  # true poses further apart say nothing about the time between them
 MOST_WAITING = 64  # pictures held back while poses after them are awaited; a second of a fast camera
 ROUNDING_S = 1e-6  # decimal seconds are not exact, and Unix time has a quarter of a microsecond
 
 
 @dataclass(slots=True)
-class _Known:
-    before: OdometryPose | TruthPose | None
+class Neighbors:
+    """The poses before and after a picture."""
+
+    before: OdometryPose | TruthPose | None = None
     after: OdometryPose | TruthPose | None = None
     settled: bool = False  # nothing that comes can tell more
 
@@ -192,8 +196,14 @@ class Aligned:
     motions: list[F64]  # measured as such since the picture before, in order
     events: list[str]  # since the picture before
     readings: dict[str, float]  # the newest of each name since the picture before
-    odometry: _Known
-    truth: _Known
+    odometry: Neighbors
+    truth: Neighbors
+
+    def follow(self, earlier: Aligned, most: int) -> None:
+        """Take over what came before an earlier picture that is not used; of too much as the aligner does."""
+        self.motions = joined([*earlier.motions, *self.motions], most)
+        self.events = [*earlier.events, *self.events][:most]
+        self.readings = earlier.readings | self.readings
 
     def odometry_at(self, max_dt_s: float) -> F64 | None:
         """Return the odometry's pose (3,): between the poses before and after, or the only one so near."""
@@ -203,8 +213,8 @@ class Aligned:
         after = after if after is not None and after.t_s - t_s <= near else None
         if before is not None and after is not None:
             return interpolated(before, after, t_s)
-        one = before or after
-        return None if one is None else one.pose
+        nearest = before or after
+        return None if nearest is None else nearest.pose
 
     def truth_at(self) -> F64 | None:
         """Return the true pose (3,): exact, or between two at most a second apart."""
@@ -217,12 +227,25 @@ class Aligned:
         return interpolated(before, after, t_s)
 
 
+def joined(motions: list[F64], most: int) -> list[F64]:
+    """Compose neighbors of too many motions (3,); their composition stays the same."""
+    while len(motions) > most:
+        pairs = zip(motions[::2], motions[1::2], strict=False)
+        odd = motions[-1:] if len(motions) % 2 else []
+        motions = [compose_motions(first, second) for first, second in pairs] + odd
+    return motions
+
+
 class Aligner:
     """Goes through records and gives the pictures, each with the poses around it."""
 
-    def __init__(self, max_dt_s: float) -> None:
+    def __init__(self, max_dt_s: float | None = None, most: int | None = None) -> None:
+        """Poses of the odometry are awaited for `max_dt_s`; None: there are none.
+
+        Between two pictures only `most` events are kept, and twice as many motions; None: all.
+        """
         self.first_odometry: F64 | None = None  # the first pose (3,) of the odometry, once it was seen
-        self._max_dt_s = max_dt_s
+        self._max_dt_s, self._most = max_dt_s, most
         self._waiting: deque[Aligned] = deque()
         self._odometry: OdometryPose | None = None
         self._truth: TruthPose | None = None
@@ -230,64 +253,74 @@ class Aligner:
         self._events: list[str] = []
         self._readings: dict[str, float] = {}
 
-    def __call__(self, records: Iterable[Record]) -> Iterator[Aligned]:
-        """Yield every picture in order, as soon as all is known about it."""
+    def __call__(self, records: Iterable[Record | None]) -> Iterator[Aligned]:
+        """Yield every picture in order, as soon as all is known about it; at None those that still wait."""
         for record in records:
+            if record is None:
+                yield from self._waiting
+                self._waiting.clear()
+                continue
             yield from self._outdated(record.t_s)
             if isinstance(record, Picture):
                 yield from self._take_picture(record)
             else:
                 self._take(record)
+            yield from self._outdated(record.t_s)
         yield from self._waiting
 
     def _outdated(self, now_s: float) -> Iterator[Aligned]:
         while self._waiting and self._ready(self._waiting[0], now_s):
             yield self._waiting.popleft()
 
-    def _ready(self, one: Aligned, now_s: float) -> bool:
-        t_s, truth = one.picture.t_s, one.truth.before
-        known = one.odometry.settled or now_s > t_s + self._max_dt_s + ROUNDING_S
+    def _ready(self, aligned: Aligned, now_s: float) -> bool:
+        t_s, truth = aligned.picture.t_s, aligned.truth.before
+        known = aligned.odometry.settled or now_s > t_s + (self._max_dt_s or 0.0) + ROUNDING_S
         truth_until_s = t_s if truth is None else max(t_s, truth.t_s + MAX_GAP_S + ROUNDING_S)
-        return known and (one.truth.settled or now_s > truth_until_s)
+        return known and (aligned.truth.settled or now_s > truth_until_s)
 
     def _take_picture(self, picture: Picture) -> Iterator[Aligned]:
         odometry, truth = _known(self._odometry, picture.t_s), _known(self._truth, picture.t_s)
+        odometry.settled |= self._max_dt_s is None
         self._waiting.append(Aligned(picture, self._motions, self._events, self._readings, odometry, truth))
         self._motions, self._events, self._readings = [], [], {}
         if len(self._waiting) > MOST_WAITING:
             yield self._waiting.popleft()
 
-    def _take(self, record: OdometryPose | Motion | TruthPose | Note | Readings) -> None:
+    def _take(self, record: Record) -> None:
         if isinstance(record, Motion):
             self._motions.append(record.motion)
+            if self._most is not None and len(self._motions) > 2 * self._most:
+                self._motions = joined(self._motions, self._most)
         elif isinstance(record, OdometryPose):
             self._odometry = record
             self.first_odometry = record.pose if self.first_odometry is None else self.first_odometry
-            for one in self._waiting:
-                _settle(one.odometry, record)
+            for aligned in self._waiting:
+                _settle(aligned.odometry, record)
         elif isinstance(record, TruthPose):
             self._truth = record
-            for one in self._waiting:
-                _settle(one.truth, record)
+            for aligned in self._waiting:
+                _settle(aligned.truth, record)
         elif isinstance(record, Readings):
             self._readings |= record.values
-        else:
+        elif isinstance(record, Note):
             self._take_note(record)
 
     def _take_note(self, note: Note) -> None:
         """Keep an event; truth is not joined across a kidnapping."""
         self._events.append(note.text)
+        if self._most is not None:
+            del self._events[: -self._most]
         if is_kidnapping(note.text):
             self._truth = None
-            for one in self._waiting:
-                one.truth.settled = True
+            for aligned in self._waiting:
+                aligned.truth.settled = True
 
 
-def _known(before: OdometryPose | TruthPose | None, t_s: float) -> _Known:
-    return _Known(before, settled=before is not None and before.t_s == t_s)
+def _known(before: OdometryPose | TruthPose | None, t_s: float) -> Neighbors:
+    return Neighbors(before, settled=before is not None and before.t_s == t_s)
 
 
-def _settle(known: _Known, after: OdometryPose | TruthPose) -> None:
+def _settle(known: Neighbors, after: OdometryPose | TruthPose) -> None:
     if not known.settled:
         known.after, known.settled = after, True
 

@@ -18,6 +18,7 @@ from maurice_mcl.values.session import SessionInfo, is_kidnapping
 from ..errors import InputError, ReadingNotes
 from .options import MOTIONS_ARE, ReadingOptions
 from .recording import (
+    LeftOut,
     Motion,
     Note,
     OdometryPose,
@@ -91,12 +92,14 @@ class _Moved:
         self._way: F64 = np.zeros(3)  # since the last moment
 
     def enough(self, record: Record) -> bool:
-        if isinstance(record, Note | Picture | Readings) or (self._kind or type(record)) is not type(record):
+        if not isinstance(record, Motion | OdometryPose | TruthPose):
+            return False
+        if (self._kind or type(record)) is not type(record):
             return False
         first, self._kind = self._kind is None, type(record)
         if isinstance(record, Motion):
             self._way = compose_motions(self._way, record.motion)
-        elif isinstance(record, OdometryPose | TruthPose):
+        else:
             if self._pose is not None:
                 self._way = compose_motions(self._way, motion_between(self._pose, record.pose))
             self._pose = record.pose
@@ -135,7 +138,7 @@ class Corrected(RecordingWrapper):
         wheels = _Wheels(self.correction, self.path)
         for record in heapq.merge(*clocks, key=lambda record: record.t_s):
             if isinstance(record, Motion):
-                yield Motion(record.t_s, wheels.motion(record.motion))
+                yield replace(record, motion=wheels.motion(record.motion))
             elif isinstance(record, OdometryPose):
                 yield OdometryPose(record.t_s, wheels.pose(record.pose))
             elif isinstance(record, TruthPose):
@@ -189,6 +192,7 @@ def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record],
         TruthPose: c.truth_offset_s,
         Note: 0.0,
         Readings: c.picture_offset_s,
+        LeftOut: c.picture_offset_s,
         Picture: c.picture_offset_s,
     }
     groups: dict[float, list[type[Record]]] = {}

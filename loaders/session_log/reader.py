@@ -1,31 +1,69 @@
-"""Reading a session log or a survey log (docs/session-log.md)."""
+"""Reading a session log as a recording, and the pictures of a survey log (docs/session-log.md)."""
 
 from __future__ import annotations
 
-import base64
-import binascii
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.session import Frame, Moment, SessionInfo
+from maurice_mcl.values.session import SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
-from ..files.pictures import decode_picture, picture_in
-from .header import Kind, session_in
-from .records import (
-    EventRecord,
-    OdometryRecord,
-    PictureRecord,
-    ReadingRecord,
-    TruthRecord,
-    read_header,
-    read_records,
-    with_truth,
-)
+from ..formats.registry import Format
+from ..reading.options import ReadingOptions
+from ..reading.recording import LeftOut, Picture, Record
+from ..reading.time_alignment import PER_SECOND
+from .header import FORMAT, Kind, session_in
+from .records import LineReader, read_header
+
+LOOKED_AT = 4096  # bytes of the header in which the format's name is looked for
+ADVICE: dict[Kind, str] = {
+    "session": "build a library from it, and replay a session",
+    "survey": "only a survey's pictures have poses",
+}
+
+
+class LogRecording:
+    """A session log on disk, or in a folder as `session.log`; pictures that no step uses are `LeftOut`.
+
+    The header is read at once. InputError for what is no log, a survey unless `any_kind`, and a camera that
+    the header does not have. With `unchecked`, times may fall and numbers may be of nearly any size.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        options: ReadingOptions | None = None,
+        *,
+        any_kind: bool = False,
+        unchecked: bool = False,
+    ) -> None:
+        options = options or ReadingOptions()
+        self.path = session_in(path)
+        self.info, self.kind = _header(self.path, None if any_kind else "session")
+        self.stated = self.info.notes
+        self._camera = camera_of(self.path, self.info, options.camera)
+        self._reader = LineReader(
+            self.path,
+            self.kind,
+            PER_SECOND[options.time_unit or "s"],
+            outside=options.pictures_outside,
+            unchecked=unchecked,
+        )
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Read the log's records in order."""
+        choice, number = CameraChoice(self._camera, notes), 0
+        for record in self._reader.records(notes):
+            if not isinstance(record, Picture):
+                yield record
+            elif not choice(record) or record.covered:
+                yield LeftOut(record.t_s, record)
+            else:
+                number += 1
+                named = f"{self.path.name}, picture {number}"
+                yield record if record.path else replace(record, name=named)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,110 +76,38 @@ class SurveyPicture:
     covered: bool  # taken with the lens cap on
 
 
-class SessionLog(HasReadingNotes):
-    """A log on disk, or in a folder as `session.log`; a `maurice_mcl.values.session.Session`.
+class SurveyLog(HasReadingNotes):
+    """A survey log on disk. InputError for what is none, and for a broken line unless `keep_going`."""
 
-    The header is read at once, records as asked. InputError for what is not a log, and for a broken line
-    unless `keep_going`. `camera` chooses whose pictures are read: by default the header's first, or the
-    first one seen.
-    """
-
-    def __init__(
-        self, path: Path, *, keep_going: bool = False, camera: str | None = None, outside: bool = False
-    ) -> None:
-        self.path = session_in(Path(path))
-        self._outside = outside  # whether pictures may be in other folders
-        self._keep_going = keep_going
-        self._info, self.kind = read_header(self.path)
-        self._camera = self._choose(camera)
-        self._notes = ReadingNotes(keep_going)
-
-    @property
-    def info(self) -> SessionInfo:
-        """What the header says."""
-        return self._info
-
-    def moments(self) -> Iterator[Moment]:
-        """Read the drive from its beginning, a picture at a time; InputError for a survey or broken lines."""
-        self._expect("session", "build a library from it, and replay a session")
-        return self._moments()
+    def __init__(self, path: Path, options: ReadingOptions | None = None) -> None:
+        self._options = options or ReadingOptions()
+        self.path = path
+        self.info, _ = _header(path, "survey")
+        self._camera = camera_of(path, self.info, self._options.camera)
+        self._notes = ReadingNotes(self._options.keep_going)
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
-        """Read the pictures of a survey from its beginning. Raises InputError as for `moments`."""
-        self._expect("survey", "only a survey's pictures have poses")
-        return self._survey_pictures()
+        """Read the pictures from the beginning, covered ones too."""
+        notes = self._notes = ReadingNotes(self._options.keep_going)
+        for record in self.pictures(notes):
+            try:
+                image = record.read()
+            except PictureError as problem:
+                notes.problem(InputError(self.path, f"{record.name}: {problem}", record.line))
+                continue
+            path = None if record.path is None else self.path.parent / record.path
+            yield SurveyPicture(path, image, record.pose, record.covered)
 
     def count_pictures(self) -> int:
         """Count the picture records without opening any picture."""
-        return sum(1 for _ in self._pictures(ReadingNotes(self._keep_going)))
+        return sum(1 for _ in self.pictures(ReadingNotes(self._options.keep_going)))
 
-    def overview(self) -> tuple[int, bool]:
-        """Count the pictures that make a moment, and tell whether any truth is there; opens no picture."""
-        notes = ReadingNotes(self._keep_going)
-        taken = CameraChoice(self._camera, notes)
-        pictures, truth = 0, False
-        for record in read_records(self.path, self.kind, notes):
-            pictures += isinstance(record, PictureRecord) and taken(record) and not record.covered
-            truth = truth or isinstance(record, TruthRecord)
-        return pictures, truth
-
-    def _moments(self) -> Iterator[Moment]:
-        notes = self._notes = ReadingNotes(self._keep_going)
-        motions: list[F64] = []
-        events: list[str] = []
-        readings: dict[str, float] = {}
-        step, begin_s = 0, None
-        taken = CameraChoice(self._camera, notes)
-        for record, truth in with_truth(read_records(self.path, self.kind, notes)):
-            begin_s = record.t_s if begin_s is None else begin_s
-            if isinstance(record, OdometryRecord):
-                motions.append(record.motion)
-            elif isinstance(record, EventRecord):
-                events.append(record.text)
-            elif isinstance(record, ReadingRecord):
-                readings |= record.values
-            elif isinstance(record, PictureRecord) and taken(record) and not record.covered:
-                image = self._image(record, notes)
-                if image is None:
-                    continue
-                step += 1
-                moved = np.array(motions, np.float64).reshape(-1, 3)
-                name = record.path or f"{self.path.name}, picture {step}"
-                frame = Frame(step, record.t_s - begin_s, moved, image, name, readings)
-                yield Moment(frame, truth, tuple(events))
-                motions, events, readings = [], [], {}
-
-    def _survey_pictures(self) -> Iterator[SurveyPicture]:
-        notes = self._notes = ReadingNotes(self._keep_going)
-        for record in self._pictures(notes):
-            image = self._image(record, notes)
-            if image is not None:
-                path = None if record.path is None else self.path.parent / record.path
-                yield SurveyPicture(path, image, record.pose, record.covered)
-
-    def _pictures(self, notes: ReadingNotes) -> Iterator[PictureRecord]:
-        taken = CameraChoice(self._camera, notes)
-        for record in read_records(self.path, self.kind, notes):
-            if isinstance(record, PictureRecord) and taken(record):
+    def pictures(self, notes: ReadingNotes) -> Iterator[Picture]:
+        """Read the records of the pictures, without opening any."""
+        choice = CameraChoice(self._camera, notes)
+        for record in LineReader(self.path, "survey", outside=self._options.pictures_outside).records(notes):
+            if isinstance(record, Picture) and choice(record):
                 yield record
-
-    def _image(self, record: PictureRecord, notes: ReadingNotes) -> U8 | None:
-        try:
-            return decode_picture(picture_bytes(record, self.path, self._outside))
-        except PictureError as problem:
-            notes.problem(InputError(self.path, f"{record.path or 'inline picture'}: {problem}", record.line))
-            return None
-
-    def _choose(self, camera: str | None) -> str | None:
-        known = [c.name for c in self._info.cameras]
-        if camera is not None and known and camera not in known:
-            text = f"found cameras {', '.join(known)}, expected {camera!r} among them"
-            raise InputError(self.path, text, 1)
-        return camera or (known[0] if known else None)
-
-    def _expect(self, kind: Kind, advice: str) -> None:
-        if self.kind != kind:
-            raise InputError(self.path, f"found a {self.kind} log, expected a {kind} log; {advice}", 1)
 
 
 class CameraChoice:
@@ -151,7 +117,7 @@ class CameraChoice:
         self._name = name
         self._notes = notes
 
-    def __call__(self, record: PictureRecord) -> bool:
+    def __call__(self, record: Picture) -> bool:
         """Take a picture, or leave it out with a warning; a picture that names no camera is taken."""
         if record.camera is None:
             return True
@@ -162,14 +128,55 @@ class CameraChoice:
         return record.camera == self._name
 
 
-def picture_bytes(record: PictureRecord, log: Path, outside: bool = False) -> bytes:
-    """Return a picture's encoded bytes, from its file or its line. PictureError when they are not there.
+def camera_of(path: Path, info: SessionInfo, wanted: str | None) -> str | None:
+    """Return the camera to read: as wanted, else the header's first. InputError for one that is not there."""
+    known = [camera.name for camera in info.cameras]
+    if wanted is not None and known and wanted not in known:
+        raise InputError(path, f"found cameras {', '.join(known)}, expected {wanted!r} among them", 1)
+    return wanted or (known[0] if known else None)
 
-    `outside` allows files that are not in the log's folder.
+
+def is_survey(path: Path) -> bool:
+    """Return whether a path is a survey log. InputError for a log with a broken header."""
+    return looks_like_log(path) and read_header(session_in(path))[1] == "survey"
+
+
+def _header(path: Path, expected: Kind | None) -> tuple[SessionInfo, Kind]:
+    info, kind = read_header(path)
+    if expected is not None and kind != expected:
+        raise InputError(path, f"found a {kind} log, expected a {expected} log; {ADVICE[expected]}", 1)
+    return info, kind
+
+
+def looks_like_log(path: Path) -> bool:
+    """Recognize a session or survey log by its first line, and a file ending in .log that is JSON at all.
+
+    A folder that holds a `session.log` stands for that log.
     """
-    if record.base64 is not None:
-        try:
-            return base64.b64decode(record.base64, validate=True)
-        except (binascii.Error, ValueError):
-            raise PictureError("found broken base64, expected a picture") from None
-    return picture_in(log.parent, str(record.path), outside=outside)
+    path = session_in(path)
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as file:
+            begin = file.read(LOOKED_AT)
+    except OSError:
+        return False
+    named = FORMAT.encode() in begin and b"\0" not in begin  # an MCAP file of ours carries a header as well
+    return named or (path.suffix == ".log" and begin.lstrip()[:1] == b"{")
+
+
+def _unchecked(path: Path, options: ReadingOptions) -> LogRecording:
+    return LogRecording(path, options, unchecked=True)
+
+
+FORMATS = (
+    Format(
+        "session-log",
+        "the session log of maurice-replay (JSON Lines)",
+        looks_like_log,
+        LogRecording,
+        open_unchecked=_unchecked,
+        readings=True,
+        takes_unit=True,
+    ),
+)

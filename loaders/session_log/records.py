@@ -1,24 +1,37 @@
-"""The lines of a log as checked records."""
+"""The lines of a log as checked records of a drive."""
 
 from __future__ import annotations
 
+import base64
+import binascii
 import json
 import math
-from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import wrap_angle
+from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.session import SessionInfo
-from maurice_mcl.values.session import is_kidnapping as tells_of_kidnapping
 
-from ..errors import FieldError, InputError, ReadingNotes
-from ..files.text import MOST_T_S, expect_regular, flag, mapping, number, numbers, show, text, time_falls
+from ..errors import FieldError, InputError, PictureError, ReadingNotes
+from ..files.pictures import decode_picture, picture_in
+from ..files.text import (
+    MOST,
+    MOST_T_S,
+    expect_regular,
+    flag,
+    mapping,
+    number,
+    numbers,
+    show,
+    text,
+    time_falls,
+)
+from ..reading.recording import Motion, Note, Picture, Readings, Record, TruthPose
 from .header import Kind, header_from_json
 
 # A log's lines as JSON objects: streamed, bounded, strict about numbers.
@@ -105,62 +118,11 @@ def _folder_advice(path: Path) -> str:
     return f"found a folder, expected a log file{hint}"
 
 
-# The records of a log, checked: what each line after the header may say.
+# What each line after the header may say.
 
 RECORD_KEYS = ("odometry", "image", "truth", "event", "reading")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OdometryRecord:
-    """A movement since the last odometry record, as the robot measured it."""
-
-    line: int
-    t_s: float
-    motion: F64  # (3,) forward_m, left_m, turn_rad
-    encoders_m: F64 | None  # (4,) front left, front right, rear left, rear right
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PictureRecord:
-    """A picture, not yet read: exactly one of `path` and `base64` is given."""
-
-    line: int
-    t_s: float
-    path: str | None  # relative to the log
-    base64: str | None
-    camera: str | None
-    covered: bool
-    pose: F64 | None  # (3,) as surveyed; None in sessions and for covered pictures
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TruthRecord:
-    """Where the robot really was."""
-
-    line: int
-    t_s: float
-    pose: F64  # (3,)
-
-
-@dataclass(frozen=True, slots=True)
-class EventRecord:
-    """What happened, in free text."""
-
-    line: int
-    t_s: float
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class ReadingRecord:
-    """What sensors other than cameras measured: numbers by name."""
-
-    line: int
-    t_s: float
-    values: dict[str, float]
-
-
-Record = OdometryRecord | PictureRecord | TruthRecord | EventRecord | ReadingRecord
+MOST_UNCHECKED = 1e25  # nanoseconds since 1970 are 2e18, and squares can be added up
+INLINE = "inline picture"
 
 
 def read_header(path: Path) -> tuple[SessionInfo, Kind]:
@@ -174,26 +136,76 @@ def read_header(path: Path) -> tuple[SessionInfo, Kind]:
         raise InputError(path, str(problem), 1) from None
 
 
-def read_records(path: Path, kind: Kind, notes: ReadingNotes, per_s: int = 1) -> Iterator[Record]:
-    """Read the checked records in order; broken lines go to `notes`. `per_s`: units of time a second."""
-    last_t_s = -np.inf
-    for line in read_lines(path):
-        if line.number == 1 or not line.data.strip():
-            continue
-        try:
-            record = record_of(line, kind, per_s)
-            if record.t_s < last_t_s:
-                raise FieldError(time_falls(record.t_s, last_t_s))
-        except FieldError as problem:
-            if not line.ended and not _parses(line):
-                notes.warning(
-                    f"{path}:{line.number}: the last line is unfinished and was left out; still writing?"
-                )
-            else:
-                notes.problem(InputError(path, str(problem), line.number))
-            continue
-        last_t_s = record.t_s
-        yield record
+@dataclass(frozen=True, slots=True)
+class LineReader:
+    """Turns the lines of a log into records."""
+
+    log: Path  # whose folder the paths of pictures start from
+    kind: Kind = "session"
+    per_s: int = 1  # units of time a second
+    outside: bool = False  # whether pictures may lie outside that folder
+    unchecked: bool = False  # whether times may fall, and numbers be of nearly any size
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Read the records in order; broken lines go to `notes`."""
+        last_t_s = -np.inf
+        for line in read_lines(self.log):
+            if line.number == 1 or not line.data.strip():
+                continue
+            try:
+                record = self.record(line)
+                if record.t_s < last_t_s and not self.unchecked:
+                    raise FieldError(time_falls(record.t_s, last_t_s))
+            except FieldError as problem:
+                if not line.ended and not _parses(line):
+                    unfinished = "the last line is unfinished and was left out; still writing?"
+                    notes.warning(f"{self.log}:{line.number}: {unfinished}")
+                else:
+                    notes.problem(InputError(self.log, str(problem), line.number))
+                continue
+            last_t_s = record.t_s
+            yield record
+
+    def record(self, line: LogLine) -> Record:
+        """Read the record that a line is. FieldError for anything else."""
+        fields = parse_object(line)
+        t_s = number(fields.get("t"), "t", self._most(MOST_T_S * self.per_s)) / self.per_s
+        keys = [key for key in RECORD_KEYS if key in fields]
+        if len(keys) != 1:
+            reason = f"found {' and '.join(keys) or 'none'}, expected exactly one of {', '.join(RECORD_KEYS)}"
+            raise FieldError(reason)
+        value = fields[keys[0]]
+        if keys[0] == "odometry":
+            encoders = fields.get("encoders_m")
+            wheels = None if encoders is None else self._vector(encoders, 4, "encoders_m")
+            return Motion(t_s, self._vector(value, 3, "odometry"), wheels)
+        if keys[0] == "truth":
+            return TruthPose(t_s, self._vector(value, 3, "truth"))
+        if keys[0] == "event":
+            return Note(t_s, text(value, "event"))
+        if keys[0] == "reading":
+            return Readings(t_s, readings_of(value))
+        return self._picture(line.number, t_s, fields)
+
+    def _picture(self, line: int, t_s: float, fields: dict[str, Any]) -> Picture:
+        path, inline = _source(fields["image"])
+        camera = None if fields.get("camera") is None else text(fields["camera"], "camera")
+        covered = flag(fields.get("covered", False), "covered")
+        pose = None
+        if self.kind == "survey" and not covered:
+            if fields.get("pose") is None:
+                needed = "expected one in a survey unless it is covered"
+                raise FieldError(f"found a picture without its pose, {needed}")
+            pose = self._vector(fields["pose"], 3, "pose")
+        encoded = partial(_encoded, path, inline, self.log, self.outside)
+        read = partial(_decoded, encoded)
+        return Picture(t_s, read, path or INLINE, line, path, camera, covered, pose, encoded)
+
+    def _vector(self, value: Any, count: int, what: str) -> F64:
+        return np.array(numbers(value, count, what, self._most(MOST)))
+
+    def _most(self, usual: float) -> float:
+        return MOST_UNCHECKED if self.unchecked else usual
 
 
 def _parses(line: LogLine) -> bool:
@@ -204,48 +216,13 @@ def _parses(line: LogLine) -> bool:
     return True
 
 
-def record_of(line: LogLine, kind: Kind, per_s: int = 1) -> Record:
-    """Read the record that a line is. FieldError for anything else."""
-    found = parse_object(line)
-    t_s = number(found.get("t"), "t", MOST_T_S * per_s) / per_s
-    keys = [key for key in RECORD_KEYS if key in found]
-    if len(keys) != 1:
-        reason = f"found {' and '.join(keys) or 'none'}, expected exactly one of {', '.join(RECORD_KEYS)}"
-        raise FieldError(reason)
-    value = found[keys[0]]
-    if keys[0] == "odometry":
-        return OdometryRecord(line.number, t_s, _vector(value, 3, "odometry"), _encoders(found))
-    if keys[0] == "truth":
-        return TruthRecord(line.number, t_s, _vector(value, 3, "truth"))
-    if keys[0] == "event":
-        return EventRecord(line.number, t_s, text(value, "event"))
-    if keys[0] == "reading":
-        return ReadingRecord(line.number, t_s, readings_of(value))
-    return _picture(line.number, t_s, found, kind)
-
-
 def readings_of(value: Any) -> dict[str, float]:
     """Read the object of a reading: names to finite numbers. FieldError for anything else."""
-    return {name: number(one, f"reading.{name}") for name, one in mapping(value, "reading").items()}
-
-
-def _encoders(found: dict[str, Any]) -> F64 | None:
-    value = found.get("encoders_m")
-    return None if value is None else _vector(value, 4, "encoders_m")
-
-
-def _picture(line: int, t_s: float, found: dict[str, Any], kind: Kind) -> PictureRecord:
-    path, inline = _source(found["image"])
-    camera = None if found.get("camera") is None else text(found["camera"], "camera")
-    covered = flag(found.get("covered", False), "covered")
-    surveyed = kind == "survey" and not covered
-    if surveyed and found.get("pose") is None:
-        raise FieldError("found a picture without its pose, expected one in a survey unless it is covered")
-    pose = _vector(found["pose"], 3, "pose") if surveyed else None
-    return PictureRecord(line, t_s, path, inline, camera, covered, pose)
+    return {name: number(size, f"reading.{name}") for name, size in mapping(value, "reading").items()}
 
 
 def _source(value: Any) -> tuple[str | None, str | None]:
+    """Return the path of a picture, or its inline data."""
     if isinstance(value, str):
         path = text(value, "image")
         if Path(path).is_absolute():
@@ -256,71 +233,14 @@ def _source(value: Any) -> tuple[str | None, str | None]:
     raise FieldError(f'found image {show(value)}, expected a path or {{"base64": ...}}')
 
 
-def _vector(value: Any, count: int, what: str) -> F64:
-    return np.array(numbers(value, count, what))
+def _encoded(path: str | None, inline: str | None, log: Path, outside: bool) -> bytes:
+    if inline is None:
+        return picture_in(log.parent, str(path), outside=outside)
+    try:
+        return base64.b64decode(inline, validate=True)
+    except (binascii.Error, ValueError):
+        raise PictureError("found broken base64, expected a picture") from None
 
 
-# The truth at each picture's time, from truth records before and after it, looking ahead at most 1 s.
-
-MAX_GAP_S = 1.0  # truth records further apart say nothing about the time between them
-MAX_WAITING = 10_000  # records held back while the next truth is awaited, whatever the clock does
-
-Answered = tuple[Record, F64 | None]
-
-
-def with_truth(records: Iterable[Record]) -> Iterator[Answered]:
-    """Yield every record in order, and beside each picture the truth at its time, (3,) or None.
-
-    Interpolated between two truth records at most 1 s apart, never across a kidnapping.
-    """
-    before: TruthRecord | None = None
-    waiting: deque[Record] = deque()  # begins with a picture, when there is anything in it
-    for record in records:
-        if isinstance(record, TruthRecord):
-            yield from _answer(waiting, before, record)
-            before = record
-        elif waiting and (_in_vain(waiting, before, record) or is_kidnapping(record)):
-            yield from _answer(waiting, before, None)
-        if is_kidnapping(record):
-            before = None
-        if isinstance(record, PictureRecord) and before is not None and before.t_s == record.t_s:
-            yield record, before.pose
-        elif waiting or isinstance(record, PictureRecord):
-            waiting.append(record)
-        else:
-            yield record, None
-    yield from _answer(waiting, before, None)
-
-
-def truth_between(before: TruthRecord | None, after: TruthRecord, t_s: float) -> F64 | None:
-    """Return the pose (3,) at a time between two truth records, or None when they are over 1 s apart."""
-    if after.t_s == t_s:
-        return after.pose
-    if before is None or after.t_s - before.t_s > MAX_GAP_S + 1e-9:  # decimal seconds are not exact
-        return None
-    step = after.pose - before.pose
-    step[2] = wrap_angle(float(step[2]))
-    pose = before.pose + step * ((t_s - before.t_s) / (after.t_s - before.t_s))
-    pose[2] = wrap_angle(float(pose[2]))
-    return pose
-
-
-def is_kidnapping(record: Record) -> bool:
-    """Return whether a record tells that the robot was carried away."""
-    return isinstance(record, EventRecord) and tells_of_kidnapping(record.text)
-
-
-def _answer(
-    waiting: deque[Record], before: TruthRecord | None, after: TruthRecord | None
-) -> Iterator[Answered]:
-    while waiting:
-        record = waiting.popleft()
-        known = after is not None and isinstance(record, PictureRecord)
-        yield record, truth_between(before, after, record.t_s) if known and after is not None else None
-
-
-def _in_vain(waiting: deque[Record], before: TruthRecord | None, record: Record) -> bool:
-    """Return whether no truth from this record on can tell anything about the pictures that wait."""
-    first_s = waiting[0].t_s
-    until_s = first_s if before is None else max(first_s, before.t_s + MAX_GAP_S + 1e-9)
-    return record.t_s > until_s or len(waiting) >= MAX_WAITING
+def _decoded(encoded: partial[bytes]) -> U8:
+    return decode_picture(encoded())

@@ -35,7 +35,7 @@ from maurice_mcl.values.session import SessionInfo
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..running.open import as_recorded_session, open_session
+from ..running.open import open_session
 from ..style import Units, units_named
 
 
@@ -314,7 +314,7 @@ def _driven(
     """Return the movements between true poses of a recording, or of a folder of odometry beside truth."""
     if path.is_dir() and is_odometry_folder(path):
         return segments_from_folder(path), SessionInfo(path.name)
-    session = as_recorded_session(open_session(path, options, listener), options)
+    session = open_session(path, options, listener)
     return list(drive_segments(session)), session.info
 
 

@@ -17,7 +17,6 @@ from maurice_loaders.export.session import (
     convert_to_log,
     convert_to_mcap,
     left_out,
-    left_out_of_log,
     pictures_of,
     records_to_log,
 )
@@ -37,17 +36,16 @@ from maurice_loaders.export.tables import (
 )
 from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.writing import expect_apart
-from maurice_loaders.formats.registry import NATIVE, chosen
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Picture, Recording
 from maurice_loaders.reading.session import begin_of
 from maurice_loaders.reading.transforms import PLACEHOLDER
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_loaders.session_log.header import SESSION_LOG, session_in
+from maurice_loaders.session_log.header import SESSION_LOG
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..running.open import AnySession, as_recorded_session, open_session
+from ..running.open import AnySession, open_session
 from ..running.saved import session_of
 from ..running.saved_steps import Pictures
 
@@ -101,27 +99,24 @@ def convert(
     expect_apart(pictures_of(target), source)
     session = open_session(source, options, listener)
     notes = ReadingNotes(options.keep_going)
-    recorded = as_recorded_session(session, options)
-    read: ReadingNotes | AnySession = recorded
+    read: ReadingNotes | AnySession = session
     if target.suffix == MCAP:
-        steps = convert_to_mcap(recorded, target, camera=options.camera, kind=pictures, force=force)
+        steps = convert_to_mcap(session, target, camera=options.camera, kind=pictures, force=force)
     else:
-        begin_s, has_pictures = _begin(recorded.recording)
+        begin_s, has_pictures = _begin(session.recording)
         if has_pictures:
             steps = convert_to_log(session, target, kind=pictures, t_offset_s=begin_s, force=force)
         else:
-            steps = records_to_log(recorded.recording, target, notes, force=force)
+            steps = records_to_log(session.recording, target, notes, force=force)
     done = _count(steps, target, listener)
-    done.left_out |= left_out(recorded.recording, done)
-    if chosen(source, options).name == NATIVE:
-        done.left_out |= left_out_of_log(session_in(source))
+    done.left_out |= left_out(session.recording, done)
     if done.left_out:
         counts = ", ".join(f"{count} {what}" for what, count in done.left_out.items())
         listener.remark(f"{target}: left out: {counts}")
     if target.suffix == LOG:
         read = session if done.pictures else notes
     for warning in read.warnings:
-        if warning not in recorded.told:
+        if warning not in session.told:
             listener.warning(warning)
     count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:

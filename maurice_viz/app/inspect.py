@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.doctor.examination import Diagnosis, diagnose
-from maurice_loaders.doctor.inspection import Inspection, inspect_recording, inspect_session
+from maurice_loaders.doctor.examination import Examination, examine
+from maurice_loaders.doctor.inspection import Inspection, inspect_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent
-from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
+from maurice_loaders.formats.registry import chosen, open_recording
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions, write_reading
-from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.session_log.header import session_in
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values.library import Library
 
 from ..listener import SILENT, Listener, progress_of
 from ..running.open import library_at
 from .library_check import default_said
-
-EXTRAS = {"ros": "rosbags"}  # the module that tells whether an extra is installed
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,16 +42,8 @@ def formats(path: str | Path | None = None) -> list[FormatInfo]:
         >>> found.name
         'session-log'
     """
-    known = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
-    return [
-        FormatInfo(
-            format_.name,
-            format_.what,
-            format_.extra,
-            format_.extra is None or find_spec(EXTRAS.get(format_.extra, format_.extra)) is not None,
-        )
-        for format_ in known
-    ]
+    forms = list(all_formats().values()) if path is None else [chosen(Path(path), ReadingOptions())]
+    return [FormatInfo(form.name, form.what, form.extra, form.installed) for form in forms]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +70,9 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
         14
     """
     path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
-    chosen_format = chosen(path, options)
-    if chosen_format.name == NATIVE and options.as_it_is:
-        contents = inspect_session(session_in(path), outside=options.pictures_outside)
-    else:
-        recording = open_recording(path, replace(options, format=chosen_format.name))
-        contents = inspect_recording(RecordedSession(recording, options))
+    form, contents = chosen(path, options), inspect_file(path, options)
     return InspectedRecording(
-        chosen_format.name, replace(contents, warnings=(*_about_places(path, contents), *contents.warnings))
+        form.name, replace(contents, warnings=(*_about_places(path, contents), *contents.warnings))
     )
 
 
@@ -115,27 +97,27 @@ def doctor(
     to: str | Path | None = None,
     force: bool = False,
     listener: Listener = SILENT,
-) -> Diagnosis:
+) -> Examination:
     """Find wrong signs, units, frames, clocks and cameras in a recording, and the options that fix them.
 
     Pictures are compared with the `library`, or the one that the recording names if there is one, unless
-    `pictures` is False. `Diagnosis.fixed` are the options that fix everything; `to` writes them to a
+    `pictures` is False. `Examination.fixed` are the options that fix everything; `to` writes them to a
     reading file (.toml), if there is anything to fix. Raises InputError if the recording or the library
     cannot be read, or the file exists (unless `force`).
 
         >>> import maurice_viz as mv
-        >>> diagnosis = mv.doctor("session.log")
-        >>> len(diagnosis.findings)
+        >>> examination = mv.doctor("session.log")
+        >>> len(examination.findings)
         0
     """
     path, options = Path(session), reading or ReadingOptions()
     if to is not None:
         expect_absent(Path(to), force=force)
     references = _library(path, library, options, listener) if pictures else None
-    diagnosis = diagnose(path, options, references, progress_of(listener, "pictures"))
-    if to is not None and diagnosis.fixed != options:
-        write_reading(to, diagnosis.fixed, force=force)
-    return diagnosis
+    examination = examine(path, options, references, progress_of(listener, "pictures"))
+    if to is not None and examination.fixed != options:
+        write_reading(to, examination.fixed, force=force)
+    return examination
 
 
 def _library(

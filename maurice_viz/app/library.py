@@ -50,7 +50,6 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import (
-    as_recorded_session,
     library_at,
     open_session,
     remark_open,
@@ -125,7 +124,7 @@ def build_library(
         for text in scales_said(built):
             listener.warning(text)
         if chosen is not None and not yaw_rad:
-            drive = as_recorded_session(open_session(survey, options, SILENT), options)
+            drive = open_session(survey, options, SILENT)
             weights = FEATURES["blended"]
             for text in say_drive(built.name, weights, score_feature(built, weights, drive)):
                 listener.warning(text)

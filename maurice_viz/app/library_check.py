@@ -27,7 +27,7 @@ from maurice_mcl.values.library import Library
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..running.drive_check import score_feature
-from ..running.open import as_recorded_session, library_at, open_session
+from ..running.open import library_at, open_session
 from ..style import scale_for
 from ..text.places import say_places
 
@@ -153,7 +153,7 @@ def check_library(
     opened, recorded = library_at(path, listener), None
     if drive is not None:
         options = reading or ReadingOptions()
-        recorded = as_recorded_session(open_session(Path(drive), options, listener), options)
+        recorded = open_session(Path(drive), options, listener)
     weights = FEATURES.get(feature, {feature: 1.0})
     missing = [name for name in weights if name not in opened.index]
     if missing:

@@ -24,7 +24,6 @@ from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..running.open import (
     AnySession,
-    as_recorded_session,
     library_at,
     make_runs,
     open_library_for,
@@ -181,7 +180,7 @@ def _show_alone(
     """Show a drive for which there is no library; no run is made."""
     from ..running.drive import show_alone  # imports Rerun
 
-    written = show_alone(as_recorded_session(session, reading), output.named(["drive"]), listener)
+    written = show_alone(session, output.named(["drive"]), listener)
     return RunScores((), session.info.name, session.info.display_units, tuple(session.info.notes), written)
 
 

@@ -23,7 +23,8 @@ from .shared.visible import visible
 if TYPE_CHECKING:
     import rerun as rr
 
-    from maurice_loaders.session_log.reader import SessionLog
+    from maurice_loaders.reading.session import RecordedSession
+    from maurice_loaders.session_log.reader import SurveyLog
 
     from ..running.run import Playback
 
@@ -101,7 +102,8 @@ def _import(path: Path, recording_id: str | None) -> int:
 
 
 def _draw(path: Path, recording_id: str | None) -> None:
-    from maurice_loaders.session_log.reader import SessionLog
+    from maurice_loaders.formats.registry import open_session
+    from maurice_loaders.session_log.reader import SurveyLog, is_survey
 
     from ..running.saved import open_saved, playback_of
     from .shared.console import TO_CONSOLE
@@ -109,15 +111,18 @@ def _draw(path: Path, recording_id: str | None) -> None:
     if path.name == MANIFEST:
         _play(playback_of(open_saved(path.parent, TO_CONSOLE), TO_CONSOLE), recording_id)
         return
-    log = SessionLog(path)
-    survey = log.info.survey
-    if log.kind == "session" and survey is not None and survey.exists():
-        _play(_usual_run(log), recording_id)
+    if is_survey(path):
+        _draw_alone(SurveyLog(path), recording_id)
+        return
+    session = open_session(path)
+    survey = session.info.survey
+    if survey is not None and survey.exists():
+        _play(_usual_run(session), recording_id)
     else:
-        _draw_alone(log, recording_id)
+        _draw_alone(session, recording_id)
 
 
-def _usual_run(log: SessionLog) -> Playback:
+def _usual_run(log: RecordedSession) -> Playback:
     from ..app.replay import playback_of_session
     from ..running.open import make_runs, open_library_for
     from ..running.run_spec import RunSpec
@@ -145,7 +150,9 @@ def _play(playback: Playback, recording_id: str | None) -> None:
     _finish(rec)
 
 
-def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
+def _draw_alone(log: RecordedSession | SurveyLog, recording_id: str | None) -> None:
+    from maurice_loaders.reading.session import RecordedSession
+
     from ..layouts.drive import drive_blueprint
     from ..panels.drive import DriveView, draw_drive, drive_paths
     from ..running.drive import glances_of, moments_of
@@ -153,7 +160,7 @@ def _draw_alone(log: SessionLog, recording_id: str | None) -> None:
     from .shared.console import note
 
     advice = "This is a survey: a library is built from it."
-    if log.kind == "session":
+    if isinstance(log, RecordedSession):
         missing = log.info.survey or 'no "survey" in its header'
         advice = f"Its library is not there ({missing}), so that only the drive itself is shown."
         note(f"{log.path}: {advice[0].lower()}{advice[1:]}")

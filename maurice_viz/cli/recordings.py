@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from maurice_loaders.doctor.examination import Diagnosis, fixed_options, odometry_advice
+from maurice_loaders.doctor.examination import Examination, fixed_options, odometry_advice
 from maurice_loaders.doctor.inspection import Inspection
 from maurice_loaders.runs.store import is_saved
 from maurice_mcl.scoring.events import KINDS, RunEvent
@@ -198,7 +198,7 @@ def doctor(
         raise typer.Exit(1)
 
 
-def _json(examination: Diagnosis, options: Options) -> dict[str, object]:
+def _json(examination: Examination, options: Options) -> dict[str, object]:
     """Return everything as JSON, lengths in meters."""
     return {
         "session": str(examination.path),
@@ -227,7 +227,7 @@ def _json(examination: Diagnosis, options: Options) -> dict[str, object]:
     }
 
 
-def _lines(examination: Diagnosis, options: Options, beside: Sequence[str] = ()) -> Iterator[str]:
+def _lines(examination: Examination, options: Options, beside: Sequence[str] = ()) -> Iterator[str]:
     """Yield the report, one line per fact; findings come last and are numbered.
 
     `beside` are further words, such as the library, that are added after the options of each fix.

@@ -15,11 +15,11 @@ import numpy as np
 from maurice_loaders.bags.localizer import STAND_INS, Nearest, Overview, RecordedLocalizer, RecordedUpdate
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
-from maurice_loaders.formats.registry import chosen, open_recording
+from maurice_loaders.formats.registry import chosen
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import Glance, RecordedSession
 from maurice_loaders.reading.transforms import FewerPictures, Placeholders
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_mcl.filter.estimate import heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.library import Library
@@ -120,9 +120,9 @@ def _thinned(session: RecordedSession, moments: int, listener: Listener) -> Reco
     return RecordedSession(FewerPictures(session.recording, stride), options)
 
 
-def moments_of(log: SessionLog) -> Iterator[Moment]:
+def moments_of(log: RecordedSession | SurveyLog) -> Iterator[Moment]:
     """Yield a session's moments; of a survey its pictures that are not covered, their poses as truth."""
-    if log.kind == "session":
+    if isinstance(log, RecordedSession):
         yield from log.moments()
         return
     pictures = (picture for picture in log.survey_pictures() if not picture.covered)
@@ -131,10 +131,10 @@ def moments_of(log: SessionLog) -> Iterator[Moment]:
         yield Moment(Frame(step, float(step), np.zeros((0, 3)), picture.image, name), picture.pose)
 
 
-def glances_of(log: SessionLog) -> Iterator[Glance]:
+def glances_of(log: RecordedSession | SurveyLog) -> Iterator[Glance]:
     """Yield what is known of the same moments without their pictures."""
-    if log.kind == "session":
-        yield from RecordedSession(open_recording(log.path)).glances(ReadingNotes(keep_going=True))
+    if isinstance(log, RecordedSession):
+        yield from log.glances(ReadingNotes(keep_going=True))
         return
     for moment in moments_of(log):
         yield Glance(moment.frame.motions, moment.truth, ())

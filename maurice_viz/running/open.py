@@ -12,13 +12,12 @@ import numpy as np
 
 from maurice_loaders.config_files import motion_file, to_toml
 from maurice_loaders.errors import InputError
-from maurice_loaders.formats.registry import NATIVE, chosen, open_recording
+from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_loaders.runs.store import is_saved, open_runs
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.library.drive_score import DrivePicture
@@ -36,6 +35,7 @@ from ..text.places import say_places
 from .drive_check import drive_pictures, suited
 from .run_spec import RunSpec, Start
 
+LOG = "session-log"  # our own format, which needs no remark
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
 START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
@@ -85,7 +85,7 @@ NONE_YET = (
     "If you have none, make one from a drive with true poses: "
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
 )
-AnySession: TypeAlias = SessionLog | RecordedSession
+AnySession: TypeAlias = RecordedSession
 
 
 class SourcedSession(Session, Protocol):
@@ -109,21 +109,11 @@ def open_session(source: str | Path | AnySession, reading: ReadingOptions, liste
         raise InputError(path, f"found a saved run, expected a recording; its session is {session_path}")
     form = chosen(path, reading)
     session = open_any(path, replace(reading, format=form.name))
-    if form.name != NATIVE:
+    if form.name != LOG:
         listener.remark(f"{path}: read as {form.name}, {form.what}")
-    for text in session.told if isinstance(session, RecordedSession) else ():
+    for text in session.told:
         listener.remark(text)
-    if session.kind != "session":
-        advice = "build a library from it, or replay the session that belongs to it"
-        raise InputError(path, f"found a {session.kind} log, expected a session log; {advice}", 1)
     return session
-
-
-def as_recorded_session(session: AnySession, opening: ReadingOptions) -> RecordedSession:
-    """Return the same session as one that gives access to its records as well."""
-    if isinstance(session, RecordedSession):
-        return session
-    return RecordedSession(open_recording(session.path, opening), opening)
 
 
 def open_library_for(
@@ -134,9 +124,8 @@ def open_library_for(
         return library
     path = library or session.info.survey
     if path is None:
-        where = "" if isinstance(session, RecordedSession) else ' (no "survey" in the header)'
         raise InputError(
-            session.path, f"found no library that goes with it{where}; name one with --library. {NONE_YET}"
+            session.path, f"found no library that goes with it; name one with --library. {NONE_YET}"
         )
     if not path.exists():
         raise InputError(path, "found no such library or survey; name one with --library")
@@ -228,9 +217,7 @@ def _fitted(
 
 def _pictures_of(session: SourcedSession) -> list[list[DrivePicture]]:
     """Return pictures of a drive whose true poses are known; none of a live one."""
-    if not isinstance(session, (SessionLog, RecordedSession)):
-        return []
-    return drive_pictures(as_recorded_session(session, ReadingOptions()))
+    return drive_pictures(session) if isinstance(session, RecordedSession) else []
 
 
 def _start(
@@ -267,9 +254,7 @@ def _label(spec: RunSpec, configuration: Configuration, library: Library) -> str
 
 def _first_truth(session: SourcedSession) -> F64 | None:
     """Return the pose (3,) at which a recorded drive really began; of a live one it is not known yet."""
-    if isinstance(session, RecordedSession):
-        return first_truth(session.recording)
-    return first_truth(open_recording(session.path)) if isinstance(session, SessionLog) else None
+    return first_truth(session.recording) if isinstance(session, RecordedSession) else None
 
 
 def _check_start(
@@ -306,9 +291,8 @@ def unique_labels(names: Sequence[str]) -> list[str]:
 
 def remark_skipped(session: AnySession, listener: Listener) -> None:
     """Report what was skipped of a session, but for what was told when it was opened."""
-    notes = session.told if isinstance(session, RecordedSession) else ()
     for warning in session.warnings:
-        if warning not in notes:
+        if warning not in session.told:
             listener.warning(warning)
     if session.problem_count:
         skipped = f"skipped {session.problem_count} broken records"

@@ -14,7 +14,7 @@ from maurice_datasets.live import WAITING, Address, Broadcast, Pace, Tally, pars
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
 
 HERE = Address("127.0.0.1", 0)
 HEADER = b'{"header": 1}\n'
@@ -149,10 +149,10 @@ def live(world: World, monkeypatch: pytest.MonkeyPatch, truth: bool) -> list[byt
 def test_the_live_robot_speaks_a_session_log(world, monkeypatch, tmp_path):
     log = tmp_path / "session.log"
     log.write_bytes(b"".join(live(world, monkeypatch, truth=True)))
-    moments = list(SessionLog(log).moments())
+    moments = list(open_session(log).moments())
     assert len(moments) == 3
     assert all(m.truth is not None and m.frame.image.shape == (144, 176, 3) for m in moments)
-    assert SessionLog(log).info.survey == tmp_path / "survey" / "survey.log"
+    assert open_session(log).info.survey == tmp_path / "survey" / "survey.log"
 
 
 def test_without_truth_it_says_only_what_it_measures(world, monkeypatch):

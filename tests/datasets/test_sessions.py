@@ -16,7 +16,8 @@ from maurice_datasets.surveys import Surveyor
 from maurice_datasets.trials.drives import RenderedSession
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.session import Frame, Moment
 
@@ -43,14 +44,14 @@ def test_a_seed_decides_every_byte(demo, tmp_path):
 
 
 def test_the_session_reads_back(demo):
-    log = SessionLog(demo.session)
+    log = open_session(demo.session)
     assert (log.info.display_units, log.info.survey) == ("in", demo.survey)
     assert log.info.motion["model"] == "maurice"
     assert {floor.name for floor in log.info.arena.floors} == {"wood", "carpet"}
     assert log.info.start is not None
     (camera,) = log.info.cameras
     assert (camera.width_px, camera.height_px) == (176, 144)
-    moments = list(SessionLog(demo.session).moments())
+    moments = list(open_session(demo.session).moments())
     assert len(moments) == UPDATES
     for moment in moments:
         turn, straight = moment.frame.motions
@@ -71,7 +72,7 @@ def test_the_session_reads_back(demo):
 
 
 def test_the_survey_reads_back_with_nominal_poses_and_covered_pictures(demo):
-    pictures = list(SessionLog(demo.survey).survey_pictures())
+    pictures = list(SurveyLog(demo.survey).survey_pictures())
     assert sum(p.covered for p in pictures) == 2
     poses = np.array([p.pose for p in pictures if p.pose is not None])
     inches = poses[:, :2] / INCH_M
@@ -143,7 +144,7 @@ def test_progress_is_told(tmp_path):
 
 
 def test_a_drive_comes_back_from_its_bytes_to_the_last_bit(demo: SimulationPaths) -> None:
-    log = SessionLog(demo.session)
+    log = open_session(demo.session)
     moments = [
         *log.moments(),
         Moment(Frame(9, 1e9, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "", {"ir": 0.1}), None, ("é",)),

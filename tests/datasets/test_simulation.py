@@ -22,7 +22,9 @@ from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
 from maurice_loaders.calibration_trials import trials_from_session
 from maurice_loaders.errors import InputError
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.session_log.reader import SurveyLog
+from maurice_loaders.session_log.records import read_header
 from maurice_mcl.values.geometry import compose_motions
 
 QUICK = Surveyor(headings=1, covered=1)
@@ -89,8 +91,8 @@ def test_the_survey_is_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_global_task_hides_the_start_and_tracking_tells_it(tmp_path: Path) -> None:
-    known = SessionLog(write_simulation(tmp_path / "a", SHORT).session)
-    hidden = SessionLog(write_simulation(tmp_path / "b", replace(SHORT, task=TASKS["global"])).session)
+    known = open_session(write_simulation(tmp_path / "a", SHORT).session)
+    hidden = open_session(write_simulation(tmp_path / "b", replace(SHORT, task=TASKS["global"])).session)
     assert known.info.start is not None
     assert hidden.info.start is None
     truth = [[m.truth for m in log.moments()] for log in (known, hidden)]
@@ -106,13 +108,13 @@ def test_a_kidnapping_is_in_the_truth_and_in_no_odometry(tmp_path: Path) -> None
     assert np.hypot(*(after - before)[:2]) >= KIDNAP_M
     assert sum("image" in r for r in lines[:at]) == 2
     assert all(abs(r["odometry"][0]) < 0.5 for r in lines if "odometry" in r)
-    log = SessionLog(tmp_path / "a" / "session.log")
+    log = open_session(tmp_path / "a" / "session.log")
     assert [("kidnapped" in m.events) for m in log.moments()] == [False, False, True, False]
 
 
 def test_wheels_that_slip_count_more_than_the_robot_moves(tmp_path: Path) -> None:
     slip_at = range(2, 4)
-    log = SessionLog(write_simulation(tmp_path / "a", replace(SHORT, slip_at=slip_at)).session)
+    log = open_session(write_simulation(tmp_path / "a", replace(SHORT, slip_at=slip_at)).session)
     before = None
     for moment in log.moments():
         step, truth = moment.frame.step, moment.truth
@@ -128,10 +130,10 @@ def test_wheels_that_slip_count_more_than_the_robot_moves(tmp_path: Path) -> Non
 
 def test_light_changes_are_told_where_they_happen(tmp_path: Path) -> None:
     plan = replace(SHORT, lights=parse_lights("dim:0.3@3"))
-    log = SessionLog(write_simulation(tmp_path / "a", plan).session)
+    log = open_session(write_simulation(tmp_path / "a", plan).session)
     moments = list(log.moments())
     assert [any(e.startswith("lights") for e in m.events) for m in moments] == [False, False, True, False]
-    plain = list(SessionLog(write_simulation(tmp_path / "b", SHORT).session).moments())
+    plain = list(open_session(write_simulation(tmp_path / "b", SHORT).session).moments())
     ratio = [m.frame.image.mean() / p.frame.image.mean() for m, p in zip(moments, plain, strict=True)]
     assert ratio[:2] == [1, 1]
     assert max(ratio[2:]) < 0.95
@@ -141,10 +143,10 @@ def test_half_resolution_is_the_cameras_and_so_of_survey_and_session_alike(tmp_p
     plan = replace(SHORT, half_resolution=True)
     paths, plain = write_simulation(tmp_path / "a", plan), write_simulation(tmp_path / "b", SHORT)
     for log in (paths.session, paths.survey):
-        assert any("half resolution" in note for note in SessionLog(log).info.notes)
-    survey = next(p.image for p in SessionLog(paths.survey).survey_pictures() if p.pose is not None)
-    session = next(SessionLog(paths.session).moments()).frame.image
-    full = next(SessionLog(plain.session).moments()).frame.image
+        assert any("half resolution" in note for note in read_header(log)[0].notes)
+    survey = next(p.image for p in SurveyLog(paths.survey).survey_pictures() if p.pose is not None)
+    session = next(open_session(paths.session).moments()).frame.image
+    full = next(open_session(plain.session).moments()).frame.image
     apart = [np.abs(np.diff(image.astype(float), axis=1)[:, ::2]).mean() for image in (survey, session, full)]
     assert max(apart[:2]) < 0.7 * apart[2]  # JPEG keeps twins from being quite equal
 
@@ -153,7 +155,7 @@ def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world:
     first = write_simulation(tmp_path / "a", replace(SHORT, updates=6))
     plan = replace(SHORT, task=TASKS["global"], seed=9, recording=first.session)
     again = write_simulation(tmp_path / "b", plan)
-    old, new = (list(SessionLog(p.session).moments()) for p in (first, again))
+    old, new = (list(open_session(p.session).moments()) for p in (first, again))
     assert len(new) == 4  # no more than asked for
     for a, b in zip(old, new, strict=False):
         assert np.array_equal(a.frame.motions, b.frame.motions)
@@ -161,13 +163,13 @@ def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world:
     assert np.hypot(*steps[0].T[:2]) == pytest.approx(np.hypot(*steps[1].T[:2]))
     places = np.array([m.truth[:2] for m in new if m.truth is not None])
     assert clearance(world.arena, places).min() > 0.07
-    assert SessionLog(again.session).info.motion == SessionLog(first.session).info.motion
+    assert open_session(again.session).info.motion == open_session(first.session).info.motion
 
 
 @needs_data
 def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
     plan = replace(SHORT, recording=DATA / "random_long")
-    log = SessionLog(write_simulation(tmp_path / "a", plan).session)
+    log = open_session(write_simulation(tmp_path / "a", plan).session)
     recording = read_recording(DATA / "random_long", 4)
     moments = list(log.moments())
     for moment, segment in zip(moments, recording.segments, strict=True):
@@ -186,10 +188,10 @@ def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> 
     np.savetxt(tmp_path / "gt.txt", rows)
     plan = replace(SHORT, updates=9, recording=tmp_path)
     paths = write_simulation(tmp_path / "out", plan)
-    moments = list(SessionLog(paths.session).moments())
+    moments = list(open_session(paths.session).moments())
     carried = [number for number, moment in enumerate(moments) if "kidnapped" in moment.events]
     assert carried == [6]  # 0.24 m per segment: rows 36 to 42
-    assert any("jumps: 1 times" in note for note in SessionLog(paths.session).info.notes)
+    assert any("jumps: 1 times" in note for note in open_session(paths.session).info.notes)
     again = read_recording(paths.session, 9)
     assert again.carried == 1
     assert len(trials_from_session(paths.session).straights.actual_m) == len(moments) - 1

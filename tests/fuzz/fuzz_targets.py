@@ -7,6 +7,7 @@ import json
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,8 +24,8 @@ from hypothesis import strategies as st
 
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import FieldError, InputError, PictureError, ReadingNotes
-from maurice_loaders.files.pictures import decode_picture
 from maurice_loaders.formats.cmucam import MOST_BYTES, decode_frame, frames, looks_like_dump, open_dump
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.intake import Intake, Received
 from maurice_loaders.live.session import LiveRecorder
@@ -33,8 +34,8 @@ from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import ASK, HEAD, Foxglove, Rosbridge, WebsocketStream
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Picture
-from maurice_loaders.session_log.reader import SessionLog, picture_bytes
-from maurice_loaders.session_log.records import PictureRecord, read_header, read_records
+from maurice_loaders.session_log.reader import SurveyLog, is_survey
+from maurice_loaders.session_log.records import LineReader, read_header
 
 HEAD_LINE = json.dumps(HEADER)
 
@@ -138,7 +139,7 @@ def check_recording(connections: list[tuple[list[bytes | None], list[int], bool]
         assert heard == sorted(heard)
         if begun:
             assert read_header(recorder.path)[1] == "session"
-            again = read_records(recorder.path, "session", ReadingNotes(keep_going=False))
+            again = LineReader(recorder.path).records(ReadingNotes(keep_going=False))
             assert [record.t_s for record in again] == heard
 
 
@@ -230,20 +231,22 @@ def read_log(data: bytes, folder: Path) -> str:
     """Read a file as a session or survey log, to its end, and once more where every problem is an error."""
     path = folder / "fuzz.log"
     path.write_bytes(data)
-    _refused(lambda: _go_through(SessionLog(path, keep_going=True)))
-    return _refused(lambda: _go_through(SessionLog(path)))
+    _refused(lambda: _go_through(path, ReadingOptions(format="session-log", keep_going=True)))
+    return _refused(lambda: _go_through(path, ReadingOptions(format="session-log")))
 
 
-def _go_through(log: SessionLog) -> None:
-    pictures = log.count_pictures()
-    if log.kind == "survey":
-        for one in log.survey_pictures():
-            assert one.image.dtype == np.uint8
-            assert one.covered or one.pose is not None
+def _go_through(path: Path, options: ReadingOptions) -> None:
+    if is_survey(path):
+        survey = SurveyLog(path, options)
+        assert survey.count_pictures() >= 0
+        for picture in survey.survey_pictures():
+            assert picture.image.dtype == np.uint8
+            assert picture.covered or picture.pose is not None
         return
-    updates, _ = log.overview()
+    session = open_session(path, options)
+    pictures, (updates, _) = session.count_pictures(), session.overview()
     times = []
-    for moment in log.moments():
+    for moment in session.moments():
         assert moment.frame.motions.shape[1] == 3
         assert np.isfinite(moment.frame.motions).all()
         assert moment.truth is None or np.isfinite(moment.truth).all()
@@ -321,19 +324,18 @@ def _listen(connect: Callable[[], Any]) -> str:
     return _refused(lambda: _check(iter(intake)))
 
 
-def _check(heard: Iterator[Received | None]) -> None:
+def _check(arrivals: Iterator[Received | None]) -> None:
     last_s = float("-inf")
-    for one in heard:
-        if one is None:
+    for received in arrivals:
+        if received is None:
             continue
-        assert one.record.t_s >= last_s
-        assert one.line.count(b"\n") == 1
-        last_s = one.record.t_s
-        if isinstance(one.record, PictureRecord):
-            try:
-                decode_picture(picture_bytes(one.record, Path("nowhere")))
-            except PictureError:
-                continue
+        record = received.record
+        assert record.t_s >= last_s
+        assert received.line.count(b"\n") == 1
+        last_s = record.t_s
+        if isinstance(record, Picture):
+            with suppress(PictureError):
+                record.read()
 
 
 TARGETS: dict[str, Target] = {

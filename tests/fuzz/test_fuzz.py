@@ -17,11 +17,13 @@ from fuzz_targets import ARGUMENTS, SHARES, TARGETS, Target, prepare, try_drawn
 from fuzz_watch import TookTooLong, in_memory, in_time
 
 from maurice_loaders.formats.cmucam import decode_frame, frames
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live.source import LineCutter
 from maurice_loaders.live.websocket import ASK, WebsocketStream
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.session_log.records import PictureRecord, record_of
+from maurice_loaders.reading.recording import Picture
+from maurice_loaders.session_log.reader import SurveyLog, is_survey
+from maurice_loaders.session_log.records import LineReader
 
 COUNT = 150
 
@@ -51,9 +53,10 @@ def test_laws_of_what_peers_send(name: str) -> None:
 def test_logs_are_right_before_they_are_changed(data: bytes, tmp_path: Path) -> None:
     prepare(tmp_path)
     (tmp_path / "a.log").write_bytes(data)
-    log = SessionLog(tmp_path / "a.log")
-    found = list(log.survey_pictures() if log.kind == "survey" else log.moments())
-    assert bool(found) == (b'"image": ' in data)
+    path = tmp_path / "a.log"
+    log = SurveyLog(path) if is_survey(path) else open_session(path)
+    pictures = list(log.survey_pictures() if isinstance(log, SurveyLog) else log.moments())
+    assert bool(pictures) == (b'"image": ' in data)
     assert log.problem_count == 0
 
 
@@ -75,8 +78,8 @@ def test_bridges_are_right_before_they_are_changed(talk: Any) -> None:
     data = b"".join(channel.read(0.0) or b"" for _ in range(len(talk)))
     header, *lines = LineCutter().feed(data)
     assert json.loads(header.data)["kind"] == "session"
-    found = [record_of(line, "session") for line in lines]
-    assert sum(isinstance(one, PictureRecord) for one in found) == 3
+    records = [LineReader(Path("live")).record(line) for line in lines]
+    assert sum(isinstance(record, Picture) for record in records) == 3
     assert sum("odometry" in str(line.data) for line in lines) == 2
 
 

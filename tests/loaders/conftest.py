@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from maurice_loaders.config_files import to_toml
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.runs.writer import RunWriter
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
@@ -114,7 +114,7 @@ def save_run(small_session: Path, run_library: Library, tmp_path: Path) -> Save:
     def saved(times: int = 1, close: str | None = "complete", **settings: Any) -> tuple[Path, Played]:
         chosen = {"particles": 50, "sensor.weights": {"color": 1.0, "edges": 1.0}} | settings
         configuration = configure([Layer("test", chosen)])
-        log, folder, toml = SessionLog(small_session), tmp_path / "run", to_toml(configuration)
+        log, folder, toml = open_session(small_session), tmp_path / "run", to_toml(configuration)
         localizer = build_localizer(run_library, log, configuration.parameters, seed=5)
         played = numbered(list(run(localizer, log, None)) * times)
         writer = RunWriter(

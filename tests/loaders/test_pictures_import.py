@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from maurice_loaders.doctor.inspection import inspect_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.pictures import encode_jpeg
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.importing import (
     ImportOptions,
     PoseRow,
@@ -30,7 +31,7 @@ from maurice_loaders.libraries.landmarks import with_landmarks
 from maurice_loaders.libraries.store import build_library
 from maurice_loaders.reading.recording import Picture
 from maurice_loaders.reading.transforms import OdometryNoise
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.geometry import angle_between, compose
@@ -57,7 +58,7 @@ def source(tmp_path: Path) -> Path:
 def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
     shutil.rmtree(source)
-    session, library = SessionLog(summary.session), build_library(summary.survey)
+    session, library = open_session(summary.session), build_library(summary.survey)
     moments = list(session.moments())
     assert (len(moments), library.size) == (summary.session_pictures, summary.library_pictures) == (6, 4)
     assert (summary.rows, summary.runs, summary.session_runs, summary.guarded_runs) == (30, 12, 3, 5)
@@ -69,22 +70,22 @@ def test_logs_stand_alone(source: Path, tmp_path: Path) -> None:
 
 def test_pictures_have_their_own_labels_and_names_that_tell_no_pose(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", OPTIONS)
-    for moment in SessionLog(summary.session).moments():
+    for moment in open_session(summary.session).moments():
         row = round(float(moment.frame.image.mean()) / 5)
         x, y, heading = POSES[row]
         assert moment.truth == pytest.approx([x, y, np.deg2rad(heading)])
         assert moment.frame.time_s == row
-    for picture in SessionLog(summary.survey).survey_pictures():
+    for picture in SurveyLog(summary.survey).survey_pictures():
         x, y, heading = POSES[round(float(picture.image.mean()) / 5)]
         assert picture.pose == pytest.approx([x, y, np.deg2rad(heading)])
-    assert all("x0" not in m.frame.picture for m in SessionLog(summary.session).moments())
+    assert all("x0" not in m.frame.picture for m in open_session(summary.session).moments())
     assert {p.name for p in (tmp_path / "out/pictures").iterdir()} >= {"00000.jpg"}
 
 
 def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
     quiet = replace(OPTIONS, noise=OdometryNoise(0, 0, 0))
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", quiet)
-    log = SessionLog(summary.session)
+    log = open_session(summary.session)
     pose = log.info.start
     assert pose is not None
     movements = 0
@@ -101,7 +102,7 @@ def test_odometry_leads_along_all_rows(source: Path, tmp_path: Path) -> None:
 def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None:
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", replace(OPTIONS, seed=9))
     for log in (summary.session, summary.survey):
-        notes = " ".join(SessionLog(log).info.notes)
+        notes = " ".join(open_session(log).info.notes)
         assert "ODOMETRY IS NOT MEASURED" in notes
         assert "seed 9" in notes
         assert "times are synthetic" in notes
@@ -111,7 +112,7 @@ def test_the_headers_say_what_is_synthetic(source: Path, tmp_path: Path) -> None
 def test_a_camera_that_is_stated_is_that_of_session_and_library(source: Path, tmp_path: Path) -> None:
     options = replace(OPTIONS, camera_fov_rad=1.2)
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", options)
-    assert [one.horizontal_fov_rad for one in SessionLog(summary.session).info.cameras] == [1.2]
+    assert [one.horizontal_fov_rad for one in open_session(summary.session).info.cameras] == [1.2]
     camera = build_library(summary.survey).camera
     assert camera is not None
     assert camera.horizontal_fov_rad == 1.2
@@ -134,7 +135,7 @@ def test_a_map_of_walls(source: Path, tmp_path: Path) -> None:
     (tmp_path / "walls.txt").write_text("0 0 3000 0\n")
     options = replace(OPTIONS, map_lines=tmp_path / "walls.txt")
     summary = import_pictures(source, source / "poses.csv", tmp_path / "out", options)
-    arena = SessionLog(summary.session).info.arena
+    arena = open_session(summary.session).info.arena
     assert arena is not None
     assert arena.walls.tolist() == [[0, 0, 3, 0]]
 
@@ -214,7 +215,7 @@ def test_a_real_recording(tmp_path: Path) -> None:
     assert (summary.rows, summary.runs, summary.session_runs) == (1398, 105, 11)
     assert summary.nearest_reference_median_m == pytest.approx(0.63, abs=0.005)
     assert (summary.session_pictures, summary.library_pictures) == (53, 29)
-    assert len(list(SessionLog(summary.session).moments())) == 53
+    assert len(list(open_session(summary.session).moments())) == 53
     library = build_library(summary.survey)
     assert library.size == 29
     assert library.index["color"].references.any(axis=1).all()

@@ -12,7 +12,6 @@ import numpy as np
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.scoring.demands import Demands
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
@@ -133,7 +132,7 @@ def check(
     at = Path(library) if isinstance(library, str) else library
     how = reading or ReadingOptions()
     asked = CheckedFilter(spec, at, demands, seeds, baseline, files.artifacts, how)
-    drives = [session] if isinstance(session, (str, Path, SessionLog, RecordedSession)) else session
+    drives = [session] if isinstance(session, (str, Path, RecordedSession)) else session
     result = CheckResult(_checked(asked, drives, listener))
     files.write(result)
     return result

@@ -18,7 +18,7 @@ from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
 from maurice_loaders.calibration_trials import read_aligned
-from maurice_loaders.doctor.examination import Diagnosis, diagnose, odometry_advice
+from maurice_loaders.doctor.examination import Examination, examine, odometry_advice
 from maurice_loaders.doctor.findings import RecordedDrive, RecordedOdometry, RecordedTruth
 from maurice_loaders.doctor.odometry import compared_with_truth
 from maurice_loaders.errors import InputError
@@ -44,7 +44,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Libr
         yield written.session, build_library(written.survey, ["color", "edges"])
 
 
-def codes(found: Diagnosis) -> list[str]:
+def codes(found: Examination) -> list[str]:
     return [one.code for one in found.findings]
 
 
@@ -53,13 +53,13 @@ def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library], tmp_path
     for truth in (True, False):
         copy = broken(log, tmp_path / f"{truth}.log", None, truth=truth)
         for references in (library, None):
-            assert codes(diagnose(copy, ReadingOptions(), references)) == []
+            assert codes(examine(copy, ReadingOptions(), references)) == []
 
 
 @pytest.mark.parametrize("name", BREAKS)
 def test_what_is_wrong_is_named_with_truth(name: str, drive: tuple[Path, Library], tmp_path: Path) -> None:
     code, how = BREAKS[name]
-    found = diagnose(broken(drive[0], tmp_path / "b.log", how), ReadingOptions(), None)
+    found = examine(broken(drive[0], tmp_path / "b.log", how), ReadingOptions(), None)
     assert codes(found)[0] == code
     assert all(one.evidence and one.options for one in found.findings)
 
@@ -71,8 +71,8 @@ def test_reading_it_with_what_mends_it_leaves_nothing_wrong(
 ) -> None:
     clocks = {"pictures late": late("image", 9.0), "truth clock": late("truth", 500.25)}
     log = broken(drive[0], tmp_path / "b.log", clocks.get(name) or BREAKS[name][1])
-    found = diagnose(log, ReadingOptions(), drive[1])
-    assert codes(diagnose(log, found.fixed, drive[1])) == []
+    found = examine(log, ReadingOptions(), drive[1])
+    assert codes(examine(log, found.fixed, drive[1])) == []
     healthy, fixed = list(open_session(drive[0]).moments()), list(open_session(log, found.fixed).moments())
     assert len(fixed) == len(healthy) == 24
     for one, two in zip(fixed, healthy, strict=True):
@@ -89,7 +89,7 @@ def test_a_frame_that_is_turned_is_told_by_itself(
     cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turned = odometry(lambda f, s, t: (f * cos - s * sin, f * sin + s * cos, t))
     log = broken(drive[0], tmp_path / "b.log", turned, truth=False)
-    (finding,) = diagnose(log, ReadingOptions(), None).findings
+    (finding,) = examine(log, ReadingOptions(), None).findings
     assert finding.code == ("frame-swapped" if degrees == 75 else "frame-turned")
     assert finding.numbers["offset_deg"] == pytest.approx(-degrees, abs=5)
 
@@ -97,7 +97,7 @@ def test_a_frame_that_is_turned_is_told_by_itself(
 def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> None:
     def numbers(name: str) -> dict[str, float]:
         log = broken(drive[0], tmp_path / f"{name}.log", BREAKS[name][1])
-        return dict(diagnose(log, ReadingOptions(), None).findings[0].numbers)
+        return dict(examine(log, ReadingOptions(), None).findings[0].numbers)
 
     assert numbers("millimeters")["scale"] == pytest.approx(0.001, rel=0.15)
     assert numbers("swapped")["offset_deg"] == pytest.approx(-90, abs=5)
@@ -107,7 +107,7 @@ def test_the_numbers_are_right(drive: tuple[Path, Library], tmp_path: Path) -> N
 
 def test_late_pictures_are_found(drive: tuple[Path, Library], tmp_path: Path) -> None:
     log = broken(drive[0], tmp_path / "b.log", late("image", 9.0))
-    found = diagnose(log, ReadingOptions(), drive[1])
+    found = examine(log, ReadingOptions(), drive[1])
     assert codes(found) == ["picture-delay"]
     assert found.findings[0].numbers["delay_s"] == pytest.approx(9.0, abs=3.5)  # it stands while it looks
 
@@ -119,12 +119,12 @@ def test_a_camera_that_looks_aside_is_found_and_mended(degrees: int, drive: tupl
     poses = library.poses - [0, 0, np.radians(degrees)]
     poses[:, 2] = (poses[:, 2] + np.pi) % (2 * np.pi) - np.pi
     turned = replace(library, poses=poses)
-    found = diagnose(log, ReadingOptions(), turned)
+    found = examine(log, ReadingOptions(), turned)
     assert codes(found) == ["camera-yaw"]
     assert found.findings[0].numbers["yaw_deg"] == pytest.approx(-degrees, abs=15)
     if degrees == 45:
         assert np.degrees(found.fixed.camera_yaw_rad) == pytest.approx(-45, abs=15)
-        assert codes(diagnose(log, found.fixed, turned)) == []
+        assert codes(examine(log, found.fixed, turned)) == []
 
 
 @pytest.mark.parametrize(
@@ -139,7 +139,7 @@ def test_times_that_fall_and_numbers_that_no_log_may_hold_are_told(
     records: list[tuple[float, float]], told: list[str], write_log: WriteLog
 ) -> None:
     log = write_log(*({"t": t, "odometry": [x, 0, 0]} for t, x in records))
-    found = diagnose(log, ReadingOptions(), None)
+    found = examine(log, ReadingOptions(), None)
     assert codes(found) == told
     assert (found.truth, found.pictures) == (0, 0)
 
@@ -147,15 +147,15 @@ def test_times_that_fall_and_numbers_that_no_log_may_hold_are_told(
 def test_broken_lines_are_counted_and_what_is_no_session_is_refused(
     write_log: WriteLog, survey: Path, tmp_path: Path
 ) -> None:
-    found = diagnose(
+    found = examine(
         write_log({"t": 0, "odometry": [0.1, 0, 0]}, "{broken", '{"t": 1}'), ReadingOptions(), None
     )
     assert codes(found) == ["broken"]
     assert found.odometry == 1
     with pytest.raises(InputError, match="survey"):
-        diagnose(survey, ReadingOptions(), None)
+        examine(survey, ReadingOptions(), None)
     with pytest.raises(InputError, match="no such file"):
-        diagnose(tmp_path / "gone.log", ReadingOptions(), None)
+        examine(tmp_path / "gone.log", ReadingOptions(), None)
 
 
 def test_a_motion_model_that_nobody_knows_is_one_line(
@@ -164,12 +164,12 @@ def test_a_motion_model_that_nobody_knows_is_one_line(
     records = [{"t": t, key: [0.1 * t, 0, 0]} for t in range(4) for key in ("odometry", "truth")]
     log = write_log(*records, {"t": 3, "image": pixel}, robot={"motion": {"model": "hover"}})
     with pytest.raises(InputError, match=r"session.log:1: robot.motion.model is 'hover'; known are"):
-        diagnose(log, ReadingOptions(), drive[1])
+        examine(log, ReadingOptions(), drive[1])
 
 
 @pytest.mark.parametrize(("known", "lacking"), [("truth", "odometry"), ("odometry", "truth")])
 def test_what_is_lacking_for_a_comparison_is_named(known: str, lacking: str, write_log: WriteLog) -> None:
-    found = diagnose(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), ReadingOptions(), None)
+    found = examine(write_log(*({"t": t, known: [0.1, 0, 0]} for t in range(3))), ReadingOptions(), None)
     assert f"{lacking}: there is none" in found.not_asked
 
 
@@ -180,7 +180,7 @@ def test_without_odometry_it_says_how_some_is_made(write_log: WriteLog, pixel: d
 
     def said(*records: dict[str, Any]) -> list[str]:
         ordered = sorted(records, key=lambda one: float(one["t"]))
-        advice = odometry_advice(diagnose(write_log(*ordered), ReadingOptions(), None))
+        advice = odometry_advice(examine(write_log(*ordered), ReadingOptions(), None))
         return [one.split("=")[0] for one in advice]
 
     made = ["--reading odometry_from_truth", "--reading odometry_from_pictures"]
@@ -192,9 +192,9 @@ def test_odometry_from_pictures_is_offered_with_the_view_that_it_needs(
     write_log: WriteLog, pixel: dict[str, Any]
 ) -> None:
     log = write_log(*({"t": t, "image": pixel} for t in range(3)))
-    (without,) = odometry_advice(diagnose(log, ReadingOptions(), None))
+    (without,) = odometry_advice(examine(log, ReadingOptions(), None))
     assert without.startswith("--reading odometry_from_pictures=true,camera_fov_deg=60 makes")
-    (stated,) = odometry_advice(diagnose(log, ReadingOptions(camera_fov_rad=1.2), None))
+    (stated,) = odometry_advice(examine(log, ReadingOptions(camera_fov_rad=1.2), None))
     assert stated.startswith("--reading odometry_from_pictures=true makes")
 
 
@@ -212,7 +212,7 @@ def test_no_numbers_bring_it_down(
     lines: list[tuple[float, str, list[float]]], ordered: bool, write_log: WriteLog
 ) -> None:
     rows = sorted(lines) if ordered else lines
-    found = diagnose(write_log(*({"t": t, key: v} for t, key, v in rows)), ReadingOptions(), None)
+    found = examine(write_log(*({"t": t, key: v} for t, key, v in rows)), ReadingOptions(), None)
     assert found.odometry + found.truth <= len(lines)
 
 

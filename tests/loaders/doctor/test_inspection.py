@@ -10,12 +10,17 @@ from typing import Any
 
 import pytest
 
-from maurice_loaders.doctor.inspection import inspect_session
+from maurice_loaders.doctor.inspection import Inspection, inspect_file
 from maurice_loaders.errors import InputError
+from maurice_loaders.reading.options import ReadingOptions
 
 from ..conftest import WriteLog
 
 Pixel = dict[str, Any]
+
+
+def inspected(path: Path) -> Inspection:
+    return inspect_file(path, ReadingOptions(keep_going=True))
 
 
 def test_a_whole_session(write_log: WriteLog, pixel: Pixel, survey: Path) -> None:
@@ -36,7 +41,7 @@ def test_a_whole_session(write_log: WriteLog, pixel: Pixel, survey: Path) -> Non
         map={"bounds_m": [0, 0, 1, 1]},
         cameras={"front": {}},
     )
-    found = inspect_session(path)
+    found = inspected(path)
     assert (found.kind, found.name, found.cameras) == ("session", "test", ("front",))
     assert found.records == {"odometry": 3, "image": 3, "covered": 1, "truth": 4, "event": 1}
     assert found.duration_s == 10
@@ -53,22 +58,22 @@ def test_a_whole_session(write_log: WriteLog, pixel: Pixel, survey: Path) -> Non
 
 
 def test_a_header_alone_and_records_at_one_time_have_no_rate(write_log: WriteLog, pixel: Pixel) -> None:
-    found = inspect_session(write_log())
+    found = inspected(write_log())
     assert found.duration_s == 0
     unknown = (found.picture_rate_hz, found.odometry_rate_hz, found.truth_share, found.survey)
     assert {*unknown, found.distance_odometry_m, found.distance_truth_m} == {None}
     assert (found.survey_found, found.has_map) == (None, False)
-    assert inspect_session(write_log(*[{"t": 1, "image": pixel}] * 3)).picture_rate_hz is None
+    assert inspected(write_log(*[{"t": 1, "image": pixel}] * 3)).picture_rate_hz is None
 
 
 def test_all_problems_with_their_lines(write_log: WriteLog, pixel: Pixel) -> None:
     path = write_log("{", {"t": 1, "image": pixel}, {"t": 0, "event": "late"}, {"t": 2, "image": "no.jpg"})
-    found = inspect_session(path)
+    found = inspected(path)
     assert found.problem_count == 3
     assert [problem.split(":")[1] for problem in found.problems] == ["2", "4", "5"]
     assert found.records["image"] == 2
     assert found.pictures == {"PNG 2x1": 1}
-    found = inspect_session(write_log(*["?"] * 300))
+    found = inspected(write_log(*["?"] * 300))
     assert (found.problem_count, len(found.problems)) == (300, 100)
 
 
@@ -77,14 +82,14 @@ def test_warnings(write_log: WriteLog, pixel: Pixel, survey: Path) -> None:
         {"t": 0, "image": pixel}, {"t": 1, "image": "pictures/survey-00003.jpg"}, survey="gone.log"
     )
     path.write_text(path.read_text() + '{"t": 2, "ev')
-    unfinished, gone, differ = inspect_session(path).warnings
+    unfinished, gone, differ = inspected(path).warnings
     assert "unfinished" in unfinished
     assert "gone.log, which is not there" in gone
     assert differ == "pictures differ in format or size: JPEG 16x12, PNG 2x1"
 
 
 def test_a_survey(survey: Path) -> None:
-    found = inspect_session(survey)
+    found = inspected(survey)
     assert found.kind == "survey"
     assert (found.records["image"], found.records["covered"], found.truth_share) == (5, 2, None)
 
@@ -98,4 +103,4 @@ def test_what_is_no_log_or_never_ends_is_an_error(tmp_path: Path) -> None:
         (Path("/dev/zero"), no_file),
     ):
         with pytest.raises(InputError, match=told):
-            inspect_session(path)
+            inspected(path)

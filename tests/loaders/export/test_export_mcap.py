@@ -30,10 +30,9 @@ from maurice_loaders.export.mcap import (
 )
 from maurice_loaders.export.tables import export_steps
 from maurice_loaders.files.pictures import decode_picture
-from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import open_runs
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..conftest import Save
@@ -70,7 +69,7 @@ def exported(
     """What a run was, and what its MCAP holds, by topic."""
     folder, played = save_run()
     (run,) = open_runs(folder)
-    info = SessionLog(small_session).info
+    info = open_session(small_session).info
     camera = Camera("eye", horizontal_fov_rad=0.8, yaw_rad=0.5, height_m=0.25)
     scene = scene_of(replace(info, arena=run.arena(), cameras=(camera,)))
     with mcap_sink(tmp_path / "run.mcap", np.array(run.manifest.origin_m), scene) as sink:

@@ -31,7 +31,6 @@ from maurice_loaders.reading.recording import (
 )
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import header_to_json
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo
@@ -130,9 +129,11 @@ def test_a_log_comes_back_from_mcap_as_it_was(small_session: Path, tmp_path: Pat
     again = open_session(tmp_path / "a.mcap")
     list(convert_to_log(again, tmp_path / "back" / "b.log"))
     assert_same_drive(
-        SessionLog(small_session), SessionLog(tmp_path / "back" / "b.log"), truth=1e-6, time=1e-6
+        open_session(small_session), open_session(tmp_path / "back" / "b.log"), truth=1e-6, time=1e-6
     )
-    assert_same_header(SessionLog(small_session).info, SessionLog(tmp_path / "back" / "b.log").info, tmp_path)
+    assert_same_header(
+        open_session(small_session).info, open_session(tmp_path / "back" / "b.log").info, tmp_path
+    )
 
 
 def test_several_motions_stay_apart_at_their_own_times(tmp_path: Path) -> None:
@@ -174,7 +175,7 @@ def test_motions_give_way_to_an_odometry_that_is_asked_for(small_session: Path, 
     finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap")
     asked = ReadingOptions(odometry_topic="/odom")
     drive: list[Moment] = list(open_session(tmp_path / "a.mcap", asked).moments())
-    for one, other in zip(SessionLog(small_session).moments(), drive, strict=True):
+    for one, other in zip(open_session(small_session).moments(), drive, strict=True):
         assert other.frame.motions == pytest.approx(one.frame.motions, abs=1e-9)
 
 
@@ -232,13 +233,13 @@ def finished_log(going: Iterable[Converted]) -> Converted:
 def test_a_log_replays_as_the_session_it_was_made_from(tmp_path: Path, drive: MadeDrive) -> None:
     file = tmp_path / "a.log"
     finished_log(convert_to_log(drive, file, force=True))
-    assert_same_drive(drive, SessionLog(file))
+    assert_same_drive(drive, open_session(file))
 
 
 def test_a_native_log_stays_what_it_was(small_session: Path, tmp_path: Path) -> None:
-    session = SessionLog(small_session)
+    session = open_session(small_session)
     done = finished_log(convert_to_log(session, tmp_path / "copy" / "b.log", t_offset_s=1403636591.25))
-    again = SessionLog(tmp_path / "copy" / "b.log")
+    again = open_session(tmp_path / "copy" / "b.log")
     assert (done.pictures, done.motions, done.truths, done.events) == (14, 14, 14, 0)
     assert_same_drive(session, again)
     assert again.info.survey == session.info.survey
@@ -252,25 +253,25 @@ def test_a_native_log_stays_what_it_was(small_session: Path, tmp_path: Path) -> 
 def test_jpeg_is_written_when_asked_for_and_a_log_can_be_converted_onto_itself(
     small_session: Path, tmp_path: Path
 ) -> None:
-    finished_log(convert_to_log(SessionLog(small_session), tmp_path / "b.log", kind="jpeg"))
+    finished_log(convert_to_log(open_session(small_session), tmp_path / "b.log", kind="jpeg"))
     assert {file.suffix for file in (tmp_path / "b-pictures").iterdir()} == {".jpg"}
-    assert next(iter(SessionLog(tmp_path / "b.log").moments())).frame.image.shape == (30, 40, 3)
-    drive = list(SessionLog(small_session).moments())
+    assert next(iter(open_session(tmp_path / "b.log").moments())).frame.image.shape == (30, 40, 3)
+    drive = list(open_session(small_session).moments())
     for _ in range(2):
-        finished_log(convert_to_log(SessionLog(small_session), small_session, force=True))
-    assert_same_drive(MadeDrive(tuple(drive)), SessionLog(small_session))
+        finished_log(convert_to_log(open_session(small_session), small_session, force=True))
+    assert_same_drive(MadeDrive(tuple(drive)), open_session(small_session))
 
 
 def test_a_broken_session_leaves_nothing_and_keeps_what_was_there(
     small_session: Path, tmp_path: Path
 ) -> None:
-    finished_log(convert_to_log(SessionLog(small_session), tmp_path / "b.log"))
+    finished_log(convert_to_log(open_session(small_session), tmp_path / "b.log"))
     before = (tmp_path / "b.log").read_bytes()
     with small_session.open("a") as log:
         log.write("{broken}\n")
     listed = sorted(tmp_path.rglob("*"))
     with pytest.raises(InputError, match="broken JSON"):
-        finished_log(convert_to_log(SessionLog(small_session), tmp_path / "b.log", force=True))
+        finished_log(convert_to_log(open_session(small_session), tmp_path / "b.log", force=True))
     assert (tmp_path / "b.log").read_bytes() == before
     assert sorted(tmp_path.rglob("*")) == listed
 
@@ -281,11 +282,11 @@ def test_a_folder_for_nothing_is_not_left(small_session: Path, tmp_path: Path) -
     )
     picture.write_bytes(b"broken")
     with pytest.raises(InputError):
-        list(convert_to_log(SessionLog(small_session), tmp_path / "made" / "a.log"))
+        list(convert_to_log(open_session(small_session), tmp_path / "made" / "a.log"))
     assert not (tmp_path / "made").exists()
     (tmp_path / "there").mkdir()
     with pytest.raises(InputError):
-        list(convert_to_log(SessionLog(small_session), tmp_path / "there" / "a.log"))
+        list(convert_to_log(open_session(small_session), tmp_path / "there" / "a.log"))
     assert list((tmp_path / "there").iterdir()) == []
 
 
@@ -294,5 +295,5 @@ def test_somebody_elses_folder_of_pictures_is_not_removed(small_session: Path, t
     (tmp_path / "b-pictures" / "holiday.jpg").write_bytes(b"")
     for force, said in ((False, "--force"), (True, "remove it yourself")):
         with pytest.raises(InputError, match=said):
-            finished_log(convert_to_log(SessionLog(small_session), tmp_path / "b.log", force=force))
+            finished_log(convert_to_log(open_session(small_session), tmp_path / "b.log", force=force))
     assert not (tmp_path / "b.log").exists()

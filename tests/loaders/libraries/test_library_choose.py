@@ -14,11 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries import survey as surveys
 from maurice_loaders.libraries.files import load_library, save_library
 from maurice_loaders.libraries.store import build_library, library_key, open_library
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.session import SessionInfo
@@ -139,7 +140,7 @@ def test_a_drive_without_poses_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_survey_is_taken_whole_unless_asked_and_a_camera_aside_turns_its_headings(survey: Path) -> None:
-    assert isinstance(surveys.open_survey(survey, ReadingOptions()), SessionLog)
+    assert isinstance(surveys.open_survey(survey, ReadingOptions()), SurveyLog)
     thinned = surveys.open_survey(survey, ReadingOptions(), surveys.Spacing(0.9, 1.0))
     assert isinstance(thinned, surveys.SelectedSurvey)
     assert 2 <= thinned.chosen.taken <= 3
@@ -151,7 +152,7 @@ def test_a_survey_is_taken_whole_unless_asked_and_a_camera_aside_turns_its_headi
 
 def test_pictures_inside_a_log_are_kept(tmp_path: Path) -> None:
     log = write_drive(tmp_path)
-    for picture in SessionLog(log).moments():
+    for picture in open_session(log).moments():
         assert (tmp_path / picture.frame.picture).is_file()
     text = log.read_text().replace('"image": "pictures/', '"image": "./pictures/')
     inline = tmp_path / "inline.log"
@@ -216,4 +217,4 @@ def test_a_table_of_surveyed_pictures_is_taken_whole_and_a_folder_with_a_survey_
     thinned = surveys.open_survey(table, ReadingOptions(), EVERY)
     assert isinstance(thinned, surveys.SelectedSurvey)
     assert thinned.chosen.taken < 24
-    assert isinstance(surveys.open_survey(survey.parent, ReadingOptions()), SessionLog)
+    assert isinstance(surveys.open_survey(survey.parent, ReadingOptions()), SurveyLog)

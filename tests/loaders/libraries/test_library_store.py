@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries import store as library_store
 from maurice_loaders.libraries.store import build_library, library_key, open_library, save_library
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.library import Library
@@ -154,7 +155,7 @@ def test_two_processes_at_once(survey: Path, tmp_path: Path) -> None:
 
 def test_measures_every_picture_with_every_channel_and_the_covered_ones_are_the_floor(survey: Path) -> None:
     library = build_library(survey)
-    pictures = [p for p in SessionLog(survey).survey_pictures() if not p.covered]
+    pictures = [p for p in SurveyLog(survey).survey_pictures() if not p.covered]
     assert set(library.index) == set(CHANNELS)
     for name, index in library.index.items():
         rows = np.array([CHANNELS[name].describe(p.image) for p in pictures])
@@ -164,7 +165,7 @@ def test_measures_every_picture_with_every_channel_and_the_covered_ones_are_the_
     assert np.allclose(library.poses, [[0.5 * k, 1.0, 0.1 * k] for k in range(5)])
     assert library.pictures == tuple(p.path for p in pictures)
     assert (library.name, library.display_units) == ("place", "in")
-    covered = [p.image for p in SessionLog(survey).survey_pictures() if p.covered]
+    covered = [p.image for p in SurveyLog(survey).survey_pictures() if p.covered]
     for name, index in library.index.items():
         expected = np.mean([CHANNELS[name].describe(image) for image in covered], axis=0)
         assert np.allclose(index.noise_floor, expected, atol=1e-4)
@@ -219,7 +220,7 @@ def test_a_wild_pose_is_named_and_no_map_is_rastered(write_log: WriteLog, pixel:
     at = re.escape(f"({far[0]:.15g}, {far[1]:.15g})") if isinstance(far, list) else ""
     for build in (build_library, open_library):
         with pytest.raises(InputError, match=f"found poses .* m apart, the farthest off at {at}") as caught:
-            build(SessionLog(session).info.survey or session)
+            build(open_session(session).info.survey or session)
         assert caught.value.file == survey
 
 

@@ -93,7 +93,7 @@ def test_a_library_opened_again_reads_no_picture_and_parses_no_survey(
     open_library(survey)
     monkeypatch.setattr(store, "hash_file", nothing)
     monkeypatch.setattr(library_files, "hash_file", nothing)
-    monkeypatch.setattr(store, "read_records", nothing)
+    monkeypatch.setattr(store.SurveyLog, "pictures", nothing)
     again = open_library(survey)
     assert all((again.index[name].references == one.references).all() for name, one in first.index.items())
     assert not again.index["color"].references.flags.writeable  # mapped

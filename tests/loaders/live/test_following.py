@@ -24,7 +24,7 @@ from typer.testing import CliRunner, Result
 from helpers import expect_facts
 from helpers.live_peers import HEADER, Act, free_address, line, peer, says
 from maurice_loaders.files.pictures import encode_jpeg
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
 from maurice_viz.cli.app import app
 
 MAIN = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()"]
@@ -174,7 +174,7 @@ def test_stopping_leaves_complete_files(number: int, status: int, inline: list[b
     assert not list(Path().glob("*.part.rrd"))
     log = Path("rec/session.log")
     assert log.read_bytes().endswith(b"\n")
-    assert SessionLog(log).count_pictures() >= updates
+    assert open_session(log).count_pictures() >= updates
 
 
 def test_kill_9_leaves_a_log_that_can_be_read(inline: list[bytes], library: Path) -> None:
@@ -184,7 +184,7 @@ def test_kill_9_leaves_a_log_that_can_be_read(inline: list[bytes], library: Path
         wait_until(lambda: log.exists() and log.stat().st_size > 40_000, process)
         process.kill()
         process.wait()
-    assert SessionLog(log).count_pictures() > 3
+    assert open_session(log).count_pictures() > 3
 
 
 def test_being_ended_while_trying_again_is_no_failure(refused: str) -> None:
@@ -238,7 +238,7 @@ def test_recording_tells_what_came_and_ends_by_itself(inline: list[bytes]) -> No
     counts = {"records": 2 * (len(inline) - 1), "pictures": 28, "broken": 0, "gaps": 1}
     assert told == {"session": "rec/session.log"} | counts
     assert "was away for 0.5 s; ended" in done.stderr
-    assert SessionLog(Path("rec/session.log")).count_pictures() == 28
+    assert open_session(Path("rec/session.log")).count_pictures() == 28
     again = run("record", address, "-o", "rec")
     assert again.exit_code == 1
     assert "--force" in again.stderr
@@ -301,4 +301,4 @@ def test_the_simulated_robot_is_followed(tmp_path: Path) -> None:
     assert "lines left out for slow ones: 0" in said
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["pictures"] >= 3  # it joins late
-    assert SessionLog(Path("rec/session.log")).info.survey == Path("survey/survey.log").resolve()
+    assert open_session(Path("rec/session.log")).info.survey == Path("survey/survey.log").resolve()

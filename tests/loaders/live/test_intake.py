@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 
 from maurice_loaders.errors import FieldError
 from maurice_loaders.live.intake import APART_S, SET_BACK, LiveClock
-from maurice_loaders.live.session import MOST_EVENTS, MOST_MOTIONS, Backlog, Waiting, joined
+from maurice_loaders.live.session import MOST, Backlog
 from maurice_loaders.live.source import LineCutter
-from maurice_loaders.session_log.records import PictureRecord
+from maurice_loaders.reading.recording import Motion, Note, Picture
+from maurice_loaders.reading.time_alignment import Aligned, Aligner, Neighbors, joined
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose
 
@@ -60,13 +61,13 @@ def test_one_time_that_falls_is_refused_and_a_clock_set_back_is_followed() -> No
         clock.time(0.0)
 
 
-MOST = 12
+MOST_BYTES = 12
 PORTIONS = st.lists(
     st.one_of(st.binary(max_size=30), st.text("\r\n{}a", max_size=9).map(str.encode)), max_size=20
 )
 
 
-def cut_lines(portions: list[bytes], most: int = MOST) -> list[tuple[int, bytes, bool, bool]]:
+def cut_lines(portions: list[bytes], most: int = MOST_BYTES) -> list[tuple[int, bytes, bool, bool]]:
     cutter = LineCutter(most)
     lines = [line for portion in portions for line in cutter.feed(portion)]
     rest = cutter.rest()
@@ -81,7 +82,7 @@ def test_lines_are_those_of_the_text_whatever_the_portions_and_never_too_long(po
     *parts, rest = whole.split(b"\n")
     expected = [(part, True) for part in parts] + ([(rest, False)] if rest else [])
     assert found == [
-        (number, part[:MOST].rstrip(b"\r"), ended, len(part) > MOST)
+        (number, part[:MOST_BYTES].rstrip(b"\r"), ended, len(part) > MOST_BYTES)
         for number, (part, ended) in enumerate(expected, 1)
     ]
 
@@ -99,9 +100,10 @@ def test_an_endless_line_is_told_before_it_ends_and_is_not_held() -> None:
 NEVER = threading.Event()
 
 
-def waiting(number: int, motions: int = 1) -> Waiting:
-    picture = PictureRecord(number, float(number), None, "", None, False, None)
-    return Waiting(picture, None, [np.array([number, i, 0.1]) for i in range(motions)], [f"event {number}"])
+def waiting(number: int, motions: int = 1) -> Aligned:
+    picture = Picture(float(number), lambda: np.zeros((1, 1, 3), np.uint8), "", number)
+    moved = [np.array([number, i, 0.1]) for i in range(motions)]
+    return Aligned(picture, moved, [f"event {number}"], {}, Neighbors(), Neighbors())
 
 
 def end(motions: list[F64]) -> F64:
@@ -152,14 +154,19 @@ def test_one_who_waits_for_room_waits_until_there_is_some_or_is_stopped() -> Non
 
 def test_motions_and_events_that_wait_are_bounded_and_lead_to_the_same_place() -> None:
     rng = np.random.default_rng(3)
-    motions = list(rng.normal(0, 0.1, (3 * MOST_MOTIONS + 1, 3)))
-    few = joined(motions)
-    assert len(few) <= MOST_MOTIONS
+    motions = list(rng.normal(0, 0.1, (3 * MOST + 1, 3)))
+    few = joined(motions, MOST)
+    assert len(few) <= MOST
     np.testing.assert_allclose(end(few), end(motions), atol=1e-9)
-    one = waiting(1)
-    for number in range(2, 2 * MOST_EVENTS):
+    earlier = waiting(1)
+    for number in range(2, 2 * MOST):
         later = waiting(number)
-        later.follow(one)
-        one = later
-    assert len(one.events) == MOST_EVENTS
-    assert len(one.motions) <= MOST_MOTIONS
+        later.follow(earlier, MOST)
+        earlier = later
+    assert len(earlier.events) == MOST
+    assert len(earlier.motions) <= MOST
+    drive = [record for k in range(3 * MOST) for record in (Motion(k, motions[k]), Note(k, f"event {k}"))]
+    (aligned,) = Aligner(most=MOST)([*drive, waiting(3 * MOST).picture])
+    assert (len(aligned.motions) <= 2 * MOST, aligned.events[-1]) == (True, f"event {3 * MOST - 1}")
+    assert len(aligned.events) == MOST
+    np.testing.assert_allclose(end(aligned.motions), end(motions[: 3 * MOST]), atol=1e-9)

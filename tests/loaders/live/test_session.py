@@ -18,11 +18,11 @@ import pytest
 from helpers.live_peers import HEADER, free_address, line, log, peer, says, says_nothing_until, update
 from helpers.recordings import assert_same_drive
 from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import LineCutter, LiveSource, Patience, is_live, live_source
 from maurice_loaders.reading.transforms import Gate
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.session import Moment
 
 SOON, LATER = Patience(0.3), Patience(20.0)
@@ -57,7 +57,7 @@ def test_what_a_socket_says_is_a_session_and_is_recorded_byte_for_byte(tmp_path:
     assert all(moment.frame.motions.tolist() == [[0.1, 0.0, 0.0]] for moment in moments)
     recorded = (tmp_path / "session.log").read_bytes()
     assert recorded.split(b"\n", 1)[1] == said.split(b"\n", 1)[1]
-    assert SessionLog(tmp_path / "session.log").info.name == "live"
+    assert open_session(tmp_path / "session.log").info.name == "live"
     assert session.problem_count == 0
 
 
@@ -91,7 +91,7 @@ def test_a_source_that_is_restarted_loses_only_what_it_never_sent(tmp_path: Path
     assert moments[5].events[0].startswith("gap: the source was away for")
     assert session.counts.gaps == 2
     assert any("cut off" in warning for warning in session.warnings)
-    again = list(SessionLog(tmp_path / "session.log").moments())
+    again = list(open_session(tmp_path / "session.log").moments())
     assert times(again) == times(moments)
     assert [m.events for m in again] == [m.events for m in moments]
 
@@ -244,18 +244,18 @@ def test_a_growing_file_is_followed_past_the_death_of_its_writer(tmp_path: Path)
     assert times(got) == [0, 1, 2, 3, 6, 7, 36]
     assert len(got[4].frame.motions) == 2
     assert session.counts.broken == 1
-    assert times(list(SessionLog(tmp_path / "r" / "session.log").moments())) == times(got)
+    assert times(list(open_session(tmp_path / "r" / "session.log").moments())) == times(got)
     assert "been silent for 1 s" in session.ended
 
 
 def test_pictures_by_their_paths_are_put_into_the_recording(small_session: Path, tmp_path: Path) -> None:
     patience = Patience(0.5, silent_s=0.5)
     _, moments = gone_through(live_source(small_session), tmp_path / "r", patience)
-    log_ = SessionLog(tmp_path / "r" / "session.log")
-    assert log_.info.survey == SessionLog(small_session).info.survey
+    log_ = open_session(tmp_path / "r" / "session.log")
+    assert log_.info.survey == open_session(small_session).info.survey
     assert not (tmp_path / "r" / "pictures").exists()
-    assert_same_drive(SessionLog(small_session), log_)
-    for one, other in zip(SessionLog(small_session).moments(), moments, strict=True):
+    assert_same_drive(open_session(small_session), log_)
+    for one, other in zip(open_session(small_session).moments(), moments, strict=True):
         assert (one.frame.image == other.frame.image).all()
         assert (one.frame.time_s, one.frame.picture) == (other.frame.time_s, other.frame.picture)
         assert one.truth is not None
@@ -290,7 +290,7 @@ def test_with_a_slow_filter_pictures_are_skipped_and_no_motion_is(tmp_path: Path
     assert session.skipped == 56
     assert times(moments) == [56, 57, 58, 59]
     assert [len(moment.frame.motions) for moment in moments] == [57, 1, 1, 1]
-    assert SessionLog(tmp_path / "session.log").count_pictures() == 60
+    assert open_session(tmp_path / "session.log").count_pictures() == 60
 
 
 def test_only_pictures_after_enough_movement_make_updates_and_all_are_recorded(tmp_path: Path) -> None:
@@ -301,7 +301,7 @@ def test_only_pictures_after_enough_movement_make_updates_and_all_are_recorded(t
             moments = list(session.moments())
     assert times(moments) == [0, 2, 10]
     assert [len(moment.frame.motions) for moment in moments] == [1, 2, 8]
-    assert SessionLog(tmp_path / "session.log").count_pictures() == 11
+    assert open_session(tmp_path / "session.log").count_pictures() == 11
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full to write to")

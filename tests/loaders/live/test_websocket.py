@@ -22,6 +22,7 @@ from helpers.live_peers import PICTURE, peer
 from maurice_loaders.bags.source import Message, decode_json
 from maurice_loaders.bags.topics import PoseTopic
 from maurice_loaders.errors import InputError
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live import websocket as live_websocket
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
@@ -29,7 +30,6 @@ from maurice_loaders.live.source import Patience, live_source
 from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator
 from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.session import Moment
 
 pytest.importorskip("websockets")
@@ -80,7 +80,7 @@ def test_a_robot_behind_a_foxglove_bridge_is_followed_and_recorded(encoding: str
         assert moment.frame.time_s == pytest.approx(0.05 * number, abs=1e-6)
         shade = moment.frame.image[0, (number + 16) % 32].astype(int)
         assert np.abs(shade - number * 7 % 256).max() < 12
-    again = list(SessionLog(tmp_path / "session.log").moments())
+    again = list(open_session(tmp_path / "session.log").moments())
     assert len(again) == COUNT
     assert all((a.frame.image == b.frame.image).all() for a, b in zip(again, moments, strict=True))
 

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.reading.recording import Record
 from maurice_loaders.session_log import records as log_lines
 from maurice_loaders.session_log.header import header_from_json, header_to_json
-from maurice_loaders.session_log.records import Record, read_header, read_records
+from maurice_loaders.session_log.records import LineReader, read_header
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.session import Camera, SessionInfo
 
@@ -138,7 +139,7 @@ def test_a_wrong_header_is_an_error_at_line_1(write_log: WriteLog, name: str) ->
 
 def read(path: Path, *, keep_going: bool = False) -> list[Record]:
     _, kind = read_header(path)
-    return list(read_records(path, kind, ReadingNotes(keep_going)))
+    return list(LineReader(path, kind).records(ReadingNotes(keep_going)))
 
 
 GOOD = {"t": 5, "event": "fine"}

@@ -14,7 +14,8 @@ import pytest
 from maurice_loaders.files.maps import MOST_SPAN_M
 from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.files.text import MOST, MOST_T_S
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.records import RECORD_KEYS
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import U8
@@ -47,7 +48,7 @@ def with_pictures(folder: Path, text: str, image: U8) -> Path:
 
 
 def test_the_examples_read_as_the_page_says(tmp_path: Path, image: U8) -> None:
-    log = SessionLog(with_pictures(tmp_path, SESSION, image))
+    log = open_session(with_pictures(tmp_path, SESSION, image))
     first, second = log.moments()
     assert [first.frame.time_s, second.frame.time_s] == [1.6, 4.0]
     assert [len(first.frame.motions), len(second.frame.motions)] == [1, 2]
@@ -56,7 +57,7 @@ def test_the_examples_read_as_the_page_says(tmp_path: Path, image: U8) -> None:
     assert second.events == ("lights off",)
     assert dict(second.frame.readings) == {"floor_left": 0.82, "floor_right": 0.11}
     assert log.info.survey == tmp_path / "survey.log"
-    pictures = list(SessionLog(with_pictures(tmp_path, SURVEY, image)).survey_pictures())
+    pictures = list(SurveyLog(with_pictures(tmp_path, SURVEY, image)).survey_pictures())
     assert [p.covered for p in pictures] == [True, False, False]
 
 

@@ -14,16 +14,9 @@ from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.pictures import encode_jpeg
-from maurice_loaders.session_log.reader import SessionLog
-from maurice_loaders.session_log.records import (
-    EventRecord,
-    OdometryRecord,
-    PictureRecord,
-    Record,
-    TruthRecord,
-    read_header,
-    read_records,
-)
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.reading.recording import Motion, Note, Picture, Record, TruthPose
+from maurice_loaders.session_log.records import LineReader, read_header
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.session import SessionInfo
@@ -52,19 +45,19 @@ def test_comes_back_exactly(tmp_path_factory: Any, steps: list[tuple[float, Any]
             else:
                 getattr(writer, kind)(t_s, value)
     assert read_header(path)[0].name == name
-    found = [(r.t_s, content(r)) for r in read_records(path, "session", ReadingNotes(keep_going=False))]
+    found = [(r.t_s, content(r)) for r in LineReader(path).records(ReadingNotes(keep_going=False))]
     assert found == [(t_s, value) for t_s, (_, value) in zip(times, steps, strict=True)]
 
 
 def content(record: Record) -> tuple[str, object]:
     match record:
-        case OdometryRecord():
+        case Motion():
             return "odometry", record.motion.tolist()
-        case TruthRecord():
+        case TruthPose():
             return "truth", record.pose.tolist()
-        case EventRecord():
+        case Note():
             return "event", record.text
-        case PictureRecord():
+        case Picture():
             return "image", record.covered
 
 
@@ -75,8 +68,8 @@ def test_encoders_are_kept_and_every_line_is_there_at_once(tmp_path: Path) -> No
             writer.odometry(k, np.array([1.0, 2.0, 3.0]), encoders_m=(0.1, 0.2, 0.3, 0.4))
             assert path.read_bytes().count(b"\n") == k + 1
             assert path.read_bytes().endswith(b"\n")
-    for record in read_records(path, "session", ReadingNotes(keep_going=False)):
-        assert isinstance(record, OdometryRecord)
+    for record in LineReader(path).records(ReadingNotes(keep_going=False)):
+        assert isinstance(record, Motion)
         assert record.encoders_m is not None
         assert record.encoders_m.tolist() == [0.1, 0.2, 0.3, 0.4]
 
@@ -87,7 +80,7 @@ def test_pictures_are_numbered_and_read_back(tmp_path: Path, image: U8) -> None:
     assert names == ["pictures/a-00001.jpg", "pictures/a-00002.jpg", "pictures/mine.jpg"]
     with SessionWriter(tmp_path / "other.log", INFO) as writer:
         assert writer.image(0, image) == "pictures/other-00001.jpg"  # logs in one folder share no pictures
-    first, second, _ = SessionLog(tmp_path / "a.log").moments()
+    first, second, _ = open_session(tmp_path / "a.log").moments()
     jpeg = cv2.imdecode(np.frombuffer(encode_jpeg(image), np.uint8), cv2.IMREAD_COLOR)
     assert np.array_equal(first.frame.image, cv2.cvtColor(jpeg, cv2.COLOR_BGR2RGB))
     assert second.frame.image.shape == (8, 16, 3)
@@ -106,7 +99,7 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path, image: U8) -> None:
         writer.image(0, image)
     with SessionWriter(path, INFO, force=True) as writer:
         writer.image(0, image)
-    assert len(list(SessionLog(path).moments())) == 1
+    assert len(list(open_session(path).moments())) == 1
 
 
 def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from rerun.chunk import RrdReader
 
 from helpers import expect_facts
 from helpers.commands import maurice, one_line, runs_of
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.runs.writer import RunWriter
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_viz.app.compare import names_of
 from maurice_viz.app.snapshot import draw_saved
 from maurice_viz.entities import APART, RESULT, TEXT
@@ -84,7 +84,7 @@ def test_what_is_ambiguous_is_a_usage_error(small_session, options, said):
 
 
 def test_runs_that_are_compared_have_the_same_noise(small_session):
-    session = SessionLog(small_session)
+    session = open_session(small_session)
     library = open_library_for(session, None, keep_going=False)
     wanted = [RunSpec(feature="color"), RunSpec(feature="blended"), RunSpec(feature="color", seed=1)]
     wanted.append(RunSpec(feature="blended"))

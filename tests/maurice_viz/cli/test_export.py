@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import failure, run
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
 
@@ -153,7 +153,7 @@ def test_convert_keeps_going_when_told_so(small_session, tmp_path):
     assert "broken JSON" in failure(*asked)
     done = run(*asked, "--keep-going")
     assert "skipped 1 broken" in done.stderr
-    assert SessionLog(tmp_path / "b.log").count_pictures() == 14
+    assert open_session(tmp_path / "b.log").count_pictures() == 14
 
 
 @pytest.mark.parametrize("words", [("b.txt",), ("b.log", "--pictures", "gif")])

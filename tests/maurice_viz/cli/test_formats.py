@@ -9,14 +9,14 @@ import pytest
 
 from helpers.commands import maurice, run
 from maurice_loaders.formats.registry import formats as all_formats
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.formats.registry import open_session
 from maurice_mcl.values.geometry import compose
 from maurice_viz.cli.shared.values import columns_of
 
 
 def as_table(session: Path) -> Path:
     """Write the drive of a session log as a table of odometry's poses and the truth."""
-    log = SessionLog(session)
+    log = open_session(session)
     rows = ["time_s,image,odometry_x_m,odometry_y_m,odometry_heading_rad,x_m,y_m,heading_rad"]
     pose = None
     for moment in log.moments():
@@ -59,7 +59,7 @@ def test_formats_are_listed_and_extras_named(small_session, monkeypatch):
     assert [one["name"] for one in listed] == list(all_formats())
     assert contents["format"] == "session-log"
     run("inspect", small_session.with_name("nowhere"), expect=1)
-    monkeypatch.setattr("maurice_viz.app.inspect.find_spec", lambda name: None)
+    monkeypatch.setattr("maurice_loaders.formats.registry.find_spec", lambda name: None)
     assert "pip install 'maurice-replay[ros]'" in run("inspect").stdout
 
 

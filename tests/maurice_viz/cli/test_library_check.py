@@ -14,7 +14,7 @@ import maurice_viz as mv
 from helpers.commands import failure, maurice, run
 from helpers.small_session import picture_at, small_arena, write_small_session, write_small_survey
 from maurice_datasets.surveys import read_poses
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.session import SessionInfo
@@ -35,7 +35,7 @@ def gap(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("doctor")
     write_small_survey(folder)
     write_small_session(folder)
-    taken = SessionLog(folder / "survey.log").survey_pictures()
+    taken = SurveyLog(folder / "survey.log").survey_pictures()
     whole = [one.pose for one in taken if one.pose is not None]
     kept = [pose for pose in whole if np.hypot(*(pose[:2] - (1.6, 1.0))) > 0.7]
     return write_survey(folder / "gap.log", kept)

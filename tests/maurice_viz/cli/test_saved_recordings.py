@@ -14,9 +14,9 @@ import pytest
 from helpers import format_samples
 from helpers.commands import failure, maurice
 from maurice_loaders.errors import FieldError, InputError
+from maurice_loaders.formats.registry import open_session
 from maurice_loaders.reading.options import ReadingOptions, reading_from_json, reading_to_json
 from maurice_loaders.runs.manifest import read_manifest, source_hash
-from maurice_loaders.session_log.reader import SessionLog
 from maurice_mcl.values.geometry import compose
 from maurice_viz.app import compare as side_by_side
 
@@ -27,7 +27,7 @@ def views(session: Path, folder: Path) -> tuple[Path, Path]:
     """Write a drive's pictures to a folder, and a table with odd names beside it."""
     folder.mkdir()
     rows, pose = ["ms;px;py;yaw"], None
-    for number, moment in enumerate(SessionLog(session).moments()):
+    for number, moment in enumerate(open_session(session).moments()):
         cv2.imwrite(str(folder / f"v{number}.png"), moment.frame.image[..., ::-1])
         for motion in moment.frame.motions:
             pose = motion * 0 if pose is None else compose(pose, motion)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from helpers.commands import failure, run
-from maurice_loaders.session_log.reader import SessionLog
+from maurice_loaders.session_log.reader import SurveyLog
 from maurice_viz.cli.shared.values import read_length
 from maurice_viz.errors import OptionError
 
@@ -40,7 +40,7 @@ def test_a_survey_and_a_sheet_of_one_s_own_world(world, tmp_path):
     args = ["--world", world, "--spacing", "100cm", "--headings", "2", "-o", out, "-o", sheet]
     told = json.loads(run("survey", *args, "--json").stdout)
     assert told["references"] == 8
-    pictures = list(SessionLog(Path(told["survey"])).survey_pictures())
+    pictures = list(SurveyLog(Path(told["survey"])).survey_pictures())
     assert sum(p.covered for p in pictures) == 10
     poses = np.array([p.pose for p in pictures if p.pose is not None])
     assert len(poses) == 8
