@@ -16,8 +16,9 @@ A new format is one file in `formats` and one line in its registry.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from maurice_mcl.errors import front_page
 
 if TYPE_CHECKING:
     from .errors import InputError as InputError
@@ -45,16 +46,4 @@ _HOME = {
     "write_reading": ".reading.options",
 }
 __all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    """Import a name of the front page when it is asked for."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from maurice_mcl.errors import public
-
-    return public(getattr(importlib.import_module(_HOME[name], __name__), name))
-
-
-def __dir__() -> list[str]:
-    return list(_HOME)
+__getattr__, __dir__ = front_page(__name__, _HOME)

@@ -29,8 +29,9 @@ it is first used.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from maurice_mcl.errors import front_page
 
 if TYPE_CHECKING:
     from .app.budget import error_budget as error_budget
@@ -103,16 +104,4 @@ _WHERE = {
     "what_if": ".app.what_if",
 }
 __all__ = list(_WHERE)
-
-
-def __getattr__(name: str) -> Any:
-    """Import a function when it is first used."""
-    if name in _WHERE:
-        from maurice_mcl.errors import public
-
-        return public(getattr(import_module(_WHERE[name], __name__), name))
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *_WHERE})
+__getattr__, __dir__ = front_page(__name__, _WHERE)

@@ -19,8 +19,9 @@ This package knows numpy, OpenCV and scipy, never a viewer; it never prints.
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from .errors import front_page
 
 if TYPE_CHECKING:
     from .config.build import make_localizer as make_localizer
@@ -47,38 +48,27 @@ if TYPE_CHECKING:
 
 # Looked up when first used, so that a command which needs one chapter does not load them all.
 _HOME = {
-    "Belief": "values.records",
-    "FilterState": "values.records",
-    "Frame": "values.session",
-    "InputError": "errors",
-    "Library": "values.library",
-    "Localizer": "filter.localizer",
-    "Moment": "values.session",
-    "PRESETS": "config.parameters",
-    "PoseProposal": "values.pose_sensor",
-    "PoseSensor": "values.pose_sensor",
-    "PoseSpread": "values.pose_sensor",
-    "RunScore": "scoring.metrics",
-    "Session": "values.session",
-    "Shown": "values.pose_sensor",
-    "ShownMarks": "values.pose_sensor",
-    "StepRecord": "values.records",
-    "make_localizer": "config.build",
-    "run": "filter.localizer",
-    "score": "scoring.metrics",
-    "tiny_library": "examples",
-    "tiny_session": "examples",
+    "Belief": ".values.records",
+    "FilterState": ".values.records",
+    "Frame": ".values.session",
+    "InputError": ".errors",
+    "Library": ".values.library",
+    "Localizer": ".filter.localizer",
+    "Moment": ".values.session",
+    "PRESETS": ".config.parameters",
+    "PoseProposal": ".values.pose_sensor",
+    "PoseSensor": ".values.pose_sensor",
+    "PoseSpread": ".values.pose_sensor",
+    "RunScore": ".scoring.metrics",
+    "Session": ".values.session",
+    "Shown": ".values.pose_sensor",
+    "ShownMarks": ".values.pose_sensor",
+    "StepRecord": ".values.records",
+    "make_localizer": ".config.build",
+    "run": ".filter.localizer",
+    "score": ".scoring.metrics",
+    "tiny_library": ".examples",
+    "tiny_session": ".examples",
 }
 __all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from .errors import public
-
-    return public(getattr(import_module(f".{_HOME[name]}", __name__), name))
-
-
-def __dir__() -> list[str]:
-    return list(_HOME)
+__getattr__, __dir__ = front_page(__name__, _HOME)

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, wraps
+from importlib import import_module
 from inspect import isfunction, signature
 from pathlib import Path
 from typing import Any
@@ -46,6 +47,23 @@ def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
 
 
 # The front page of every package: where names and paths enter.
+
+
+FrontPage = tuple[Callable[[str], Any], Callable[[], list[str]]]
+
+
+def front_page(package: str, homes: Mapping[str, str]) -> FrontPage:
+    """Return `__getattr__` and `__dir__` of a package whose names are imported when they are first used.
+
+    `homes` are the modules of its names, such as ".values.records".
+    """
+
+    def lookup(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return public(getattr(import_module(homes[name], package), name))
+
+    return lookup, lambda: list(homes)
 
 
 def public(value: Any) -> Any:

@@ -95,7 +95,7 @@ class ClockPanel(Panel):
 """,
         "maurice_viz/panels/registry.py": (
             ("from .events import", "from .clock import ClockPanel\n"),
-            ("    EventsPanel,\n    WordsPanel,", "    ClockPanel,\n"),
+            ("    WordsPanel,\n)", "    ClockPanel,\n"),
         ),
     },
     "event": {

@@ -116,7 +116,7 @@ def _of_readings(record: StepRecord, moment: Moment, origin: F64, scale: Scale) 
         at = np.stack(list(poses.values())) - np.append(origin, 0)
         nats = sensed.sensor.log_likelihood(sensed.reading, at.astype(np.float32), origin)
         each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
-        readings.append(f"{sensed.shown(poses).said(scale.say)} (nats: {each})")
+        readings.append(f"{sensed.shown(poses).text(scale.say)} (nats: {each})")
     read = "; ".join(readings) or "its sensors read nothing"
     where = "the tab `sensors` shows it for every step"
     why = f"step {record.frame.step} compared no picture with references, so none is explained"

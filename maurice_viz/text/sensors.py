@@ -21,7 +21,7 @@ LEAST_SHARE = 0.5  # of the points of a thing, that have to be on an obstacle, s
 
 def say_shown(shown: Shown, arena: Arena, scale: Scale) -> str:
     """Return what a sensor says, and a sentence for each thing that moved."""
-    return " ".join([shown.said(scale.say), *(say_moved(thing, arena, scale) for thing in shown.moved)])
+    return " ".join([shown.text(scale.say), *(say_moved(thing, arena, scale) for thing in shown.moved)])
 
 
 def say_moved(moved: MovedThing, arena: Arena, scale: Scale) -> str:

@@ -28,27 +28,27 @@ from .motion import MotionSegment
 from .odometry import LinearDrive, LinearModel, linearized
 from .statistics import Fitted
 
-FEWEST = 10  # segments
-STEPS, RELINEARIZED = 400, 4  # of the iteration; times that the mean's constants are fitted anew
-SETTLED = 1e-6  # change of the variances, as a share of the errors, at which it has converged
-SHOWING = 5  # movements that have to show a constant
-WIDEST = math.log(8)  # of an interval on the log scale, each way, up to which the log tells a variance
+FEWEST_SEGMENTS = 10
+MOST_STEPS, LINEARIZATIONS = 400, 4  # of the iteration; times that the mean's constants are fitted anew
+CONVERGED_SHARE = 1e-6  # change of the variances, as a share of the errors, at which it has converged
+FEWEST_SHOWING = 5  # movements that have to show a constant
+WIDEST_LOG = math.log(8)  # of an interval on the log scale, each way, up to which the log tells a variance
 # by what the variance of an estimate may grow as others are fitted with it (variance inflation factor;
 # Marquardt 1970): at 25, two estimates have a correlation of 0.98
-MOST_INFLATED = 25.0
-ALIKE = 0.5  # of the largest correlation of such an estimate: with these it is confused
-SINGULAR, KEPT = 1e-9, 0.01  # share of information added: to be invertible, to keep what is not told apart
+MOST_INFLATION = 25.0
+CONFOUNDED_SHARE = 0.5  # of the largest correlation of such an estimate: with these it is confused
+SINGULAR, KEPT_SHARE = 1e-9, 0.01  # of information added: to be invertible; to keep what is not told apart
 TOO_WIDE = "too few movements, or too little noise, to tell it"
-FLOOR = np.square([0.003, math.radians(0.3)])  # variances of a true position (m^2), heading (rad^2) at first
-PLACE, NOISE = ("ahead_m", "left_m"), ("truth_sd_m", "truth_sd_rad")  # what is fitted of the truth
-JOINED = 4  # segments in a row that are looked at as one as well ...
-JOINED_M, JOINED_RAD = 2.0, 2.0  # up to this length: of a longer one the error is not normal
-HALVED = 4 * FEWEST  # segments from which on both halves of a drive are fitted as well
+TRUTH_VARIANCES = np.square([0.003, math.radians(0.3)])  # of a true position (m^2), heading (rad^2) at first
+TRUTH_PLACE, TRUTH_NOISE = ("ahead_m", "left_m"), ("truth_sd_m", "truth_sd_rad")  # fitted of the truth
+SEGMENTS_JOINED = 4  # segments in a row that are looked at as one as well ...
+MOST_JOINED_M, MOST_JOINED_RAD = 2.0, 2.0  # up to this length: of a longer one the error is not normal
+FEWEST_HALVED = 4 * FEWEST_SEGMENTS  # segments from which on both halves of a drive are fitted as well
 TURN_M = 0.3  # a turn of 1 rad counts as this way: half of a robot's length
-EXPLAINED = 0.5  # share of the true movements by which odometry may miss them
-LARGEST = 1.0  # variance of the odometry model: an error as large as what it is of
-PARTS, PART = 8, 5  # most parts of a drive whose scores are compared; least segments of one
-FAR = 21.1  # squared Mahalanobis distance, three dimensions, that one movement in ten thousand exceeds
+MOST_UNEXPLAINED = 0.5  # share of the true movements by which odometry may miss them
+LARGEST_VARIANCE = 1.0  # variance of the odometry model: an error as large as what it is of
+MOST_PARTS, SEGMENTS_A_PART = 8, 5  # most parts of a drive whose scores are compared; least segments of one
+FAR_SQUARED = 21.1  # Mahalanobis distance, three dimensions, that one movement in ten thousand exceeds
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +76,11 @@ class MotionFit:
     alike: tuple[tuple[str, str], ...]  # pairs of constants that cannot be told apart
     way_scale: Fitted | None = None  # way really driven over measured; None: the model has its own, no way
     turn_scale: Fitted | None = None  # the same of turns
-    ahead_m: Fitted | None = (
-        None  # place that truth is of, ahead of the wheels' center; None: no turn shows it
-    )
+    # place that truth is of, ahead of the wheels' center; None: no turn shows it
+    ahead_m: Fitted | None = None
     left_m: Fitted | None = None  # and left of it
-    truth_sd_m: float = (
-        0.0  # of what does not grow with the movement: the noise of a true position, on an axis
-    )
+    # of what does not grow with the movement: the noise of a true position, on an axis
+    truth_sd_m: float = 0.0
     truth_sd_rad: float = 0.0  # and of a true heading
     unexplained: float = 0.0  # how far longer movements miss the true ones, as a share of these
 
@@ -113,11 +111,13 @@ def fit_motion(segments: Sequence[MotionSegment], model: LinearModel) -> MotionF
     >>> [one.name for one in found.constants if one.told]
     ['way_from_way']
     """
-    if len(segments) < FEWEST:
-        raise ValueError(f"found {len(segments)} movements between true poses, expected {FEWEST} or more")
+    if len(segments) < FEWEST_SEGMENTS:
+        raise ValueError(
+            f"found {len(segments)} movements between true poses, expected {FEWEST_SEGMENTS} or more"
+        )
     fit = _fitted(with_longer(segments), model)
     half = len(segments) // 2
-    if len(segments) >= HALVED:
+    if len(segments) >= FEWEST_HALVED:
         halves = (with_longer(some) for some in (segments[:half], segments[half:]))
         fit = _with_halves(fit, [_fitted(some, model) for some in halves])
     _refuse_absurd(fit)
@@ -135,11 +135,11 @@ def with_longer(segments: Sequence[MotionSegment]) -> list[MotionSegment]:
         row = row if row and np.array_equal(row[-1].after, segment.before) else []
         row.append(segment)
         both.append(segment)
-        if len(row) == JOINED:
+        if len(row) == SEGMENTS_JOINED:
             motions = tuple(motion for part in row for motion in part.motions)
             way_m = sum(float(np.hypot(*motion[:2])) for motion in motions)
             turn_rad = sum(abs(float(motion[2])) for motion in motions)
-            if way_m <= JOINED_M and turn_rad <= JOINED_RAD:
+            if way_m <= MOST_JOINED_M and turn_rad <= MOST_JOINED_RAD:
                 both.append(MotionSegment(row[0].before, motions, row[-1].after))
             row = []
     return both
@@ -148,7 +148,7 @@ def with_longer(segments: Sequence[MotionSegment]) -> list[MotionSegment]:
 def _fitted(segments: Sequence[MotionSegment], model: LinearModel) -> MotionFit:
     means, variances, free, alike = _design(segments, model)
     place = np.zeros(2)
-    for _ in range(RELINEARIZED):
+    for _ in range(LINEARIZATIONS):
         linear = linearized(segments, model, means, place)
         change = _generalized(linear, variances, free)
         means, place = means + change[:-2], place + change[-2:]
@@ -166,20 +166,20 @@ def _design(
     What cannot be told apart from the model's own constants is not fitted of the truth.
     """
     means, variances = model.defaults()
-    variances = np.append(variances, FLOOR)
+    variances = np.append(variances, TRUTH_VARIANCES)
     linear = linearized(segments, model, means, np.zeros(2))
     fisher, _ = linear.fisher(linear.inverse(variances), variances)
-    noise = {name for pair in _confounded((*model.variances, *NOISE), fisher) for name in pair}
-    variances[-2:] *= [name not in noise for name in NOISE]
+    noise = {name for pair in _confounded((*model.variances, *TRUTH_NOISE), fisher) for name in pair}
+    variances[-2:] *= [name not in noise for name in TRUTH_NOISE]
     information = linear.information(variances)
-    names = (*model.means, *PLACE)
+    names = (*model.means, *TRUTH_PLACE)
     added = np.full(len(names), SINGULAR)
     alike = _confounded(names, information)
-    if any(name in pair for pair in alike for name in PLACE):
+    if any(name in pair for pair in alike for name in TRUTH_PLACE):
         added[-2:] = np.inf
         alike = _confounded(model.means, information[:-2, :-2])
     untold = {name for pair in alike for name in pair}
-    added[:-2] = [KEPT if name in untold else SINGULAR for name in model.means]
+    added[:-2] = [KEPT_SHARE if name in untold else SINGULAR for name in model.means]
     return means, variances, added, alike
 
 
@@ -206,10 +206,10 @@ def _unexplained(linear: LinearDrive) -> float:
 def _refuse_absurd(fit: MotionFit) -> None:
     """Raise ValueError where odometry hardly explains the truth, or by an error as large as the movement."""
     advice = "expected odometry and truth of one drive; `maurice-replay doctor` looks for what is wrong"
-    if fit.unexplained > EXPLAINED:
+    if fit.unexplained > MOST_UNEXPLAINED:
         raise ValueError(f"found odometry that misses the true movements by {fit.unexplained:.0%}, {advice}")
     for constant in fit.constants if fit.model == "odometry" else ():
-        if constant.told and constant.fitted.value > LARGEST:
+        if constant.told and constant.fitted.value > LARGEST_VARIANCE:
             what = f"found {constant.name} {constant.fitted.value:.3g}, an error larger than the movement"
             raise ValueError(f"{what}, {advice}")
 
@@ -247,8 +247,8 @@ def _confounded(names: Sequence[str], information: F64) -> list[tuple[str, str]]
     inflation = np.diag(inverse)
     correlation = np.abs(inverse) / np.sqrt(np.outer(inflation, inflation)) - np.eye(len(names))
     pairs = set[tuple[str, str]]()
-    for k in np.flatnonzero(inflation > MOST_INFLATED).tolist():
-        others = np.flatnonzero(correlation[k] > ALIKE * correlation[k].max()).tolist()
+    for k in np.flatnonzero(inflation > MOST_INFLATION).tolist():
+        others = np.flatnonzero(correlation[k] > CONFOUNDED_SHARE * correlation[k].max()).tolist()
         pairs |= {(names[min(k, other)], names[max(k, other)]) for other in others}
     return sorted(pairs)
 
@@ -258,7 +258,7 @@ def _why(name: str, shows: Bool, alike: Sequence[tuple[str, str]]) -> str:
     count = int(shows.sum())
     if not count:
         return "no movement of the log shows it"
-    if count < SHOWING:
+    if count < FEWEST_SHOWING:
         return f"only {count} movements show it"
     others = sorted({other for pair in alike if name in pair for other in pair} - {name})
     return f"cannot be told apart from {', '.join(others)} in this log" if others else ""
@@ -266,14 +266,14 @@ def _why(name: str, shows: Bool, alike: Sequence[tuple[str, str]]) -> str:
 
 def _variances(linear: LinearDrive, variances: F64) -> F64:
     """Iterate to the variances (Q + 2,) of largest likelihood; what is 0 stays."""
-    for _ in range(STEPS):
+    for _ in range(MOST_STEPS):
         inverse = linear.inverse(variances)
         pulled = np.einsum("nij,nj->ni", inverse, linear.errors)
         wanted = np.einsum("ni,nqij,nj->q", pulled, linear.parts, pulled)
         given = np.einsum("nij,nqji->q", inverse, linear.parts)
         ratio = np.sqrt(np.divide(wanted, given, out=np.ones_like(given), where=given > 0))
         variances = np.where(variances > 0, np.maximum(variances * ratio, 1e-14), 0.0)
-        if (np.abs(ratio - 1) * given * variances).max() < SETTLED * len(linear.errors):
+        if (np.abs(ratio - 1) * given * variances).max() < CONVERGED_SHARE * len(linear.errors):
             break
     return variances
 
@@ -292,21 +292,21 @@ def _described(
         shows, value = np.abs(linear.biases[:, :, k]).max(axis=1) > 0, fitted[k].value
         why, default = _why(name, shows, alike), float(usual_means[k])
         interval = Fitted(value, -math.inf, math.inf) if why else fitted[k]
-        stands = value if shows.sum() >= SHOWING else default
+        stands = value if shows.sum() >= FEWEST_SHOWING else default
         constants.append(MotionConstant(name, interval, default, stands, not why, why))
     for k, name in enumerate(model.variances):
         shows, root = np.asarray(linear.parts[:, k].any(axis=(1, 2))), 0.5 if "sd_" in name else 1.0
         default, wide = float(usual[k]) ** root, reach * math.sqrt(logs[k])
         value, low, high = (
-            float(variances[k] * math.exp(sign * min(wide, WIDEST))) ** root for sign in (0, -1, 1)
+            float(variances[k] * math.exp(sign * min(wide, WIDEST_LOG))) ** root for sign in (0, -1, 1)
         )
         why = _why(name, shows, alike)
-        stands = value if shows.sum() >= SHOWING else default
-        if not why and wide > WIDEST:
+        stands = value if shows.sum() >= FEWEST_SHOWING else default
+        if not why and wide > WIDEST_LOG:
             stands, why = default, TOO_WIDE
         interval = Fitted(value, 0.0, math.inf) if why else Fitted(value, low, high)
         constants.append(MotionConstant(name, interval, default, stands, not why, why))
-    far = np.einsum("ni,nij,nj->n", linear.errors, inverse, linear.errors) > FAR
+    far = np.einsum("ni,nij,nj->n", linear.errors, inverse, linear.errors) > FAR_SQUARED
     way, turn = (None, None) if model.means else _scales(linear)
     turns = (np.abs(linear.biases[:, :, -1]).max(axis=1) > 0).any() and means[-2:].any()
     return MotionFit(
@@ -367,7 +367,7 @@ def _scatter(scores: F64) -> F64:
 
 
 def _parts(count: int) -> int:
-    return max(min(PARTS, count // PART), 1)
+    return max(min(MOST_PARTS, count // SEGMENTS_A_PART), 1)
 
 
 def _reach(count: int) -> float:

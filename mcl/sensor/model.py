@@ -91,21 +91,17 @@ class SensorParameters:
     """What is compared, how, and how sharply. Names are keys of the registry in each comment."""
 
     weights: Mapping[str, float]  # channel or pose sensor to its share; one channel: {"color": 1.0}
-    sharpness: Annotated[float, number(0, 10_000)] = (
-        1.0  # multiplies the log-likelihood; 0 makes the sensor blind
-    )
+    sharpness: Annotated[float, number(0, 10_000)] = 1.0  # multiplies the log-likelihood; 0: a blind sensor
     likelihood: Annotated[str, choice(*LIKELIHOODS)] = "exponential"
     blend: Annotated[str, choice(*BLENDS)] = "calibrated"
     distances: Mapping[str, str] = field(default_factory=dict)  # channel to DISTANCES; others: the channel's
     scales: Mapping[str, float] = field(default_factory=dict)  # channel to distance of a nat; others: SCALES
-    widening: Annotated[float, number(1, 1e6)] = (
-        1.0  # multiplies the scales of SCALES: above 1 where a library has few places
-    )
+    # multiplies the scales of SCALES: above 1 where a library has few places
+    widening: Annotated[float, number(1, 1e6)] = 1.0
     # nats that a pose costs at most, as a picture may show what no reference does; 0: no bound
     outlier_cost: Annotated[float, number(0, 1e6)] = 0.0
-    outside: Annotated[
-        tuple[str, ...], texts
-    ] = ()  # sensors of other packages: names of entry points, or module:Class
+    # sensors of other packages: names of entry points, or module:Class
+    outside: Annotated[tuple[str, ...], texts] = ()
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""

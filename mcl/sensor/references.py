@@ -243,13 +243,11 @@ LEAST_KERNEL_SUM = 1e-9  # a cell with a smaller kernel sum uses its nearest pla
 class InterpolationParameters:
     """How far and how many."""
 
-    virtual: Annotated[bool, truth] = (
-        True  # use references midway between the surveyed ones, in place and heading
-    )
+    # use references midway between the surveyed ones, in place and heading
+    virtual: Annotated[bool, truth] = True
     places: Annotated[int, whole(1, 64)] = 4  # combined: the corners of a grid's cell
-    width: Annotated[float, number(0.01, 100)] = (
-        0.5  # sd of the kernel in units of the spacing of the places in use
-    )
+    # sd of the kernel in units of the spacing of the places in use
+    width: Annotated[float, number(0.01, 100)] = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..values.arrays import F32, F64, U8, Bool
 from ..values.geometry import wrap, wrap_angle
+from .landmarks.features import root_descriptors
 
 MOST_KEYPOINTS = 500
 SIFT_CONTRAST, SIFT_EDGE = 0.01, 20  # of SIFT: many weak points, as pictures are small and walls bare
@@ -76,9 +77,7 @@ class RelativeMotion:
 
     turn_rad: float
     direction_rad: float  # of travel, from the heading before
-    step_m: (
-        float | None
-    )  # 0: it stood or turned in place; None: no floor seen, or the camera's height is unknown
+    step_m: float | None  # 0: it stood or turned in place; None: no floor seen, or no height of the camera
 
 
 def picture_points(image: U8, fov_rad: float) -> PicturePoints:
@@ -97,8 +96,8 @@ def picture_points(image: U8, fov_rad: float) -> PicturePoints:
     if looks is None or not len(points):
         return PicturePoints(np.zeros((0, 2)), np.zeros((0, 128), np.float32), 1 / focal)
     at = np.array([point.pt for point in points], np.float64)
-    roots = np.sqrt(looks / np.maximum(looks.sum(axis=1, keepdims=True), 1e-9), dtype=np.float32)
-    return PicturePoints(([(width - 1) / 2, (height - 1) / 2] - at) / focal, roots, 1 / focal)
+    rays = ([(width - 1) / 2, (height - 1) / 2] - at) / focal
+    return PicturePoints(rays, root_descriptors(np.asarray(looks, np.float32)), 1 / focal)
 
 
 def match_points(before: PicturePoints, after: PicturePoints) -> MatchedPoints:

@@ -110,7 +110,7 @@ class Shown:
     lengths_m: tuple[float, ...] = ()  # written in the units that people read
     moved: tuple[MovedThing, ...] = ()
 
-    def said(self, say: Callable[[float], str]) -> str:
+    def text(self, say: Callable[[float], str]) -> str:
         """Return the words, with lengths written by `say`."""
         return self.words.format(*map(say, self.lengths_m)) if self.lengths_m else self.words
 

@@ -25,7 +25,7 @@ class CameraFit:
     focal_assumed: bool = False  # nothing stated it, and no lens fitted: a usual one was taken
 
     @property
-    def said(self) -> str:
+    def focal_text(self) -> str:
         """The focal length, and where it comes from: "96.2 px (fitted, 95.8 to 96.6)"."""
         low, high = self.focal_interval_px
         fitted = f"fitted, {low:.1f} to {high:.1f}"

@@ -29,11 +29,11 @@ class Records:
     nearest_m: F32  # (P,)
     farthest_m: F32  # (P,)
 
-    def within_reach(self, places: F64, points: F64) -> Bool:
-        """Tell for each place (N, 2) and point (P, 3) whether it might be seen: (N, P)."""
-        way = places[:, None, :] - points[None, :, :2]
-        range_m = np.hypot(way[..., 0], way[..., 1])
-        turned = np.abs(wrap(np.arctan2(way[..., 1], way[..., 0]) - self.facing_rad))
+    def within_reach(self, place: F64, points: F64) -> Bool:
+        """Tell which points (P, 3) might be seen from a place (2,): (P,)."""
+        way = place - points[:, :2]
+        range_m = np.hypot(way[:, 0], way[:, 1])
+        turned = np.abs(wrap(np.arctan2(way[:, 1], way[:, 0]) - self.facing_rad))
         near = (range_m > SOUGHT_NEARER * self.nearest_m) & (range_m < SOUGHT_FARTHER * self.farthest_m)
         return np.asarray(near & (turned < self.spread_rad + SOUGHT_ASIDE_RAD))
 
@@ -57,16 +57,17 @@ def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
     first = Records(mean, seen, seen, *single)
     could = np.zeros(count, np.int32)
     for pose in bundle.poses:
-        could[_sought(bundle, first, pose)[0]] += 1
+        could[_sought(bundle, first, pose)] += 1
     return Records(mean, seen, could, first.facing_rad, first.spread_rad, first.nearest_m, first.farthest_m)
 
 
-def _sought(bundle: Bundle, records: Records, pose: F64) -> tuple[NDArray[np.intp], F32]:
-    """Return the points that a reference at a pose (3,) could see, and where in its picture (S, 2)."""
-    may = np.flatnonzero(records.within_reach(pose[None, :2], bundle.points)[0])
+def _sought(bundle: Bundle, records: Records, pose: F64) -> NDArray[np.intp]:
+    """Return the numbers (S,) of the points that a reference at a pose (3,) could see."""
+    may = np.flatnonzero(records.within_reach(pose[:2], bundle.points))
     shifted = (bundle.points[may] - [*pose[:2], 0.0]).astype(np.float32)
     pixels, _ = project(bundle.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), shifted)
     u, v = pixels[0, 0], pixels[1, 0]
     width, height = bundle.camera.width_px, bundle.camera.height_px
     inside = (u > MARGIN_PX) & (v > MARGIN_PX) & (u < width - 1 - MARGIN_PX) & (v < height - 1 - MARGIN_PX)
-    return may[inside], np.stack([u, v], axis=1)[inside]
+    seen: NDArray[np.intp] = may[inside]
+    return seen

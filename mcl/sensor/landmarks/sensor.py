@@ -81,7 +81,7 @@ class Landmarks:
     def summary(self) -> str:
         """One line for tables."""
         error = f"reprojection error {self.map.agreement_px[0]:.2f} px in the median"
-        return f"{self.map.size} points, {error}, focal length {self.map.fit.said}"
+        return f"{self.map.size} points, {error}, focal length {self.map.fit.focal_text}"
 
     def read(self, frame: Frame) -> LandmarkReading | None:
         """Find the keypoints of a picture and the landmarks that they may be; None: too few.

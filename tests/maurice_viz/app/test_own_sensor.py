@@ -171,7 +171,7 @@ def test_the_page_quotes_the_example():
 
 def test_a_reading_shows_in_the_units_of_the_session(module):
     sensor = load_sensor(f"{module('own_shown')}:Beacon")
-    shown = sensor.shown(1.5, {}).said(lambda length_m: f"{length_m * 100:.0f} cm")
+    shown = sensor.shown(1.5, {}).text(lambda length_m: f"{length_m * 100:.0f} cm")
     assert shown == "the beacon is 150 cm away"
     localizer = make_localizer(tiny_library(), sensors=[sensor])
     assert len(list(run_filter(localizer, tiny_session()))) == 6

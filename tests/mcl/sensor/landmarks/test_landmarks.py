@@ -271,7 +271,7 @@ def test_what_is_shown_counts_those_that_agree(landmarks, room):
     marks, count = marks_of(shown), len(reading.landmark)
     agreeing = int(marks["map", "matched landmarks"].agrees.sum())
     assert agreeing > 0.8 * count
-    words = shown.said(lambda length: f"{length:.2f} m")
+    words = shown.text(lambda length: f"{length:.2f} m")
     expect_facts(words, f"{agreeing} of {count}", "agree", "0.")
     assert "nats at the estimate, " in words
     assert "By themselves they put the robot 0.0" in words
