@@ -66,10 +66,10 @@ def calibrate_belief(
     for path in runs:
         for saved in open_runs(Path(path)):
             labelled.setdefault(saved.manifest.label, []).append(saved)
-    return [_judged(label, alike, lost=lost, listener=listener) for label, alike in labelled.items()]
+    return [_calibrated(label, alike, lost=lost, listener=listener) for label, alike in labelled.items()]
 
 
-def _judged(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Listener) -> CalibratedBelief:
+def _calibrated(label: str, runs: Sequence[SavedRun], *, lost: bool, listener: Listener) -> CalibratedBelief:
     judge, left_out = BeliefJudge(), 0
     for number, run in enumerate(runs, 1):
         listener.progress(number, len(runs), f"belief of {label}")

@@ -19,7 +19,7 @@ from maurice_mcl.values.library import Library
 
 from ..listener import SILENT, Listener, progress_of
 from ..running.open import library_at
-from .library_check import default_said
+from .library_check import say_default
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def _about_places(path: Path, found: Inspection) -> list[str]:
     if library is None:
         return []
     try:
-        return list(default_said(open_library(library, list(FEATURES["blended"]), keep_going=True)))
+        return list(say_default(open_library(library, list(FEATURES["blended"]), keep_going=True)))
     except (InputError, ValueError):  # another command says what is wrong with it
         return []
 

@@ -56,7 +56,7 @@ from ..running.open import (
     remark_skipped,
 )
 from ..text.places import say_drive
-from .library_check import default_said, scales_said
+from .library_check import say_default, say_scales
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,7 +121,7 @@ def build_library(
             map_unit=map_unit,
         )
         remark_open(built, listener)
-        for text in scales_said(built):
+        for text in say_scales(built):
             listener.warning(text)
         if chosen is not None and not yaw_rad:
             drive = open_session(survey, options, SILENT)
@@ -247,7 +247,7 @@ def tune(
             raise InputError(path, f"{which}, and would flatter the result; score another drive")
     path = Path(library)
     opened = library_at(path, listener)
-    for text in default_said(opened, fitted=False):
+    for text in say_default(opened, fitted=False):
         listener.warning(text)
     tuning = _Tuning(path, opened, _wanted(path, opened, channels), reading or ReadingOptions(), listener)
     result = _tuned(tuning, fit, test)

@@ -184,7 +184,7 @@ def _checked_map(path: Path, *, force: bool) -> Path:
     return path
 
 
-def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
+def say_default(library: Library, *, fitted: bool = True) -> Iterator[str]:
     """Yield what the library's own pictures show about the default filter, with or without its own scales."""
     if library.size:
         reference = nearest_reference(library.poses, library.arena)
@@ -194,7 +194,7 @@ def default_said(library: Library, *, fitted: bool = True) -> Iterator[str]:
         yield from say_places(library.name, FEATURES["blended"], telling)
 
 
-def scales_said(library: Library) -> Iterator[str]:
+def say_scales(library: Library) -> Iterator[str]:
     """Yield what the library's own pictures show about the features that are mostly used with it."""
     reference = nearest_reference(library.poses, library.arena)
     for feature in ("blended", "best"):

@@ -152,7 +152,7 @@ def remedies(
         point, step, list({id(localizer.sensor): localizer.sensor for localizer in filters}.values())
     )
     outcomes = past.tried(tried, filters, tested, listener)
-    first, *others = judged(tried, outcomes)
+    first, *others = compared_with_first(tried, outcomes)
     ranked = sorted(others, key=lambda result: (-result.localized.value, result.error_m.value))
     info = point.session.info
     ranking = Remedies(
@@ -247,7 +247,7 @@ def least_seeds(remedies: int) -> int:
     return math.ceil(math.log2(2 * 2 * remedies / P_BELOW)) if remedies else 0
 
 
-def judged(tried: Sequence[Remedy], outcomes: Sequence[SeedResults]) -> list[RemedyResult]:
+def compared_with_first(tried: Sequence[Remedy], outcomes: Sequence[SeedResults]) -> list[RemedyResult]:
     """Compare all but the first with the first, seed by seed.
 
     One is better where it is localized at the end in more seeds, or as often with a smaller

@@ -211,7 +211,7 @@ def _motion_table(fit: Calibration, units: Units, name: str) -> Table:
 
 
 def _spread_rows(table: Table, what: str, spread: Spread, factor: float, digits: int) -> None:
-    table.add_row(f"{what}, mean", *_cells(spread.mean, factor, digits), _judged(spread))
+    table.add_row(f"{what}, mean", *_cells(spread.mean, factor, digits), _normality(spread))
     far = f"; {spread.beyond_3_sd} beyond 3 sd" if spread.beyond_3_sd else ""
     table.add_row("  sd", *_cells(spread.sd, factor, digits), f"{spread.count} values{far}")
 
@@ -221,7 +221,7 @@ def _cells(fitted: Fitted, factor: float, digits: int, unit: str = "") -> tuple[
     return value + unit, "too few drives" if math.isnan(fitted.low) else f"{low} to {high}{unit}"
 
 
-def _judged(spread: Spread) -> str:
+def _normality(spread: Spread) -> str:
     if spread.normal_p is None:
         return "all alike" if spread.count > 2 else "too few to test"
     return f"{'not ' if spread.normal_p < LEAST_NORMAL_P else ''}normal, p {spread.normal_p:.2g}"

@@ -38,7 +38,7 @@ from ...running.saved_steps import NO_PICTURE
 from ...style import Scale, scale_for
 from .baseline import BaselineRuns, DriveRuns
 from .failure import FailedRun, Replayed, failed_run
-from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, said
+from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, say_length
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,11 +72,11 @@ class DriveCheck:
         return [*doubts(self.demands), *self.unseen]
 
     @property
-    def changes_said(self) -> list[str]:
+    def change_texts(self) -> list[str]:
         """The numbers of every change, in words."""
-        return [self._said(change) for change in self.changes]
+        return [self._text_of(change) for change in self.changes]
 
-    def _said(self, change: BaselineChange) -> str:
+    def _text_of(self, change: BaselineChange) -> str:
         values = (change.before, change.now, change.difference, change.low, change.high)
         before, now, by, low, high = (self.figure(change.kind, v) for v in values)
         return (
@@ -86,7 +86,7 @@ class DriveCheck:
 
     def figure(self, kind: str, value: float) -> str:
         """Write a figure of a change: a length, or a rate."""
-        return said(value, self.scale) if kind == ERROR else f"{value:.0%}"
+        return say_length(value, self.scale) if kind == ERROR else f"{value:.0%}"
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
@@ -144,7 +144,7 @@ def check_drive(
     moments, tracks = _run_all(run, session, asked, listener)
     name = _unique(session.info.name or drive_name(session.path), taken)
     tracked = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
-    result = _judged(tracked, session, library, moments, asked, listener)
+    result = _check_of(tracked, session, library, moments, asked, listener)
     has_truth = any(moment.truth is not None for moment in moments)
     unseen = blind_spots(result.demands, has_truth=has_truth, start_known=run.start is not None)
     result = replace(result, unseen=tuple(unseen))
@@ -197,14 +197,14 @@ def _expect_long_enough(session: AnySession, moments: list[Moment], demands: Dem
         if limit is not None and not is_judged(0, starts, updates, limit):
             here = (*starts, updates)[1]
             before = "" if len(starts) == 1 else " before the kidnapping"
-            found = f"found {here} steps{before}, too few to judge --{name}-by {limit}"
-            raise InputError(session.path, f"{found}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
+            length = f"found {here} steps{before}, too few to judge --{name}-by {limit}"
+            raise InputError(session.path, f"{length}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
     counted = zip(demands.counting(updates, starts).tolist(), moments, strict=True)
     if demands.need_truth and not any(counts and moment.truth is not None for counts, moment in counted):
         raise InputError(session.path, f"found no true pose after step {demands.grace}, so no error counts")
 
 
-def _judged(
+def _check_of(
     drive: DriveRuns,
     session: AnySession,
     library: Library,

@@ -15,22 +15,22 @@ def junit_xml(drives: Sequence[DriveCheck]) -> str:
     """Return JUnit XML: a suite for each drive, a case for each demand and for each change."""
     suites = ET.Element("testsuites", name="maurice-replay check")
     for drive in drives:
-        cases = [(demand.kind, demand.title, demand.passed, demand.said) for demand in drive.demands]
-        changes = zip(drive.changes, drive.changes_said, strict=True)
+        cases = [(demand.kind, demand.title, demand.passed, demand.text) for demand in drive.demands]
+        changes = zip(drive.changes, drive.change_texts, strict=True)
         cases += [
-            (f"{one.kind} worse", f"{one.title}, against the baseline", one.passed, said)
-            for one, said in changes
+            (f"{change.kind} worse", f"{change.title}, against the baseline", change.passed, text)
+            for change, text in changes
         ]
         suite = ET.SubElement(suites, "testsuite", name=_plain(drive.session))
         suite.set("time", f"{drive.took_s:.3f}")
         properties = ET.SubElement(suite, "properties")
         for name, value in (("seeds", len(drive.runs)), ("updates", len(drive.steps)), ("file", drive.path)):
             ET.SubElement(properties, "property", name=name, value=_plain(str(value)))
-        for kind, title, passed, said in cases:
+        for kind, title, passed, text in cases:
             case = ET.SubElement(suite, "testcase", name=_plain(title), time="0")
             case.set("classname", _plain(f"maurice-replay.{drive.session}"))
             if not passed:
-                failure = ET.SubElement(case, "failure", message=_plain(said), type=kind)
+                failure = ET.SubElement(case, "failure", message=_plain(text), type=kind)
                 failure.text = _plain("" if drive.failure is None else drive.failure.text)
         _count(suite, [suite])
     _count(suites, list(suites))

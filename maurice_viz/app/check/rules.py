@@ -65,7 +65,7 @@ class DemandResult:
         return self.low >= self.needed - ROUNDING if self.passed else self.high < self.needed
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """The result in one line."""
         runs = f"{self.met} of {self.runs} run{'s' * (self.runs > 1)}"
         return f"{self.title}: met by {runs}, {self.needed:.0%} needed; {self.found}"
@@ -128,11 +128,11 @@ def title_of(kind: str, demands: Demands, scale: Scale) -> str:
     if kind == CONVERGED:
         return f"converged by step {demands.converged_by}"
     if kind == ERROR:
-        return f"mean error at most {said(demands.max_error_m or 0.0, scale)}"
+        return f"mean error at most {say_length(demands.max_error_m or 0.0, scale)}"
     return "not lost" if demands.localized_by is None else "not lost from then on"
 
 
-def said(length_m: float, scale: Scale) -> str:
+def say_length(length_m: float, scale: Scale) -> str:
     """Write a length to three digits: an error may be far below what a map is drawn with."""
     return f"{scale.length(length_m):.3g} {scale.units.name}"
 
@@ -142,7 +142,9 @@ def _after(after: Sequence[int | None], found_at: Sequence[Sequence[bool]], what
     known = [count for count in after if count is not None]
     parts = [f"after {np.median(known):g} (median), {max(known)} at worst"] if known else []
     counts = Counter(_missed(reached) for reached in found_at if not all(reached))
-    parts += [f"{said.format(what)} in {count} run{'s' * (count > 1)}" for said, count in counts.items()]
+    parts += [
+        f"{outcome.format(what)} in {count} run{'s' * (count > 1)}" for outcome, count in counts.items()
+    ]
     return ", ".join(parts)
 
 
@@ -164,8 +166,9 @@ def _converged(runs: Sequence[RunJudgement], scale: Scale) -> str:
 def _error(runs: Sequence[RunJudgement], scale: Scale) -> str:
     errors_m = [run.error_m for run in runs if run.error_m is not None]
     if len(errors_m) == 1:
-        return said(errors_m[0], scale)
-    return f"{said(float(np.mean(errors_m)), scale)} on average, {said(max(errors_m), scale)} at worst"
+        return say_length(errors_m[0], scale)
+    average, worst = (say_length(length_m, scale) for length_m in (float(np.mean(errors_m)), max(errors_m)))
+    return f"{average} on average, {worst} at worst"
 
 
 def _lost(runs: Sequence[RunJudgement], scale: Scale) -> str:

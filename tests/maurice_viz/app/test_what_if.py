@@ -18,7 +18,7 @@ from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders import InputError
 from maurice_viz.app.branch import BranchChange, open_branch
-from maurice_viz.app.remedies import BETTER, UNCLEAR, WORSE, Remedy, SeedResults, judged
+from maurice_viz.app.remedies import BETTER, UNCLEAR, WORSE, Remedy, SeedResults, compared_with_first
 from maurice_viz.errors import OptionError
 
 
@@ -176,7 +176,7 @@ def test_all_that_is_possible_is_tried_in_a_table_of_80_columns(folder, monkeypa
 def _tried(*hits):
     remedies = [Remedy(str(number), BranchChange()) for number in range(len(hits))]
     results = [SeedResults(one, np.where(one, 0.1, 2.0)) for one in hits]
-    return judged(remedies, results)
+    return compared_with_first(remedies, results)
 
 
 def test_a_remedy_is_better_only_beyond_doubt():
