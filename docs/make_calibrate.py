@@ -11,7 +11,9 @@ import cv2
 
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.robot.motion import TrialPlan, calibration_drive
-from maurice_loaders.calibration_trials import write_trials
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
+from helpers.trials import write_trials  # found by that path
 
 OUT = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "calibrate"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,13 @@ from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, 
 from maurice_mcl.values.arrays import F64, U8, Bool
 from maurice_mcl.values.geometry import INCH_M, motion_between, rotated
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import first_word, is_kidnapping
+from maurice_mcl.values.session import first_word
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files.pictures import decode_picture, picture_file
 from .files.text import PICTURES, number_in, read_csv, read_number_rows, show
-from .files.writing import write_whole
-from .reading.recording import LeftOut, Motion, Note, TruthPose
+from .reading.recording import LeftOut, Note, TruthPose
+from .reading.session import RecordedSession, drive_segments
 from .reading.transforms import GATE
 from .session_log.reader import LogRecording
 
@@ -50,20 +50,6 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
         raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
     rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
     return _trials(rows)
-
-
-def write_trials(file: Path, trials: Trials, *, force: bool = False) -> None:
-    """Write trials for `read_trials`, in meters. InputError if the file exists and `force` is not given."""
-    text = io.StringIO(newline="")
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(COLUMNS)
-    for measured, actual in np.degrees(np.column_stack([trials.turns.measured_rad, trials.turns.actual_rad])):
-        table.writerow(["turn", f"{measured:.4f}", f"{actual:.4f}", "", ""])
-    s = trials.straights
-    for measured, actual, drift, floor in zip(s.measured_m, s.actual_m, s.drift_rad, s.floors, strict=True):
-        turned = f"{np.degrees(drift):.4f}" if math.isfinite(drift) else ""
-        table.writerow(["straight", f"{measured:.6f}", f"{actual:.6f}", turned, floor or ""])
-    write_whole(file, text.getvalue().encode(), force=force)
 
 
 def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Row]:
@@ -123,37 +109,27 @@ def trials_from_session(path: Path) -> Trials:
     reader = _Legs(log)
     trials = trials_of(reader, lambda a, b: floor_between(log.info.arena, a, b))
     trials = replace(trials, left_out=trials.left_out + reader.bent)
-    if reader.truths < 2:
-        found = "no truth" if not reader.truths else "one truth"
+    records = log.records(ReadingNotes(keep_going=False))
+    truths = sum(1 for _ in islice((r for r in records if isinstance(r, TruthPose)), 2))
+    if truths < 2:
+        found = "no truth" if not truths else "one truth"
         raise InputError(path, f"found {found}, expected truth records before and after the movements")
     return trials
 
 
 class _Legs:
-    """The movements between truths, each with the first truth after it; none across a kidnapping."""
+    """The movements between truths that are turns or straights, and how many are left out as arcs."""
 
     def __init__(self, log: LogRecording) -> None:
-        self._log = log
-        self.truths = 0  # seen so far ...
-        self.bent = 0  # ... and movements left out because they are arcs
+        self._session = RecordedSession(log)
+        self.bent = 0
 
     def __iter__(self) -> Iterator[MotionSegment]:
-        self.truths = self.bent = 0
-        before: F64 | None = None
-        motions: list[F64] = []
-        for record in self._log.records(ReadingNotes(keep_going=False)):
-            if isinstance(record, Motion):
-                motions.append(record.motion)
-            elif isinstance(record, Note):
-                before, motions = (None, []) if is_kidnapping(record.text) else (before, motions)
-            elif isinstance(record, TruthPose):
-                self.truths += 1
-                if before is not None and motions:
-                    leg = plain(MotionSegment(before, tuple(motions), record.pose))
-                    self.bent += 0 if leg else len(motions)
-                    yield from (leg,) if leg else ()
-                if before is None or motions:
-                    before, motions = record.pose, []
+        self.bent = 0
+        for segment in drive_segments(self._session):
+            leg = plain(segment)
+            self.bent += 0 if leg else len(segment.motions)
+            yield from (leg,) if leg else ()
 
 
 def mishaps(path: Path) -> dict[str, int]:

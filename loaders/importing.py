@@ -27,7 +27,7 @@ from .files.writing import FolderKind, new_folder
 from .formats.picture_folder import TableRecording, open_table
 from .reading.options import ReadingOptions
 from .reading.recording import Picture, Record, Recording, TruthPose, checked
-from .reading.transforms import MadeOdometry, OdometryNoise
+from .reading.transforms import MadeOdometry
 from .session_log.header import FORMAT, SESSION_LOG
 from .session_log.writer import SessionWriter
 
@@ -133,6 +133,8 @@ IMPORTED = FolderKind(
     "imported pictures", "session.log", FORMAT, r"(?:session|survey)\.log|pictures/\d{5,}\.\w+"
 )
 GUARD_M = 0.5  # in rooms: neighbors look alike
+SESSION_PICTURES = 5  # at most so many of a run, evenly spread: standing still tells little
+LIBRARY_PICTURES = 1  # of a run, the middle one: others are near copies
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,12 +146,9 @@ class ImportOptions:
     map_lines: Path | None = None  # wall segments x1 y1 x2 y2, or a ROS map.yaml; None: no map, all is free
     map_unit: str = "mm"  # of segments: "m" or "mm"
     session_every: int = 10  # each so many-th run of equal poses is the session's, from the first one
-    session_pictures: int = 5  # at most so many of a run, evenly spread: standing still tells little
-    library_pictures: int = 1  # at most so many of a run; 1 takes the middle one, others are near copies
     camera_fov_rad: float | None = None  # the camera's horizontal field of view; landmarks want it
     guard_m: float | None = None  # no library picture this near to any session pose; None: by the place
-    noise: OdometryNoise = field(default_factory=OdometryNoise)  # of odometry made from the poses
-    seed: int = 0  # of that noise
+    seed: int = 0  # of the noise of odometry made from the poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,16 +190,14 @@ def import_pictures(
     runs = pose_runs(rows)
     guard_m = fitted_m(GUARD_M, xy_of(rows)) if options.guard_m is None else options.guard_m
     options = replace(options, guard_m=guard_m)
-    split = split_runs(
-        runs, options.session_every, guard_m, options.session_pictures, options.library_pictures
-    )
+    split = split_runs(runs, options.session_every, guard_m, SESSION_PICTURES, LIBRARY_PICTURES)
     if not split.library:
         advice = "lower the guard, or give fewer runs to the session"
         raise InputError(poses_csv, f"found no picture {guard_m:.3g} m off the session's; {advice}")
     info = _info(table, rows, options)
     drive: Recording = _Drive(table, info, split.session)
     if not table.has_odometry:
-        drive = MadeOdometry(drive, options.seed, options.noise)
+        drive = MadeOdometry(drive, options.seed)
     with new_folder(out, IMPORTED, force=force) as filling:
         (filling / "pictures").mkdir()
         with SessionWriter(filling / SURVEY_LOG, replace(info, notes=drive.info.notes), "survey") as log:
@@ -226,9 +223,8 @@ def import_pictures(
 
 
 def _check(options: ImportOptions) -> None:
-    counts = (options.session_pictures, options.library_pictures, options.session_every - 1)
-    if min(counts) < 1 or (options.guard_m is not None and not options.guard_m >= 0):
-        raise ValueError("expected session_every from 2, at least one picture of a run, and a guard from 0 m")
+    if options.session_every < 2 or (options.guard_m is not None and not options.guard_m >= 0):
+        raise ValueError("expected session_every from 2, and a guard from 0 m")
     if options.camera_fov_rad is not None and not 0 < options.camera_fov_rad < math.pi:
         raise ValueError("expected a horizontal field of view between 0 and 180 degrees")
 
@@ -248,7 +244,7 @@ def _info(table: TableRecording, rows: Sequence[PoseRow], options: ImportOptions
     arena = read_map(lines, options.map_unit, positions) if lines else open_arena(positions)
     split_note = (
         f"one run of equal poses in {options.session_every} is the session, at most "
-        f"{options.session_pictures} pictures of each; the library has {options.library_pictures} of each "
+        f"{SESSION_PICTURES} pictures of each; the library has {LIBRARY_PICTURES} of each "
         f"other run that is at least {options.guard_m:.3g} m from every session pose"
     )
     untimed = () if table.has_times else ("times are synthetic: one second a row of the table",)

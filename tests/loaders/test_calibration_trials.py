@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
+from helpers.trials import write_trials
 from maurice_loaders.calibration_trials import (
     covered_pictures,
     floor_between,
     mishaps,
     read_trials,
     trials_from_session,
-    write_trials,
 )
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.writer import SessionWriter
@@ -156,7 +156,7 @@ def test_missing_and_binary_files(tmp_path: Path) -> None:
         read_trials(tmp_path / "b.csv", "feet")
 
 
-def test_what_is_written_reads_back_and_is_not_overwritten(tmp_path: Path) -> None:
+def test_what_is_written_reads_back(tmp_path: Path) -> None:
     file = tmp_path / "out.csv"
     straights = Straights(np.array([1.0, 2]), np.array([0.9, 1.9]), np.array([0.1, np.nan]), ("a,b", ""))
     trials = Trials(Turns(np.array([1.0]), np.array([0.7])), straights)
@@ -166,12 +166,6 @@ def test_what_is_written_reads_back_and_is_not_overwritten(tmp_path: Path) -> No
     assert again.straights.actual_m == pytest.approx(straights.actual_m)
     assert again.straights.drift_rad == pytest.approx(straights.drift_rad, abs=1e-5, nan_ok=True)
     assert again.straights.floors == straights.floors
-    with pytest.raises(InputError, match="--force"):
-        write_trials(file, trials)
-    write_trials(file, trials, force=True)
-    assert [f.name for f in tmp_path.iterdir()] == ["out.csv"]
-    with pytest.raises(InputError, match="found a folder"):
-        write_trials(tmp_path, trials, force=True)
 
 
 def survey(path: Path, covered: int = 2) -> Path:
