@@ -104,29 +104,6 @@ FITTING = range(1, 100)  # anything may be fitted or tuned on these
 TEST = range(1000, 2000)  # nothing ever is
 
 
-def for_fitting(seed: int) -> int:
-    """Return a seed that may be fitted on; ValueError for any other, above all for test seeds."""
-    if seed not in FITTING:
-        raise ValueError(f"found seed {seed}, expected a fitting seed, {_span(FITTING)}{_whose(seed)}")
-    return seed
-
-
-def for_testing(seed: int) -> int:
-    """Return a seed that results may be reported on; ValueError for any other."""
-    if seed not in TEST:
-        raise ValueError(f"found seed {seed}, expected a test seed, {_span(TEST)}{_whose(seed)}")
-    return seed
-
-
-def _span(seeds: range) -> str:
-    return f"{seeds.start} to {seeds.stop - 1}"
-
-
-def _whose(seed: int) -> str:
-    names = {"the demo's": seed == DEMO, "a fitting seed": seed in FITTING, "a test seed": seed in TEST}
-    return "".join(f"; it is {name}" for name, is_it in names.items() if is_it)
-
-
 # Files and folders that are made from these.
 
 GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used

@@ -24,13 +24,15 @@ import maurice_loaders as ml
 import maurice_mcl as mcl
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
-from maurice_datasets.tasks import GENERATOR, TASKS, TIERS, for_fitting
+from maurice_datasets.tasks import GENERATOR, TASKS, TIERS
 from maurice_datasets.trials.statistics import mean
 from maurice_datasets.worlds.world import inside
 from maurice_loaders.files.writing import cache_root
 from maurice_mcl.scoring.metrics import Scorer
 from maurice_mcl.values.arrays import F64, Bool
 from maurice_mcl.values.map import Arena
+
+from .lost_drives import for_fitting
 
 INCH_M = 0.0254
 

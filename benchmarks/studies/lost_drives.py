@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from maurice_datasets.sessions import simulated_session, simulation_plan
 from maurice_datasets.surveys import cached_survey
-from maurice_datasets.tasks import GENERATOR, SURVEY, for_fitting, for_testing
+from maurice_datasets.tasks import DEMO, FITTING, GENERATOR, SURVEY, TEST
 from maurice_datasets.trials.controls import filter_for
 from maurice_datasets.trials.drives import Bench, Drive, RenderedSession
 from maurice_datasets.worlds.build import load_world
@@ -28,6 +28,8 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.second_opinion import SecondFilter
 from maurice_mcl.scoring.metrics import score_step
 from maurice_mcl.values.arrays import F64
+
+from .planted.drives import pack, unpack
 
 Numbers = dict[str, NDArray[Any]]
 SEEDS = (1, 2, 3)  # of the filter, for each drive
@@ -76,6 +78,29 @@ FITTED = _courses("two-rooms", ("nominal", "hard"), range(52, 76, 4))
 UNSEEN = _courses("two-rooms", ("nominal", "dim", "hard"), range(1500, 1536, 4))
 
 
+def for_fitting(seed: int) -> int:
+    """Return a seed that may be fitted on; ValueError for any other, above all for test seeds."""
+    if seed not in FITTING:
+        raise ValueError(f"found seed {seed}, expected a fitting seed, {_span(FITTING)}{_whose(seed)}")
+    return seed
+
+
+def for_testing(seed: int) -> int:
+    """Return a seed that results may be reported on; ValueError for any other."""
+    if seed not in TEST:
+        raise ValueError(f"found seed {seed}, expected a test seed, {_span(TEST)}{_whose(seed)}")
+    return seed
+
+
+def _span(seeds: range) -> str:
+    return f"{seeds.start} to {seeds.stop - 1}"
+
+
+def _whose(seed: int) -> str:
+    names = {"the demo's": seed == DEMO, "a fitting seed": seed in FITTING, "a test seed": seed in TEST}
+    return "".join(f"; it is {name}" for name, is_it in names.items() if is_it)
+
+
 def drive_of(course: Course, folder: Path) -> Drive:
     """Return a drive, rendered at the first time and kept."""
     (for_fitting if course.arena < 1000 else for_testing)(course.seed)
@@ -92,10 +117,10 @@ def drive_of(course: Course, folder: Path) -> Drive:
             seed=course.seed,
             updates=UPDATES,
         )
-        made = simulated_session(plan, world)
-        put(file, RenderedSession(made.info, tuple(made.moments())).to_bytes())
-    held = RenderedSession.from_bytes(file.read_bytes())
-    return Drive(held, held.info.start, Bench.of(open_library(survey)), course.arena)
+        simulated = simulated_session(plan, world)
+        put(file, pack(RenderedSession(simulated.info, tuple(simulated.moments()))))
+    session = unpack(file.read_bytes())
+    return Drive(session, session.info.start, Bench.of(open_library(survey)), course.arena)
 
 
 def numbers_of(course: Course, folder: Path) -> dict[str, Numbers]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -16,7 +14,6 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.session_log.header import SESSION_LOG, header_from_json, header_to_json
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.scoring.metrics import FIRST_SCORED
@@ -25,7 +22,7 @@ from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import Frame, Moment, Session, SessionInfo
+from maurice_mcl.values.session import Moment, Session, SessionInfo
 
 from ..sessions import simulated_session, simulation_plan
 from ..simulation import SimulationPlan
@@ -36,7 +33,6 @@ from ..worlds.world import World
 from .plan import SessionSpec, configuration_of
 
 Settings = dict[str, Any]
-UNKNOWN = np.full(3, np.nan)  # a pose
 FIRST = TEST.start  # arena k and drive k of a plan have the test seeds 1000 + k
 
 
@@ -98,50 +94,6 @@ class RenderedSession:
     def moments(self) -> Iterator[Moment]:
         """Yield every moment."""
         return iter(self.all_moments)
-
-    def to_bytes(self) -> bytes:
-        """Return it as arrays and JSON, which give back the same drive to the last bit."""
-        frames = [moment.frame for moment in self.all_moments]
-        texts = {
-            "header": header_to_json(self.info, "session", Path.cwd()),
-            "events": [moment.events for moment in self.all_moments],
-            "pictures": [frame.picture for frame in frames],
-            "readings": [dict(frame.readings) for frame in frames],
-        }
-        packed = io.BytesIO()
-        np.savez(
-            packed,
-            allow_pickle=False,
-            texts=np.frombuffer(json.dumps(texts).encode(), np.uint8),
-            images=np.stack([frame.image for frame in frames]),
-            steps=np.array([frame.step for frame in frames]),
-            times_s=np.array([frame.time_s for frame in frames]),
-            counts=np.array([len(frame.motions) for frame in frames]),
-            motions=np.concatenate([frame.motions for frame in frames]),
-            truths=np.array([UNKNOWN if m.truth is None else m.truth for m in self.all_moments]),
-        )
-        return packed.getvalue()
-
-    @classmethod
-    def from_bytes(cls, data: bytes) -> RenderedSession:
-        """Return what `to_bytes` packed. ValueError, KeyError or OSError for anything else."""
-        with np.load(io.BytesIO(data), allow_pickle=False) as packed:
-            arrays = dict(packed)
-        texts = json.loads(arrays["texts"].tobytes())
-        info, _ = header_from_json(texts["header"], Path.cwd() / SESSION_LOG)
-        ends = np.cumsum(arrays["counts"])
-        of_frames = (
-            arrays["steps"].tolist(),
-            arrays["times_s"].tolist(),
-            np.split(arrays["motions"], ends[:-1]),
-            arrays["images"],
-            texts["pictures"],
-            texts["readings"],
-        )
-        frames = [Frame(*values) for values in zip(*of_frames, strict=True)]
-        truths = [None if np.isnan(pose).any() else pose for pose in arrays["truths"]]
-        events = map(tuple, texts["events"])
-        return cls(info, tuple(Moment(*fields) for fields in zip(frames, truths, events, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)

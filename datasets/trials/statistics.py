@@ -265,15 +265,11 @@ class Survival:
     events: int
     drives: int
 
-    def time_at(self, share: float) -> float:
-        """Return the first time at which the share is that small; inf if it never is."""
-        reached = np.flatnonzero(self.share <= share + 1e-12)
-        return float(self.times[reached[0]]) if len(reached) else np.inf
-
     @property
     def median(self) -> float:
         """The time by which half have had the event; inf where fewer have."""
-        return self.time_at(0.5)
+        reached = np.flatnonzero(self.share <= 0.5 + 1e-12)
+        return float(self.times[reached[0]]) if len(reached) else np.inf
 
 
 def survival(times: F64, happened: Bool, clusters: Clusters | None = None, level: float = LEVEL) -> Survival:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.studies.planted.drives import pack, unpack
 from maurice_datasets import demos, sessions
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.folders import SimulationPaths
@@ -150,7 +151,7 @@ def test_a_drive_comes_back_from_its_bytes_to_the_last_bit(demo: SimulationPaths
         Moment(Frame(9, 1e9, np.zeros((0, 3)), np.zeros((1, 1, 3), np.uint8), "", {"ir": 0.1}), None, ("é",)),
     ]
     moments[-1] = replace(moments[-1], frame=replace(moments[-1].frame, image=moments[0].frame.image))
-    again = RenderedSession.from_bytes(RenderedSession(log.info, tuple(moments)).to_bytes())
+    again = unpack(pack(RenderedSession(log.info, tuple(moments))))
     for field in ("name", "display_units", "robot", "motion", "cameras", "notes"):
         assert getattr(again.info, field) == getattr(log.info, field)
     for one, other in zip(moments, again.moments(), strict=True):

@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from maurice_datasets.tasks import DEMO, FITTING, TASKS, TEST, for_fitting, for_testing
+from benchmarks.studies.lost_drives import for_fitting, for_testing
+from maurice_datasets.tasks import DEMO, FITTING, TASKS, TEST
 
 
 def test_kidnapping_is_half_way_and_only_global_hides_the_start():

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +18,8 @@ from maurice_datasets.simulation import SimulationPlan, stage
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.trials.drives import RenderedSession
 from maurice_loaders.files.writing import cache_root, write_whole
+from maurice_loaders.session_log.header import SESSION_LOG, header_from_json, header_to_json
+from maurice_mcl.scoring.metrics import NO_TRUTH
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import wrap
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
@@ -39,8 +44,8 @@ def drive(ground: Ground, seed: int, *, task: str = "tracking", **changes: Any) 
     file = cache_root() / "planted" / "drives" / f"{hashlib.sha256(name.encode()).hexdigest()[:20]}.npz"
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(file, _rendered(ground, seed, task, changes).to_bytes(), force=True)
-    return RenderedSession.from_bytes(file.read_bytes())
+        write_whole(file, pack(_rendered(ground, seed, task, changes)), force=True)
+    return unpack(file.read_bytes())
 
 
 def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) -> RenderedSession:
@@ -57,6 +62,53 @@ def _rendered(ground: Ground, seed: int, task: str, changes: Mapping[str, Any]) 
     info = replace(session_info(set_up), survey=None, notes=())
     return RenderedSession(
         info, tuple(replace(entry, events=()) for entry in SimulatedSession(set_up, info).moments())
+    )
+
+
+def pack(session: RenderedSession) -> bytes:
+    """Return a session as arrays and JSON, which give back the same drive to the last bit."""
+    frames = [moment.frame for moment in session.all_moments]
+    texts = {
+        "header": header_to_json(session.info, "session", Path.cwd()),
+        "events": [moment.events for moment in session.all_moments],
+        "pictures": [frame.picture for frame in frames],
+        "readings": [dict(frame.readings) for frame in frames],
+    }
+    packed = io.BytesIO()
+    np.savez(
+        packed,
+        allow_pickle=False,
+        texts=np.frombuffer(json.dumps(texts).encode(), np.uint8),
+        images=np.stack([frame.image for frame in frames]),
+        steps=np.array([frame.step for frame in frames]),
+        times_s=np.array([frame.time_s for frame in frames]),
+        counts=np.array([len(frame.motions) for frame in frames]),
+        motions=np.concatenate([frame.motions for frame in frames]),
+        truths=np.array([NO_TRUTH if m.truth is None else m.truth for m in session.all_moments]),
+    )
+    return packed.getvalue()
+
+
+def unpack(data: bytes) -> RenderedSession:
+    """Return what `pack` returned. ValueError, KeyError or OSError for anything else."""
+    with np.load(io.BytesIO(data), allow_pickle=False) as packed:
+        arrays = dict(packed)
+    texts = json.loads(arrays["texts"].tobytes())
+    info, _ = header_from_json(texts["header"], Path.cwd() / SESSION_LOG)
+    ends = np.cumsum(arrays["counts"])
+    of_frames = (
+        arrays["steps"].tolist(),
+        arrays["times_s"].tolist(),
+        np.split(arrays["motions"], ends[:-1]),
+        arrays["images"],
+        texts["pictures"],
+        texts["readings"],
+    )
+    frames = [Frame(*values) for values in zip(*of_frames, strict=True)]
+    truths = [None if np.isnan(pose).any() else pose for pose in arrays["truths"]]
+    events = map(tuple, texts["events"])
+    return RenderedSession(
+        info, tuple(Moment(*fields) for fields in zip(frames, truths, events, strict=True))
     )
 
 
