@@ -12,11 +12,13 @@ import re
 import sys
 from pathlib import Path
 
+from maurice_datasets.trials.rows import expect_trials
 from maurice_loaders.errors import InputError
 
 from .claims import CLAIMS, judged
 from .drawn import FORMATS, draw_figures
 from .material import Material
+from .timing import measure, read_timing
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHOWN = (26, 37, 58, 68)  # pictures of docs/results.md
@@ -32,6 +34,9 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put the claims into docs/results.md")
     asked = parser.parse_args()
     try:
+        expect_trials(asked.trials)
+        if read_timing(asked.trials) is None:
+            measure(asked.trials)  # a minute, before the processes that draw: alone on the machine
         drawn = draw_figures(asked.trials, asked.output, only=asked.only, formats=asked.format, force=True)
         table = claims_table(Material(asked.trials))
         if asked.write:

@@ -22,7 +22,7 @@ from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from .example import DrivePictures
-from .timing import timing_of
+from .timing import read_timing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -49,7 +49,10 @@ class Material(TrialsFolder):
     @cached_property
     def timing(self) -> pl.DataFrame:
         """What features and updates cost."""
-        return timing_of(self.folder)
+        timing = read_timing(self.folder)
+        if timing is None:
+            raise MissingRuns(self.folder, "holds no timing; python -m benchmarks.thesis measures it")
+        return timing
 
     @cached_property
     def drive(self) -> Drive:

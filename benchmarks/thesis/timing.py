@@ -44,7 +44,7 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, F64]:
 
 
 def measure(folder: Path, rounds: int = 15) -> pl.DataFrame:
-    """Measure everything and write it as the folder's timing.parquet; see `timing_of` for its columns."""
+    """Measure everything and write it as the folder's timing.parquet; see `read_timing` for its columns."""
     cv2.setNumThreads(1)
     drive = open_drive(SPEC, 0)
     rows = [*_features(drive, rounds), *_updates(drive, rounds)]
@@ -105,10 +105,10 @@ def _row(what: str, feature: str, particles: int | None, seconds: F64, color: F6
     }
 
 
-def timing_of(folder: Path) -> pl.DataFrame:
-    """Return what was measured for a folder of trials, and measure it first where nothing was: a minute.
+def read_timing(folder: Path) -> pl.DataFrame | None:
+    """Return what `measure` found for a folder of trials; None where nothing was measured.
 
     Columns: `what` (describe, compare, update), `feature`, `particles` (of an update), seconds as median and
     10 to 90 percent of the rounds, and the ratio to color, round by round.
     """
-    return pl.read_parquet(folder / FILE) if (folder / FILE).is_file() else measure(folder)
+    return pl.read_parquet(folder / FILE) if (folder / FILE).is_file() else None
