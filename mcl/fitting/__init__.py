@@ -1,4 +1,4 @@
-"""Constants fitted to data.
+"""Constants fitted to data. What uses them while a filter runs is in `filter` and `sensor`.
 
 - `motion`: motion constants from turns and straights, and those from a drive with truth
 - `odometry`: motion models to first order; `odometry_fit`: their constants, from any drives with truth

@@ -107,8 +107,8 @@ def fit_motion(segments: Sequence[MotionSegment], model: LinearModel) -> MotionF
     >>> rng = np.random.default_rng(0)
     >>> way = np.array([1.0, 0.0, 0.0])
     >>> ends = [np.array([1 + 0.1 * rng.normal(), 0, 0]) for _ in range(200)]
-    >>> found = fit_motion([MotionSegment(np.zeros(3), (way,), end) for end in ends], LinearOdometry())
-    >>> [one.name for one in found.constants if one.told]
+    >>> fit = fit_motion([MotionSegment(np.zeros(3), (way,), end) for end in ends], LinearOdometry())
+    >>> [constant.name for constant in fit.constants if constant.told]
     ['way_from_way']
     """
     if len(segments) < FEWEST_SEGMENTS:

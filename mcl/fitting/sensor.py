@@ -307,7 +307,7 @@ def library_samples(table: LeftOutTable, progress: Progress | None = None) -> li
         for entry in tested:
             others = table.others(entry)
             truth = int(np.searchsorted(others, table.stand_ins[entry]))
-            yield table.compared(entry).distances[:, others], truth
+            yield table.sensor.compare_reference(entry).distances[:, others], truth
 
     return _blocks(_counted(pictures(), len(tested), progress), table.sensor)
 

@@ -1,6 +1,8 @@
 """What a library of references can tell, before any filter runs. The value `Library` is in `values`.
 
+Nothing here moves particles or reads files; constants that are fitted to a library belong in `fitting`.
+
 - `quality`: what a library covers, and how well it distinguishes its own places; `advice`: what to add to it
-- `left_out`: whether it can tell its places apart, by leaving each place out
+- `left_out`: the table of its pictures, each compared with all other places, from which the others read
 - `drive_score`: whether a drive's pictures fit where they were taken
 """

@@ -25,7 +25,6 @@ from ..values.arrays import F32, F64, I32
 from ..values.geometry import INCH_M, wrap_angle
 from ..values.library import Library
 from ..values.map import crosses, place_tree, spacing
-from ..values.records import Comparison
 
 Index = NDArray[np.intp]
 
@@ -117,11 +116,6 @@ class LeftOutTable:
         """Return the entries (K,) at all places but that of an entry."""
         return np.flatnonzero(self.place_of != self.place_of[entry])
 
-    def compared(self, entry: int) -> Comparison:
-        """Return the comparison of an entry's picture with all L references."""
-        index = self.sensor.library.index
-        return self.sensor.compare({name: index[name].references[entry] for name in self.sensor.weights})
-
     @cached_property
     def stand_ins(self) -> I32:
         """For every entry (L,) the one of similar heading at the nearest other visible place, or -1."""
@@ -202,7 +196,7 @@ class _Rows:
         most = max(MOST_COMPARED // table.sensor.library.size, FEWEST_PICTURES)
         tested = table.tested(min(most, MOST_PICTURES))
         for entry in tested.tolist():
-            others, comparison = table.others(entry), table.compared(entry)
+            others, comparison = table.others(entry), table.sensor.compare_reference(entry)
             costs.append(-np.asarray(comparison.log_likelihood[others], np.float64))
             alone.append(np.asarray(comparison.channel_cost[:, others], np.float64))
             truth.append(int(np.searchsorted(others, table.stand_ins[entry])))

@@ -169,7 +169,7 @@ def self_similarity_of(table: LeftOutTable, progress: Progress | None = None) ->
     curve: list[F64] = []
     for entry in range(len(poses)):
         others = table.others(entry)
-        cost = np.asarray(table.compared(entry).cost[others], np.float64)
+        cost = np.asarray(table.sensor.compare_reference(entry).cost[others], np.float64)
         distance_m, turned = _to_entries(poses, entry, others)
         near = (distance_m <= NEIGHBOR_SPACINGS * spacing_m) & (turned <= SAME_WAY_RAD)
         columns.append(_look_alikes(others, cost, near, distance_m > FAR_SPACINGS * spacing_m))

@@ -183,12 +183,11 @@ class Surroundings:
         if not names:  # a robot without a camera
             return UsualFit(float("nan"), 0.0, {})
         for entry in range(0, library.size, max(library.size // SAMPLED, 1)):
-            measured = {name: library.index[name].references[entry] for name in names}
             near = self.near(library.poses[entry])
             near, far = near[near != entry], self.far(library.poses[entry])
             if not len(near) or not far.any():
                 continue
-            comparison = sensor.compare(measured)
+            comparison = sensor.compare_reference(entry)
             costs.append(float(comparison.cost[near].min()))
             rows = np.concatenate([comparison.cost[None], comparison.channel_cost])
             confused.append((rows[:, far] < np.median(rows[:, near], axis=1)[:, None]).mean(axis=1))

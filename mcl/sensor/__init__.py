@@ -1,6 +1,8 @@
 """The sensor model: from a picture to the likelihood of every reference, and so of every particle.
 
-- `descriptors`: what is measured in a picture, one file per channel (`color` is the color histogram)
+Nothing here moves, weighs or resamples particles, which is the work of `filter`.
+
+- `descriptors`: what is measured in a picture, the channels
 - `distances`: how far a picture's descriptor is from every reference's
 - `references`: which references a particle is compared with, and which poses none speaks for
 - `virtual_references`: what a picture taken midway between surveyed ones would measure

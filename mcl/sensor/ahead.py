@@ -74,12 +74,12 @@ def compared(
     results = []
     for sensor in sensors:
         shared = 0.0
-        for one in sensor.sensors.values():
-            if id(one) not in readings:
-                readings[id(one)] = _Reading.of(one, frame)
-            shared += readings[id(one)].took_s
+        for pose_sensor in sensor.sensors.values():
+            if id(pose_sensor) not in readings:
+                readings[id(pose_sensor)] = _Reading.of(pose_sensor, frame)
+            shared += readings[id(pose_sensor)].took_s
         began = perf_counter()
-        read = {name: readings[id(one)].value for name, one in sensor.sensors.items()}
+        read = {name: readings[id(used)].value for name, used in sensor.sensors.items()}
         comparison = sensor.compare(
             {name: descriptors[name] for name in sensor.weights},
             {name: value for name, value in read.items() if value is not None},

@@ -184,6 +184,10 @@ class SensorModel:
             of_channels=comparison.log_likelihood,
         )
 
+    def compare_reference(self, entry: int) -> Comparison:
+        """Compare one of the library's own pictures, as its channels measured it, with all L entries."""
+        return self.compare({name: self.library.index[name].references[entry] for name in self.weights})
+
     def _sense(self, name: str, reading: Any) -> Sensed:
         sensor, poses, origin = self.sensors[name], self.library.poses.copy(), self.library.origin
         poses[:, :2] -= origin

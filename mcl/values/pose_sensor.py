@@ -41,8 +41,8 @@ class PoseProposal:
 
     >>> import numpy as np
     >>> from maurice_mcl import PoseProposal
-    >>> one = PoseProposal(np.array([[1.0, 2.0, 0.5]]), np.diag([0.01, 0.01, 0.003])[None], np.ones(1))
-    >>> one.covariances.shape
+    >>> proposal = PoseProposal(np.array([[1.0, 2.0, 0.5]]), np.diag([0.01, 0.01, 0.003])[None], np.ones(1))
+    >>> proposal.covariances.shape
     (1, 3, 3)
     """
 

@@ -94,6 +94,6 @@ class LandmarkSet:
         rows = {name: len(values[name]) for name in names if name not in OTHER_ROWS}
         odd = [name for name, count in rows.items() if count != rows["points"]]
         if odd:
-            found = f"{rows[odd[0]]} rows of {odd[0]!r}"
-            raise ValueError(f"found {found}, expected {rows['points']}; build the library again")
+            odd_rows = f"{rows[odd[0]]} rows of {odd[0]!r}"
+            raise ValueError(f"found {odd_rows}, expected {rows['points']}; build the library again")
         return cls(fit, **values)
