@@ -233,7 +233,7 @@ def step_before_loss(verdict: RunVerdict) -> int | None:
         return None
     failures = verdict.failures
     ending = [failure for failure in failures if failure.episode.last == verdict.last] or list(failures)
-    return 0 if verdict.found is None else max(min(ending[0].first, ending[0].episode.onset) - 1, 0)
+    return 0 if verdict.localized is None else max(min(ending[0].first, ending[0].episode.onset) - 1, 0)
 
 
 def verdict_of(point: BranchPoint) -> RunVerdict:

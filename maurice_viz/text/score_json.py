@@ -76,7 +76,7 @@ def _run_json(result: RunResult, scale: Scale) -> dict[str, Any]:
     scores = _values(result.score, SCORES)
     head = {"label": result.label, "verdict": _verdict_json(result, scale)}
     relative = None if result.score.relative is None else asdict(result.score.relative)
-    scores["localized_at_step"] = result.verdict.found
+    scores["localized_at_step"] = result.verdict.localized
     scores["lost_at_step"] = _lost_at(result.verdict)
     scores["relative_error"] = relative
     scores["knows_where_it_is"] = _signal_json(result)
@@ -101,19 +101,23 @@ def _alone_json(result: RunResult) -> dict[str, Any] | None:
     return errors_m | {"run_against_it": _difference_json(alone.against, "m"), "better": alone.is_better}
 
 
-VERDICT = ("updates", "has_truth", "found", "decisive", "error_end_m", "error_most_m", "most_at", "left_map")
-
-
 def _verdict_json(result: RunResult, scale: Scale) -> dict[str, Any]:
     verdict = result.verdict
-    facts = _values(verdict, VERDICT) | {
+    return {
+        "updates": verdict.updates,
+        "has_truth": verdict.has_truth,
+        "found": verdict.localized,
+        "decisive": verdict.decisive,
+        "error_end_m": verdict.error_end_m,
+        "error_most_m": verdict.error_most_m,
+        "most_at": verdict.most_at,
         "left_map": list(verdict.left_map),
         "text": say_verdict(verdict, scale),
+        "in_obstacles": [asdict(stay) for stay in verdict.in_obstacles],
+        "episodes": [asdict(episode) | {"text": episode.account} for episode in verdict.episodes],
+        "failures": [failure_json(failure, scale) for failure in verdict.failures],
+        "causes": [asdict(incident) for incident in verdict.incidents],
     }
-    facts["in_obstacles"] = [asdict(stay) for stay in verdict.in_obstacles]
-    facts["episodes"] = [asdict(episode) | {"text": episode.account} for episode in verdict.episodes]
-    facts["failures"] = [failure_json(failure, scale) for failure in verdict.failures]
-    return facts | {"causes": [asdict(incident) for incident in verdict.incidents]}
 
 
 def failure_json(failure: Failure, scale: Scale) -> dict[str, Any]:

@@ -158,7 +158,7 @@ def _radii(radii: Radii, units: Units) -> str:
 def _localized(result: RunResult) -> str:
     if not result.verdict.has_truth:
         return "-"
-    return "never" if result.verdict.found is None else f"from step {result.verdict.found}"
+    return "never" if result.verdict.localized is None else f"from step {result.verdict.localized}"
 
 
 def _wrong(result: RunResult) -> str:
@@ -167,7 +167,7 @@ def _wrong(result: RunResult) -> str:
     more = f", {len(wrong) - 1} more" if len(wrong) > 1 else ""
     if wrong:
         return f"step {wrong[0]}{more}"
-    return "-" if result.score.lost is None or result.verdict.found is None else "never"
+    return "-" if result.score.lost is None or result.verdict.localized is None else "never"
 
 
 def _lost(result: RunResult) -> str:

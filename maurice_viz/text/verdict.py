@@ -213,11 +213,13 @@ def _how_sure(episode: Episode, verdict: RunVerdict, scale: Scale) -> str:
 def _never_wrong(verdict: RunVerdict, scale: Scale) -> str:
     """Return what is to be said of a run without an episode, or whose search ended well."""
     end = verdict.end
-    if verdict.found is None or end is None:
+    if verdict.localized is None or end is None:
         return f"was not localized in {verdict.updates} steps ({off_at(end, scale)} at the end)"
-    if verdict.found > verdict.first:
+    if verdict.localized > verdict.first:
         right = "right" if end.correct else "too far off" if end.lost else "neither right nor lost"
-        return f"was localized from step {verdict.found} on, and {right} at the end ({off_at(end, scale)})"
+        return (
+            f"was localized from step {verdict.localized} on, and {right} at the end ({off_at(end, scale)})"
+        )
     how = "right at every step" if not verdict.off else "never lost"
     if verdict.beyond:
         steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"

@@ -27,7 +27,7 @@ LEAP_TIMES = 2.0  # times as far as in any other update: no drive, but a robot t
 
 def gap_in_log(story: Story) -> Failure | None:
     """Pictures and odometry of some time are missing, and the robot drove on meanwhile."""
-    for update in story.some(story.window, lambda u: u.after_s is not None and not u.kidnapped):
+    for update in story.where(story.window, lambda u: u.after_s is not None and not u.kidnapped):
         times = (update.after_s or 0.0) / story.usual_s if story.usual_s > 0 else 0.0
         if not (times >= LONG_GAP and _is_surprising(update)):
             continue
@@ -42,7 +42,7 @@ def gap_in_log(story: Story) -> Failure | None:
 
 def stuck_pictures(story: Story) -> Failure | None:
     """The camera gave the same picture again and again."""
-    stuck = story.some(story.nearby, lambda u: u.repeated)
+    stuck = story.where(story.nearby, lambda u: u.repeated)
     before = [update for update in stuck if update.step <= story.updates[story.lost].step + 1]
     if len(stuck) < STUCK_PICTURES or not before:
         return None
@@ -54,7 +54,7 @@ def stuck_pictures(story: Story) -> Failure | None:
 
 def carried(story: Story) -> Failure | None:
     """The truth moved much farther than odometry says, or the log tells of it."""
-    for update in story.some(story.window, lambda u: u.moved_m is not None or u.kidnapped):
+    for update in story.where(story.window, lambda u: u.moved_m is not None or u.kidnapped):
         if update.kidnapped or _jumped(update, story):
             source = "the log says so" if update.kidnapped else "the truth jumped"
             away = {} if update.moved_m is None else {"moved_m": update.moved_m, "driven_m": update.driven_m}
@@ -74,11 +74,13 @@ def _jumped(update: UpdateEvidence, story: Story) -> bool:
 
 def off_map(story: Story) -> Failure | None:
     """The truth lies off the map, or the whole cloud left it."""
-    outside = story.some(story.window, lambda u: not u.broken and (u.left or (u.zero and u.inside == 0)))
-    surprising = story.some(story.window, _is_surprising)
+    outside = story.where(
+        story.window, lambda u: not u.broken and (u.cloud_left or (u.zero and u.inside == 0))
+    )
+    surprising = story.where(story.window, _is_surprising)
     if outside and not any(u.step < outside[0].step for u in surprising):  # else motion had led it astray
         return cloud_left(story, outside)
-    off = story.some(story.window, lambda u: u.outside is True)
+    off = story.where(story.window, lambda u: u.outside is True)
     if len(off) >= OUT_UPDATES:
         return story.failure(LEFT_MAP, off[0].step, truth="off the map", updates=len(off))
     return None
@@ -94,7 +96,7 @@ def cloud_left(story: Story, outside: Sequence[UpdateEvidence]) -> Failure:
 
 def out_of_plane(story: Story) -> Failure | None:
     """The robot was tilted out of the plane in a third of the updates about the loss, as the log tells."""
-    tilted = story.some(story.nearby, lambda u: u.tilt_deg is not None)
+    tilted = story.where(story.nearby, lambda u: u.tilt_deg is not None)
     if not tilted or len(tilted) < TILTED_SHARE * len(story.nearby):
         return None
     most = max(update.tilt_deg or 0.0 for update in tilted)
@@ -123,7 +125,7 @@ def beyond_motion(story: Story) -> Failure | None:
 
 def slipped_as_told(story: Story) -> Failure | None:
     """The log tells that the wheels slipped, and the motion model hardly allows it."""
-    for update in story.some(story.moves, lambda u: "slip" in map(first_word, u.events)):
+    for update in story.where(story.moves, lambda u: "slip" in map(first_word, u.events)):
         if update.surprise is not None and update.surprise.largest > LOGGED_SD:
             return _motion(story, update, update, update.surprise.largest, 1)
     return None

@@ -86,7 +86,7 @@ class UpdateEvidence:
     floor: str  # that the robot was on when it set off, if the log or the map tells it
     broken: bool  # whether a likelihood was no number
     zero: bool  # whether all weights were zero
-    left: bool  # whether the whole cloud would have left the map
+    cloud_left: bool  # whether the whole cloud would have left the map
     score: StepScore
     lost_m: float  # an error above it is lost
     size: int  # particles
@@ -150,7 +150,7 @@ class EvidenceFinder:
             floor=floor,
             broken=bool(np.isnan(likely).any()),
             zero=ALL_ZERO in record.events,
-            left=LEFT_MAP in record.events,
+            cloud_left=LEFT_MAP in record.events,
             score=episodes.score,
             lost_m=record.estimate.radii.lost_m,
             size=record.weighted.size,

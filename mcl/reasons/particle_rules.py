@@ -15,13 +15,13 @@ COPIES = 1.0  # times one over the number of particles: the weight that should l
 
 def weights_vanish(story: Story) -> Failure | None:
     """Likelihoods were no numbers, or all weights zero, or all but one: rounded away, not small."""
-    broken = story.some(story.window, lambda u: u.broken)
+    broken = story.where(story.window, lambda u: u.broken)
     if broken:
         return story.failure(NUMERIC, broken[0].step, weights="not a number", updates=len(broken))
-    zero = story.some(story.window, lambda u: u.zero)
+    zero = story.where(story.window, lambda u: u.zero)
     if zero:
         return story.failure(NUMERIC, zero[0].step, weights="all zero", updates=len(zero))
-    known = story.some(story.window, lambda u: np.isfinite(u.spread_nats))
+    known = story.where(story.window, lambda u: np.isfinite(u.spread_nats))
     sharp = [update for update in known if update.spread_nats > SHARP_NATS]
     if not sharp or len(sharp) < MOST_SHARE * len(known):
         return None
@@ -34,7 +34,7 @@ def weights_vanish(story: Story) -> Failure | None:
 
 def unlucky(story: Story) -> Failure | None:
     """Particles at the true place had weight for a copy or more, and resampling made none, for good."""
-    known = story.some(story.since_last, lambda u: u.near is not None)
+    known = story.where(story.since_last, lambda u: u.near is not None)
     kept = max((u.step for u in known if u.near and u.near.shares[2] > 0), default=0)
     update = next((u for u in known if u.step > kept and _counts(u)), None)
     if update is None or update.near is None:
@@ -46,7 +46,7 @@ def unlucky(story: Story) -> Failure | None:
 
 def no_particle(story: Story) -> Failure | None:
     """No particle was at the true place: none ever was, none for long, or the last one went."""
-    known = story.some(story.since_last, lambda u: u.near is not None)
+    known = story.where(story.since_last, lambda u: u.near is not None)
     if not known:
         return None
     nearest = min(update.near.nearest_m for update in known if update.near)

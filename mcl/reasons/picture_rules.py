@@ -33,7 +33,7 @@ NAMED_ELEMENTS = 3  # of a channel
 def library_gap(story: Story) -> Failure | None:
     """No reference is near the true place."""
     least = GAP_SPACINGS * story.spacing_m
-    far = story.some(story.window, lambda u: u.reference_m is not None and u.reference_m > least)
+    far = story.where(story.window, lambda u: u.reference_m is not None and u.reference_m > least)
     if len(far) < LEAST_UPDATES:
         return None
     distances = [u.reference_m for u in far if u.reference_m is not None and np.isfinite(u.reference_m)]
@@ -108,14 +108,14 @@ def unlike_references(story: Story) -> Failure | None:
         times_usual=_median(fit.cost for fit in fits) / usual.cost,
         confused=usual.confused,
         pictures=len(bad),
-        of_pictures=len(story.some(story.pictures, lambda u: u.fit is not None)),
+        of_pictures=len(story.where(story.pictures, lambda u: u.fit is not None)),
     )
 
 
 def ambiguity(story: Story) -> Failure | None:
     """The pictures fit the true place, and the place of the estimate as well, on average."""
     lost = range(story.lost, min(story.lost + 3 * FIRST_UPDATES, story.end + 1))
-    wrong = story.some(lost, lambda u: u.score.correct is False and u.fit is not None)
+    wrong = story.where(lost, lambda u: u.score.correct is False and u.fit is not None)
     away = [update for update in wrong if update.fit and update.fit.estimate_behind]
     if len(away) < max(MOST_SHARE * len(wrong), LEAST_UPDATES):
         return _divided(story)
@@ -129,7 +129,7 @@ def ambiguity(story: Story) -> Failure | None:
 def _divided(story: Story) -> Failure | None:
     """The estimate was mostly right and the cloud never decided, as another place fits as well."""
     lost = range(story.lost, story.end + 1)
-    right = story.some(lost, lambda u: u.score.correct is True and u.fit is not None)
+    right = story.where(lost, lambda u: u.score.correct is True and u.fit is not None)
     unsure = [u for u in right if u.score.localized is False and u.share_near * u.size >= 1]
     if len(unsure) < max(MOST_SHARE * len(lost), LEAST_UPDATES):
         return None
@@ -137,10 +137,10 @@ def _divided(story: Story) -> Failure | None:
     return None if behind < -ALIKE_NATS else _alike_places(story, unsure, behind_nats=behind)
 
 
-def _alike_places(story: Story, some: list[UpdateEvidence], **evidence: Value) -> Failure:
-    x, y = some[0].fit.rival if some[0].fit else (0.0, 0.0)
-    where: dict[str, Value] = {"rival_x_m": x, "rival_y_m": y, "pictures": len(some)}
-    return story.failure(AMBIGUITY, some[0].step, **evidence, **where)
+def _alike_places(story: Story, updates: list[UpdateEvidence], **evidence: Value) -> Failure:
+    x, y = updates[0].fit.rival if updates[0].fit else (0.0, 0.0)
+    where: dict[str, Value] = {"rival_x_m": x, "rival_y_m": y, "pictures": len(updates)}
+    return story.failure(AMBIGUITY, updates[0].step, **evidence, **where)
 
 
 def _is_bad(update: UpdateEvidence, story: Story) -> bool:
@@ -156,7 +156,7 @@ def _bad(story: Story) -> list[UpdateEvidence]:
     """Return the bad pictures around the loss; none where they are few, or fit the truth all the same."""
     if story.fits_truth:
         return []
-    known = story.some(story.pictures, lambda u: u.fit is not None)
+    known = story.where(story.pictures, lambda u: u.fit is not None)
     bad = [update for update in known if _is_bad(update, story)]
     return bad if len(bad) >= max(MOST_SHARE * len(known), 1) else []
 

@@ -121,9 +121,9 @@ class Story:
         first = self.window.start if self.last_near is None else max(self.last_near, self.since)
         return range(first, min(self.lost + FIRST_UPDATES, self.end) + 1)
 
-    def some(self, where: range, holds: Callable[[UpdateEvidence], bool]) -> list[UpdateEvidence]:
+    def where(self, indexes: range, holds: Callable[[UpdateEvidence], bool]) -> list[UpdateEvidence]:
         """Return the updates of a range for which something holds."""
-        return [self.updates[k] for k in where if holds(self.updates[k])]
+        return [self.updates[k] for k in indexes if holds(self.updates[k])]
 
     @cached_property
     def usual_s(self) -> float:

@@ -50,7 +50,7 @@ def _knows(update: UpdateEvidence) -> bool:
 
 
 def _left(story: Story) -> Failure | None:
-    outside = [update for update in story.updates if update.left]
+    outside = [update for update in story.updates if update.cloud_left]
     return cloud_left(story, outside) if outside else None
 
 
@@ -66,7 +66,7 @@ def _cause(updates: Sequence[UpdateEvidence], episode: Episode) -> Failure:
     for update in updates[max(begin - 1, 0) : lost + 1]:
         if update.kidnapped:
             return story.failure(KIDNAPPED, update.step, told=LOG_SAYS, **evidence)
-        if update.left:
+        if update.cloud_left:
             return story.failure(LEFT_MAP, update.step, driven_m=update.driven_m, **evidence)
         if story.usual_s > 0 and (update.after_s or 0.0) >= VERY_LONG_GAP * story.usual_s:
             gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s}

@@ -58,8 +58,8 @@ def _of_run(label: str, verdict: RunVerdict) -> Iterator[TourMoment]:
     """Yield when a run was found, divided, lost and why, sure of it, and found again."""
     if verdict.telling is not None:
         yield TourMoment(verdict.telling.step, DIVIDED, label, verdict.telling)
-    if verdict.found is not None and verdict.found > verdict.first + 1:
-        yield TourMoment(verdict.found, FOUND, label)
+    if verdict.localized is not None and verdict.localized > verdict.first + 1:
+        yield TourMoment(verdict.localized, FOUND, label)
     for failure in verdict.failures:
         if failure.first > verdict.first:
             yield TourMoment(failure.first, CAUSED, label, failure)

@@ -67,7 +67,7 @@ class RunVerdict:
 
     updates: int = 0
     has_truth: bool = False
-    found: int | None = None  # first step at which the run was localized; None: never, or truth not known
+    localized: int | None = None  # first step at which the run was localized; None: never, or truth not known
     first: int = 0  # step of the first update
     last: int = 0  # and of the last one
     episodes: tuple[Episode, ...] = ()  # each time that it was wrong; none without truth
@@ -114,7 +114,7 @@ class RunVerdict:
         ambiguity = self.ambiguity
         if ambiguity is None or any(e.kind == KIDNAPPED or e.is_sure for e in self.episodes):
             return None
-        return ambiguity if self.found is None or ambiguity.step < self.found else None
+        return ambiguity if self.localized is None or ambiguity.step < self.localized else None
 
     @property
     def telling_incidents(self) -> tuple[Incident, ...]:
@@ -132,9 +132,9 @@ class RunVerdict:
             return self.telling.step
         if loud := [incident for incident in self.incidents if incident.about.is_loud]:
             return loud[0].shown_at
-        if self.found is not None and self.found > self.first + 1:
-            return self.found
-        if self.sure_and_wrong is not None and self.found is None:
+        if self.localized is not None and self.localized > self.first + 1:
+            return self.localized
+        if self.sure_and_wrong is not None and self.localized is None:
             return self.sure_and_wrong.step
         if self.has_truth:
             return self.most_at
@@ -260,7 +260,7 @@ class VerdictBuilder:
             updates=verdict.updates + 1,
             first=verdict.first if verdict.updates else step,
             last=step,
-            found=episodes.localized,
+            localized=episodes.localized,
             radii=record.estimate.radii,
             left_map=(*verdict.left_map, step) if left else verdict.left_map,
             episodes=episodes.episodes,

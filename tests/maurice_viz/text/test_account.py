@@ -121,7 +121,7 @@ def test_every_text_names_the_steps_of_the_episodes(letters, known_start):
         for one in episodes
         for number in (one.first, one.last, one.wrong, one.noticed, one.lost, one.localized)
     }
-    numbers |= {step for span in verdict.doubts for step in span} | {verdict.found, verdict.most_at}
+    numbers |= {step for span in verdict.doubts for step in span} | {verdict.localized, verdict.most_at}
     numbers |= {one.first for one in verdict.failures} | {incident.step for incident in verdict.incidents}
     numbers |= {verdict.first, verdict.last} | _evidence(verdict)
     for part in ("verdict", "diagnose", "json"):

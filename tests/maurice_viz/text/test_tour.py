@@ -19,7 +19,7 @@ EPISODE = Episode("kidnapped", 51, 53, 51, localized=54, steps=3, fresh=200)
 
 def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     run = RunVerdict(
-        updates=100, has_truth=True, found=1, first=1, last=100, incidents=(CARRY,), episodes=(EPISODE,)
+        updates=100, has_truth=True, localized=1, first=1, last=100, incidents=(CARRY,), episodes=(EPISODE,)
     )
     verdicts = {"robust": run}
     pages = tour_pages(tour_of(verdicts), verdicts, INCHES)

@@ -21,7 +21,7 @@ INCH_M = 0.0254
 GOOD = RunVerdict(
     updates=90,
     has_truth=True,
-    found=1,
+    localized=1,
     first=1,
     error_mean_m=4 * INCH_M,
     end=StepScore(2 * INCH_M, 0.1, True, True, False),
@@ -35,7 +35,7 @@ OFF = StepScore(81 * INCH_M, 0.1, True, False, True)
 
 def wrong(*episodes, end=OFF, **more):
     carried = tuple(Incident(CARRIED, one.first, one.first) for one in episodes if one.kind == "kidnapped")
-    facts = {"updates": 90, "has_truth": True, "found": 1, "first": 1, "last": 90, "incidents": carried}
+    facts = {"updates": 90, "has_truth": True, "localized": 1, "first": 1, "last": 90, "incidents": carried}
     return RunVerdict(**facts, end=end, episodes=episodes, **more)
 
 
@@ -73,7 +73,7 @@ TWICE = Episode("lost", 38, 49, 38, 37, 41, 50), Episode("lost", 70, 90, 70, los
         ),
         (RunVerdict(updates=9, converged_share=0.5), ["converged at 50%", "no truth"]),
         (RunVerdict(updates=3, has_truth=True, end=OFF), ["not localized in 3 steps", "81.0 in"]),
-        (replace(GOOD, found=53), ["localized from step 53", "right at the end", "2.0 in"]),
+        (replace(GOOD, localized=53), ["localized from step 53", "right at the end", "2.0 in"]),
     ],
 )  # fmt: skip
 def test_one_run_in_one_line(verdict, facts):
@@ -154,7 +154,7 @@ TWINS = Ambiguity(3, 3, 5, (0.47, 0.38), 64 * INCH_M, 2)
 
 
 def test_two_places_that_look_alike_have_a_sentence_of_their_own():
-    run = replace(GOOD, found=9, ambiguity=TWINS)
+    run = replace(GOOD, localized=9, ambiguity=TWINS)
     places = "wo places looked alike at step 3", "47%", "38%", "64.0 in", "truth is in the second"
     ends = "localized from step 9", "right at the end", "2.0 in"
     expect_facts(say_verdict(run, INCHES), *places, *ends)

@@ -40,7 +40,7 @@ def healthy(step):
         floor="wood",
         broken=False,
         zero=False,
-        left=False,
+        cloud_left=False,
         score=RIGHT if step < LOST_AT else OFF,
         lost_m=0.9,
         size=1000,
@@ -86,7 +86,11 @@ ALL = range(1, UPDATES)
 CASES = {
     "a gap": ("data", {"after_s": 60.0, "moved_m": 1.6, "surprise": Surprise(9, 3, 1)}, [10]),
     "equal pictures": ("data", {"repeated": True}, range(8, 14)),
-    "cloud off the map": ("left_map", {"left": True, "driven_m": 20.0, "surprise": Surprise(99, 0, 0)}, [10]),
+    "cloud off the map": (
+        "left_map",
+        {"cloud_left": True, "driven_m": 20.0, "surprise": Surprise(99, 0, 0)},
+        [10],
+    ),
     "truth off the map": ("left_map", {"outside": True}, range(9, 13)),
     "tilted": ("out_of_plane", {"tilt_deg": 22.0, "surprise": Surprise(9, 3, 1)}, range(7, 14)),
     "carried": ("kidnapped", {"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11]),
@@ -97,7 +101,7 @@ CASES = {
     "one movement": ("motion", {"surprise": Surprise(0.1, 0.3, -12.0)}, [10]),
     "many movements": ("motion", {"surprise": Surprise(0.1, 0.3, 3.0)}, range(7, 12)),
     "all zero": ("numeric", {"zero": True}, [10]),
-    "no numbers": ("numeric", {"broken": True, "left": True}, range(9, 14)),
+    "no numbers": ("numeric", {"broken": True, "cloud_left": True}, range(9, 14)),
     "too sharp": ("numeric", {"spread_nats": 900.0, "ess": 1.0}, ALL),
     "no reference": ("library_gap", {"reference_m": 1.1, "fit": None}, range(9, 14)),
     "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6)}, range(9, UPDATES)),
@@ -249,7 +253,7 @@ def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_
     assert found.episode.account == "probably lost from step 19 to 25"
     assert (run(after_s=30.0).kind, run(after_s=60.0).kind) == ("kidnapped", "data")  # carried in less time
     assert run(events=("kidnapped",), after_s=60.0).evidence["told"] == "the log says so"
-    assert run(left=True).kind == "left_map"
+    assert run(cloud_left=True).kind == "left_map"
 
 
 @pytest.mark.parametrize(("page", "kinds"), [("diagnose.md", CAUSES), ("commands.md", INCIDENTS)])

@@ -10,7 +10,7 @@ CARRY = Incident(CARRIED, 51, 51, None, 1.7)
 LOST = RunVerdict(
     updates=100,
     has_truth=True,
-    found=1,
+    localized=1,
     first=1,
     last=100,
     incidents=(CARRY,),
@@ -20,7 +20,7 @@ LOST = RunVerdict(
 BACK = RunVerdict(
     updates=100,
     has_truth=True,
-    found=1,
+    localized=1,
     first=1,
     last=100,
     incidents=(CARRY,),
@@ -41,7 +41,9 @@ def test_a_kidnapping_with_two_runs_has_five_moments_in_order():
 
 def test_a_search_shows_where_the_cloud_was_divided_and_when_it_was_localized():
     divided = Ambiguity(3, 2, 4, (0.5, 0.4), 1.6, 2)
-    found = RunVerdict(updates=40, has_truth=True, found=9, first=1, last=40, most_at=1, ambiguity=divided)
+    found = RunVerdict(
+        updates=40, has_truth=True, localized=9, first=1, last=40, most_at=1, ambiguity=divided
+    )
     tour = tour_of({"a": found})
     assert [(one.step, one.kind) for one in tour] == [
         (1, "begins"),
@@ -59,7 +61,7 @@ def test_there_are_never_more_than_five_moments():
     episodes = tuple(
         Episode("lost", k, k + 4, k, lost=k + 3, localized=k + 5, steps=5) for k in range(10, 90, 10)
     )
-    run = RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, episodes=episodes)
+    run = RunVerdict(updates=90, has_truth=True, localized=1, first=1, last=90, episodes=episodes)
     tour = tour_of({"a": run})
     assert len(tour) == 5
     assert [one.step for one in tour] == sorted({one.step for one in tour})

@@ -28,7 +28,7 @@ def verdict_of(truths, log=None, fresh=None, events=None):
 
 def test_a_run_that_stays_localized_has_no_trouble_and_opens_at_its_worst_error():
     found = verdict_of([NEAR] * 5 + [(1.2, 1.0, 0.0)] + [NEAR] * 4)
-    assert (found.episodes, found.found, found.decisive, found.off) == ((), 1, 6, 0)
+    assert (found.episodes, found.localized, found.decisive, found.off) == ((), 1, 6, 0)
     assert found.error_most_m == pytest.approx(0.2, abs=1e-6)
     assert found.error_mean_m == pytest.approx(0.2 / 7, abs=1e-6)  # over steps 4 to 10, as in the table
 
