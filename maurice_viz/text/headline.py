@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import BEFALLING, CARRIED, CAUSES, UNKNOWN
+from maurice_mcl.reasons.causes import CARRIED, CAUSES, UNKNOWN
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING, Episode
 
@@ -88,10 +88,10 @@ def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
     episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
     if episodes:
         return _of_episodes(verdict, episodes, scale)
-    if verdict.found is None:
+    if verdict.localized is None:
         return Outcome("{was} never localized", off, after=at_end)
-    if verdict.found > verdict.first:
-        return Outcome("found {itself}", str(verdict.found), "at step ", alone=f", {off} at the end")
+    if verdict.localized > verdict.first:
+        return Outcome("found {itself}", str(verdict.localized), "at step ", alone=f", {off} at the end")
     did = "{was} right at every step" if not verdict.off else "{was} never lost"
     return Outcome(did, scale.say(verdict.error_mean_m or 0.0), after=" off on average")
 
@@ -118,9 +118,8 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
 
 def _why(verdict: RunVerdict) -> str:
     """Return the cause of the first failure that no incident explains, in a word or two."""
-    is_loud = any(map(verdict.has_loud_incident, verdict.episodes))
-    kinds = [failure.kind for failure in verdict.failures if not (is_loud and failure.kind in BEFALLING)]
-    return CAUSES[kinds[0]].title if kinds and kinds[0] != UNKNOWN else ""
+    failure = verdict.unexplained
+    return "" if failure is None or failure.kind == UNKNOWN else CAUSES[failure.kind].title
 
 
 def _without_truth(verdict: RunVerdict) -> Outcome:

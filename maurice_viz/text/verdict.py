@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.reasons.causes import BEFALLING, CARRIED
+from maurice_mcl.reasons.causes import CARRIED
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
 from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from maurice_mcl.scoring.metrics import RIGHT_RAD, StepScore
@@ -42,8 +42,7 @@ def _of_several(name: str, verdict: RunVerdict, scale: Scale, kidnapping_told: b
 
 def _why(verdict: RunVerdict, scale: Scale) -> str:
     """Return why a run was not localized (again): its first failure that no incident told before explains."""
-    is_loud = any(map(verdict.has_loud_incident, verdict.episodes))
-    failure = next((f for f in verdict.failures if not (is_loud and f.kind in BEFALLING)), None)
+    failure = verdict.unexplained
     if failure is None:
         return ""
     since = f"from step {failure.episode.onset}: " if len(verdict.episodes) > 1 else ""

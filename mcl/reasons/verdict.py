@@ -21,7 +21,7 @@ from ..values.arrays import F64
 from ..values.radii import USUAL, Radii
 from ..values.records import StepRecord
 from ..values.session import Moment
-from .causes import OVERSTATED, Failure
+from .causes import BEFALLING, OVERSTATED, Failure
 from .diagnosis import DiagnosisBuilder
 from .incidents import Incident, IncidentFinder, InObstacle, ObstacleFinder
 
@@ -107,6 +107,12 @@ class RunVerdict:
         """Return whether something befell the robot right before an episode, which is told by itself."""
         incident = self.incident_of(episode)
         return episode.kind == KIDNAPPED or (incident is not None and incident.about.is_loud)
+
+    @property
+    def unexplained(self) -> Failure | None:
+        """The first failure that no loud incident explains, as that is told by itself."""
+        is_loud = any(map(self.has_loud_incident, self.episodes))
+        return next((f for f in self.failures if not (is_loud and f.kind in BEFALLING)), None)
 
     @property
     def telling(self) -> Ambiguity | None:

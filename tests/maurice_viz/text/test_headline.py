@@ -18,7 +18,7 @@ from maurice_viz.text.headline import TWO_LINES, headline
 
 INCHES = Scale(UNITS["in"])
 OFF, NEAR = StepScore(2.0, 0.1, True, False, True), StepScore(0.05, 0.1, True, True, False)
-GOOD = RunVerdict(updates=90, has_truth=True, found=1, first=1, last=90, error_mean_m=0.1, end=NEAR)
+GOOD = RunVerdict(updates=90, has_truth=True, localized=1, first=1, last=90, error_mean_m=0.1, end=NEAR)
 STAYS = Episode("kidnapped", 61, 90, 61, 63, 64, steps=30, sure=29)
 BACK = Episode("kidnapped", 61, 62, 61, localized=63, steps=2, fresh=100)
 
