@@ -102,7 +102,7 @@ def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     if scene.has_truth:
         errors = lines.error_plots(runs, scene, who)
         columns.append(rrb.Vertical(*errors, *lines.truth_plots(runs), knows))
-    cloud = lines.cloud_plots(runs, scene, lines.NOBODY if scene.has_truth else who)
+    cloud = lines.cloud_plots(runs, scene, lines.NO_COLORS_NAMED if scene.has_truth else who)
     cloud += lines.survival_plots(runs)
     columns.append(rrb.Vertical(*cloud, *([] if scene.has_truth else [knows])))
     return over_events(rrb.Horizontal(*columns, _last(runs)), runs)

@@ -39,26 +39,26 @@ from ..style import (
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import MAP, map_view, plane_view
 
-PARTICLE = 1.75  # radius in points of the screen
-COPIED = 0.9  # radius of a survivor with one copy; the area grows with the copies
-MOST_COPIED = 9.0
-DEAD_PARTICLE = 0.9
-FRESH_PARTICLE = 2.5
-FEW = 300  # particles drawn in updates with less detail
-TRAIL = 25  # poses of a trail that are kept: more would bury the cloud, and cost more the longer it runs
-ARROW = 0.055  # length of a heading arrow, as a share of the arena's long side
+PARTICLE_PT = 1.75  # radius in points of the screen
+ONE_COPY_PT = 0.9  # radius of a survivor with one copy; the area grows with the copies
+LARGEST_COPY_PT = 9.0
+DEAD_PT = 0.9
+FRESH_PT = 2.5
+FEW_PARTICLES = 300  # particles drawn in updates with less detail
+TRAIL_POSES = 25  # of a trail, that are kept: more would bury the cloud, and cost more the longer it runs
+ARROW_SHARE = 0.055  # length of a heading arrow, as a share of the arena's long side
 
 # the frame of the close view is 2 wide and 2 high
-BARS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
+BAR_LENGTHS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
     "in": (1.0, 2.0, 3.0, 6.0, *(12.0 * 2**k for k in range(10))),
     "m": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0),
 }
 BARS_WIDE = 4.0  # the frame reaches so many bars from its middle
-SOME = 400  # particles, by weight, from which the extent of the cloud is estimated
-MARGIN = 1.3  # of the view, over what it must hold
-ASIDE = 0.2  # of the frame: the frame follows a cloud farther from its middle
-LOOSE = 0.35  # of the frame: a smaller cloud makes the frame smaller
-LEFT, BOTTOM = -0.96, 0.93
+SAMPLED_PARTICLES = 400  # particles, by weight, from which the extent of the cloud is estimated
+EXTENT_MARGIN = 1.3  # of the view, over what it must hold
+FOLLOW_SHARE = 0.2  # of the frame: the frame follows a cloud farther from its middle
+SHRINK_SHARE = 0.35  # of the frame: a smaller cloud makes the frame smaller
+BAR_LEFT, BAR_BOTTOM = -0.96, 0.93
 
 
 class CloudPanel(Panel):
@@ -99,7 +99,7 @@ def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale)
             colors=colors_of(
                 weight_colors(belief.log_weights[:1] if equal else belief.log_weights, belief.size)
             ),
-            radii=ui_points_of([PARTICLE]),
+            radii=ui_points_of([PARTICLE_PT]),
         ),
     )
 
@@ -108,7 +108,7 @@ def resampled_points(record: StepRecord) -> Row:
     """Return sizes and colors of the weighted particles by their copies, the dead small and red."""
     copies = copies_of(record.parents, record.weighted.size)
     gone = copies == 0
-    radii = np.where(gone, DEAD_PARTICLE, np.minimum(COPIED * np.sqrt(copies), MOST_COPIED))
+    radii = np.where(gone, DEAD_PT, np.minimum(ONE_COPY_PT * np.sqrt(copies), LARGEST_COPY_PT))
     colors = np.where(gone, np.uint32(packed(DEAD)), copy_colors(copies))
     return row_of(rr.Points2D, colors=colors_of(colors), radii=ui_points_of(radii))
 
@@ -120,7 +120,7 @@ def reseeded_points(record: StepRecord, scale: Scale) -> Row:
         rr.Points2D,
         positions=points_of(positions(record.belief, scale)),
         colors=colors_of(np.where(fresh, packed(FRESH), packed(SETTLED))),
-        radii=ui_points_of(np.where(fresh, FRESH_PARTICLE, PARTICLE)),
+        radii=ui_points_of(np.where(fresh, FRESH_PT, PARTICLE_PT)),
     )
 
 
@@ -132,7 +132,7 @@ class FreshPanel(Panel):
         self._path, self._is_shown = run.paths.fresh, False
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        radius = rr.components.Radius.ui_points(PARTICLE)
+        radius = rr.components.Radius.ui_points(PARTICLE_PT)
         rec.log(
             self._path, rr.Points2D.from_fields(colors=[FRESH], radii=radius, draw_order=22.0), static=True
         )
@@ -153,7 +153,7 @@ class FreshPanel(Panel):
 def few_of(belief: Belief) -> Belief:
     """Return a few hundred particles, spread evenly over the numbering, with their weights."""
     size = belief.size
-    some = np.linspace(0, size - 1, min(size, FEW)).round().astype(np.int64)
+    some = np.linspace(0, size - 1, min(size, FEW_PARTICLES)).round().astype(np.int64)
     return Belief(belief.poses[some], belief.log_weights[some] + np.log(size / len(some)), belief.origin)
 
 
@@ -179,7 +179,8 @@ class PoseMarker:
     order: float
     scale: Scale
     arrow: float  # length in display units
-    _trail: deque[tuple[bool, F32]] = field(default_factory=lambda: deque(maxlen=TRAIL))  # begins, place
+    # whether a line begins there, and the place
+    _trail: deque[tuple[bool, F32]] = field(default_factory=lambda: deque(maxlen=TRAIL_POSES))
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, [self.color]
@@ -211,12 +212,12 @@ def _arrows(origins: ArrayLike, vectors: ArrayLike) -> Row:
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
     """Return the marker of the true pose: white and larger, so that it is visible under the estimate."""
-    return PoseMarker(path, TRUTH, 6.0, 40.0, scale, ARROW * long_side(arena, scale))
+    return PoseMarker(path, TRUTH, 6.0, 40.0, scale, ARROW_SHARE * long_side(arena, scale))
 
 
 def estimate_marker(path: str, arena: Arena, scale: Scale, color: RGB = RUN_COLORS[0]) -> PoseMarker:
     """Return the marker of an estimate, in its run's color."""
-    return PoseMarker(path, color, 4.5, 50.0, scale, ARROW * long_side(arena, scale))
+    return PoseMarker(path, color, 4.5, 50.0, scale, ARROW_SHARE * long_side(arena, scale))
 
 
 NAME_ABOVE, NAME_ROW = 0.08, 0.055  # of the arena's long side: a name above its estimate, and the next run's
@@ -261,7 +262,7 @@ class EstimatePanel(Panel):
 
 
 SIGMAS = 2.0  # an ellipse reaches so many standard deviations
-AROUND = np.linspace(0, 2 * np.pi, 33)
+ELLIPSE_ANGLES = np.linspace(0, 2 * np.pi, 33)
 
 
 class EllipsesPanel(Panel):
@@ -270,7 +271,7 @@ class EllipsesPanel(Panel):
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
         self._path, self._is_own = run.paths.ellipses, not run.is_recorded
-        self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL)
+        self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL_POSES)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points(0.75)
@@ -292,7 +293,9 @@ def ellipse_of(belief: Belief, scale: Scale) -> F32:
     middle = weights @ places
     off = places - middle
     variances, axes = np.linalg.eigh((weights[:, None] * off).T @ off)
-    away = np.column_stack([np.cos(AROUND), np.sin(AROUND)]) * np.sqrt(np.maximum(variances, 0))
+    away = np.column_stack([np.cos(ELLIPSE_ANGLES), np.sin(ELLIPSE_ANGLES)]) * np.sqrt(
+        np.maximum(variances, 0)
+    )
     return scale.screen(middle + belief.origin + SIGMAS * away @ axes.T)
 
 
@@ -309,11 +312,18 @@ class CloseupPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         radius = rr.components.Radius.ui_points
-        end = LEFT + 1 / BARS_WIDE
-        bar = np.array([[LEFT, BOTTOM - 0.02], [LEFT, BOTTOM], [end, BOTTOM], [end, BOTTOM - 0.02]])
+        end = BAR_LEFT + 1 / BARS_WIDE
+        bar = np.array(
+            [
+                [BAR_LEFT, BAR_BOTTOM - 0.02],
+                [BAR_LEFT, BAR_BOTTOM],
+                [end, BAR_BOTTOM],
+                [end, BAR_BOTTOM - 0.02],
+            ]
+        )
         lines = rr.LineStrips2D([bar], colors=[PALE], radii=radius(1.25), draw_order=70.0)
         rec.log(f"{self._path}/bar", lines, static=True)
-        middle = [(LEFT + end) / 2, BOTTOM - 0.1]
+        middle = [(BAR_LEFT + end) / 2, BAR_BOTTOM - 0.1]
         # no labels yet: static ones would hide all later ones
         style = rr.Points2D([middle], colors=[PALE], radii=radius(0.1), show_labels=True, draw_order=70.0)
         rec.log(f"{self._path}/length", style, static=True)
@@ -321,9 +331,9 @@ class CloseupPanel(Panel):
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         middle, reach_m = seen_whole(update.record.weighted, update.moment.truth)
         needed = self._scale.length(reach_m) / BARS_WIDE
-        resized = not LOOSE * self._bar < needed <= self._bar
+        resized = not SHRINK_SHARE * self._bar < needed <= self._bar
         at = self._scale.screen(middle[None])[0]
-        if not resized and np.abs(at - self._at).max() < ASIDE * self._bar * BARS_WIDE:
+        if not resized and np.abs(at - self._at).max() < FOLLOW_SHARE * self._bar * BARS_WIDE:
             return  # a still view is easier to read and costs nothing
         set_phase(rec, update.moment, Phase.PREDICT)
         if resized:
@@ -338,17 +348,18 @@ class CloseupPanel(Panel):
 def seen_whole(belief: Belief, truth: F64 | None) -> tuple[F64, float]:
     """Return middle (2,) and half the side of a square that holds 95 % of the weight, and the truth."""
     ends = np.cumsum(belief.weights)
-    chosen = np.searchsorted(ends, (np.arange(SOME) + 0.5) / SOME * ends[-1])  # heavy ones several times
+    # heavy particles are chosen several times
+    chosen = np.searchsorted(ends, (np.arange(SAMPLED_PARTICLES) + 0.5) / SAMPLED_PARTICLES * ends[-1])
     some = belief.poses[chosen, :2] + belief.origin
     low, high = np.quantile(some, [0.025, 0.975], axis=0)
     if truth is not None:
         low, high = np.minimum(low, truth[:2]), np.maximum(high, truth[:2])
-    return (low + high) / 2, MARGIN * float((high - low).max()) / 2
+    return (low + high) / 2, EXTENT_MARGIN * float((high - low).max()) / 2
 
 
 def bar_for(needed: float, unit: str) -> float:
     """Return the shortest round length of a bar that is at least what is needed, else the longest."""
-    lengths = BARS[unit]
+    lengths = BAR_LENGTHS[unit]
     return next((length for length in lengths if length >= needed), lengths[-1])
 
 

@@ -25,14 +25,14 @@ from .belief import truth_marker
 from .camera import SEES, camera_view, draw_jpeg, draw_name, edges_view, prepare_jpeg
 from .events import EventLines, line_names
 from .panel import MARKDOWN, set_phase, set_phase_only
-from .traces import LINE
+from .traces import LINE_WIDTH
 from .views import MAP, picture_view, plane_view, plot
-from .world import FAR, draw_keys, show_key
+from .world import KEY_DISTANCE, draw_keys, show_key
 
-LONGEST = 12  # letters of a label in a title of the shared column
-LONGEST_TITLE = 30  # letters for which a small map has room
-DOTS = 200  # per cloud on the shared map: four full clouds would hide each other
-DOT = 1.5  # radius in points of the screen
+LABEL_LETTERS = 12  # letters of a label in a title of the shared column
+TITLE_LETTERS = 30  # letters for which a small map has room
+DOTS_A_CLOUD = 200  # per cloud on the shared map: four full clouds would hide each other
+DOT_PT = 1.5  # radius in points of the screen
 
 
 class ComparisonDrawing:
@@ -54,7 +54,7 @@ class ComparisonDrawing:
         }
         self._words = StepWords(self._labels, scene.scale, scene.has_truth)
         self._draws_fresh = draws_fresh and not all(run.is_recorded for run in runs)
-        self._far = FAR * long_side(scene.arena, scene.scale)  # between the keys of all runs
+        self._far = KEY_DISTANCE * long_side(scene.arena, scene.scale)  # between the keys of all runs
         self._key = -1  # the one that is shown
         self._events = EventLines()
         self._named = set[str]()  # runs whose cameras have their names
@@ -114,7 +114,7 @@ class ComparisonDrawing:
 
     def _prepare_run(self, run: RunView) -> None:
         label, points = run.label, rr.components.Radius.ui_points
-        dots = rr.Points2D.from_fields(colors=[run.color], radii=points(DOT), draw_order=20.0)
+        dots = rr.Points2D.from_fields(colors=[run.color], radii=points(DOT_PT), draw_order=20.0)
         self._rec.log(self._clouds[label], dots, static=True)
         mark = rr.SeriesPoints(
             colors=[run.color], names=[f"{font_safe(label)} parts"], markers="diamond", marker_sizes=[5.0]
@@ -134,7 +134,7 @@ class ComparisonDrawing:
         }
         for path, quantity in what.items():
             names = [f"{label}: {quantity} against {first}" for label in others]
-            style = rr.SeriesLines(names=names, colors=colors, widths=[LINE] * len(others))
+            style = rr.SeriesLines(names=names, colors=colors, widths=[LINE_WIDTH] * len(others))
             self._rec.log(path, style, static=True)
 
     def _draw_lines(self, pairs: Mapping[str, StepComparison]) -> None:
@@ -167,7 +167,7 @@ class ComparisonDrawing:
 
     def _dots(self, record: StepRecord) -> F32:
         cloud = record.weighted
-        return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS), :2] + cloud.origin)
+        return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS_A_CLOUD), :2] + cloud.origin)
 
 
 def _keys_of_all(runs: Sequence[RunView], has_truth: bool) -> list[U8]:
@@ -194,7 +194,7 @@ def distance_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeries
 def first_label(runs: Sequence[RunView]) -> str:
     """Return a name for the first run in titles, where a long label would be cut off."""
     label = runs[0].label
-    return label if len(label) <= LONGEST else "the first"
+    return label if len(label) <= LABEL_LETTERS else "the first"
 
 
 def run_belief_view(run: RunView, count: int, scene: Scene) -> rrb.Spatial2DView:
@@ -204,7 +204,7 @@ def run_belief_view(run: RunView, count: int, scene: Scene) -> rrb.Spatial2DView
     contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     unit = scene.scale.units.name
     name = f"{run.label}, {run.color_word}: belief ({unit})"
-    if len(name) > LONGEST_TITLE:
+    if len(name) > TITLE_LETTERS:
         name = f"{run.label}, {run.color_word} ({unit})"
     key = highest(belief_keys(scene.has_truth, run.color, run.is_recorded, count))
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))

@@ -25,15 +25,15 @@ from ..drawing.canvas import Extent, long_side, map_extent
 from ..drawing.keys import paths_key
 from ..style import RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
-from .belief import ARROW, estimate_marker, truth_marker
+from .belief import ARROW_SHARE, estimate_marker, truth_marker
 from .camera import draw_camera, prepare_camera
 from .panel import MARKDOWN
 from .views import MAP, plane_view
 from .world import draw_key, draw_world
 
-MOST = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
-MARGIN = 0.08  # around the paths, as a share of the longer side
-LEAST_M = 1.0  # free on each side of them
+MOST_POINTS = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
+PATH_MARGIN = 0.08  # around the paths, as a share of the longer side
+LEAST_FREE_M = 1.0  # free on each side of them
 
 
 class KnownMoment(Protocol):
@@ -75,14 +75,14 @@ class DrivePaths:
         if not len(points):
             return None
         low, high = points.min(axis=0), points.max(axis=0)
-        free = max(LEAST_M, MARGIN * float((high - low).max()))
+        free = max(LEAST_FREE_M, PATH_MARGIN * float((high - low).max()))
         (x_min, y_min), (x_max, y_max) = (low - free).tolist(), (high + free).tolist()
         return Arena((x_min, y_min, x_max, y_max), np.zeros((0, 4)))
 
 
 def drive_paths(known: Iterable[KnownMoment], info: SessionInfo) -> DrivePaths:
     """Read a drive once. The path by odometry is placed so that it meets the first true pose."""
-    own, measured, true = np.zeros(3), SimplifiedPath(MOST), SimplifiedPath(MOST)
+    own, measured, true = np.zeros(3), SimplifiedPath(MOST_POINTS), SimplifiedPath(MOST_POINTS)
     begins, count, events, moves = info.start, 0, 0, False
     for moment in known:
         count, events, moves = count + 1, events + len(moment.events), moves or len(moment.motions) > 0
@@ -111,19 +111,19 @@ TEXT = "/session/text"
 PATHS = "/world/ways"  # below it truth and odometry, complete and faint
 HISTOGRAM = "/session/histogram"  # under it a channel each, under that a plane each
 TRACE = "/session/trace"
-SHOWN = ("color", "edges")  # channels whose vectors are drawn, of those there are
-NOWHERE = Arena((0.0, 0.0, 10.0, 10.0), np.zeros((0, 4)))  # for the size of arrows only
-FAINT = 90  # opacity of the complete paths, of 255
+SHOWN_CHANNELS = ("color", "edges")  # channels whose vectors are drawn, of those there are
+EMPTY_MAP = Arena((0.0, 0.0, 10.0, 10.0), np.zeros((0, 4)))  # for the size of arrows only
+FAINT_ALPHA = 90  # opacity of the complete paths, of 255
 PLANE_COLORS: tuple[RGB, ...] = ((200, 60, 50), (50, 160, 80), (60, 110, 230))
 BY_ODOMETRY, BY_TRUTH = RUN_COLORS[0], RUN_COLORS[1]
-LINES: dict[str, RGB] = {
+LINE_COLORS: dict[str, RGB] = {
     "forward/odometry": BY_ODOMETRY,
     "turn/odometry": BY_ODOMETRY,
     "apart": BY_ODOMETRY,
     "brightness": RUN_COLORS[2],
 }
-DIGITS = 6  # of plotted values: else the axis of a steady drive would show rounding errors
-DOTS = ("forward/truth", "turn/truth")
+PLOTTED_DIGITS = 6  # of plotted values: else the axis of a steady drive would show rounding errors
+DOTTED_TRACES = ("forward/truth", "turn/truth")
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,12 +143,12 @@ class DriveView:
     @property
     def scale(self) -> Scale:
         """The scale from meters to drawn units."""
-        return scale_for(self.info.display_units, self.arena or NOWHERE)
+        return scale_for(self.info.display_units, self.arena or EMPTY_MAP)
 
     @property
     def channels(self) -> Sequence[str]:
         """Whose vectors are drawn."""
-        return [name for name in SHOWN if name in CHANNELS] if self.pictures else []
+        return [name for name in SHOWN_CHANNELS if name in CHANNELS] if self.pictures else []
 
 
 def draw_drive(rec: rr.RecordingStream, drive: DriveView, moments: Iterable[Moment]) -> None:
@@ -169,12 +169,12 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
         draw_key(rec, entities.PATHS_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
     for name, points, color in (("odometry", paths.measured, BY_ODOMETRY), ("truth", paths.true, TRUTH)):
         if len(points):
-            thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT)]
+            thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT_ALPHA)]
             line = rr.LineStrips2D([scale.screen(points)], colors=faint, radii=thin, draw_order=5.0)
             rec.log(f"{PATHS}/{name}", line, static=True)
-    for path, color in LINES.items():
+    for path, color in LINE_COLORS.items():
         rec.log(f"{TRACE}/{path}", rr.SeriesLines(colors=[color], widths=[1.75]), static=True)
-    for path in DOTS:  # no line across the gaps that truth may have
+    for path in DOTTED_TRACES:  # no line across the gaps that truth may have
         rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BY_TRUTH], marker_sizes=[2.5]), static=True)
     rec.log(TEXT, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
     prepare_camera(rec)
@@ -185,7 +185,7 @@ class _Pen:
 
     def __init__(self, rec: rr.RecordingStream, drive: DriveView) -> None:
         self.rec, self.drive = rec, drive
-        arena, scale = drive.arena or NOWHERE, drive.scale
+        arena, scale = drive.arena or EMPTY_MAP, drive.scale
         self._pose = drive.paths.begins  # by odometry, on the map
         self._truth_before: F64 | None = None
         self._measured = estimate_marker(ODOMETRY, arena, scale, BY_ODOMETRY)
@@ -231,7 +231,7 @@ class _Pen:
         self._trace(f"turn/{kind}", float(np.degrees(motion[2])))
 
     def _trace(self, quantity: str, value: float) -> None:
-        self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(round(value, DIGITS)))
+        self.rec.log(f"{TRACE}/{quantity}", rr.Scalars(round(value, PLOTTED_DIGITS)))
 
     def _words(self, moment: Moment) -> str:
         frame, scale = moment.frame, self.drive.scale
@@ -266,7 +266,8 @@ def reach(drive: DriveView) -> Extent:
     """Return what the map view shows: the map, and the paths where they leave it."""
     assert drive.arena is not None
     extent, points = map_extent(drive.arena, drive.scale), drive.scale.screen(drive.paths.points)
-    room = ARROW * long_side(drive.arena, drive.scale)  # for the robot's disk and arrow at the end of a path
+    # for the robot's disk and arrow at the end of a path
+    room = ARROW_SHARE * long_side(drive.arena, drive.scale)
     low = np.minimum(points.min(axis=0, initial=np.inf) - room, (extent.left, extent.top)).tolist()
     high = np.maximum(points.max(axis=0, initial=-np.inf) + room, (extent.right, extent.bottom)).tolist()
     return Extent(low[0], high[0], low[1], high[1])

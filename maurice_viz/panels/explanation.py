@@ -40,8 +40,8 @@ from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
 from .views import MAP, map_view, picture_view
 
-OUTSIDE = "outside free space"
-NOT_KNOWN = "truth not known here"
+OUTSIDE_WORDS = "outside free space"
+NO_TRUTH_WORDS = "truth not known here"
 
 Column = tuple[str, Explained | None]  # which reference; None: the truth is not known at this update
 
@@ -56,9 +56,9 @@ def columns_of(has_truth: bool) -> tuple[str, ...]:
     return (WINNER, TRUTH, ESTIMATE) if has_truth else (WINNER, ESTIMATE)
 
 
-ARROW = 0.035  # length of the arrows on the map, as a share of the arena's long side
-THICKNESS = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
-LEFT_OUT = "Not drawn at this step (`--detail`)."
+ARROW_SHARE = 0.035  # length of the arrows on the map, as a share of the arena's long side
+ARROW_PT = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
+LEFT_OUT_WORDS = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
 CAMERA_CARD = "camera"
 CAMERA_TITLE = "Camera, edges"
@@ -90,7 +90,7 @@ class ExplanationPanel(Panel):
         key = rr.EncodedImage(contents=png(draw_chart_key()), media_type="image/png")
         rec.log(self._paths.explain("key"), key, static=True)
         arrows = (*whose[1:], whose[0])  # the winner's, the thinnest, is on top
-        thick = rr.components.Radius.ui_points(THICKNESS[-len(arrows) :])
+        thick = rr.components.Radius.ui_points(ARROW_PT[-len(arrows) :])
         of = colors_of(self._run.color)
         colors = [of[who] for who in arrows]
         style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
@@ -124,7 +124,7 @@ class ExplanationPanel(Panel):
         for path in (*charts, *cards, self._paths.explain("marks")):
             rec.log(path, rr.Clear(recursive=False))
         for part in ("table", "words"):
-            rec.log(self._paths.explain(part), rr.TextDocument.from_fields(text=LEFT_OUT))
+            rec.log(self._paths.explain(part), rr.TextDocument.from_fields(text=LEFT_OUT_WORDS))
         self._cards.clear()
 
     def _draw_charts(self, rec: rr.RecordingStream, shown: Sequence[Column]) -> None:
@@ -141,7 +141,7 @@ class ExplanationPanel(Panel):
     def _draw_marks(self, rec: rr.RecordingStream, shown: Sequence[Column], sensor: SensorModel) -> None:
         entries = [None if explained is None else explained.entry for _, explained in shown]
         poses = np.array([np.zeros(3) if entry is None else entry.pose for entry in entries])
-        arrow = ARROW * self._scale.length(max(sensor.library.arena.size_m))
+        arrow = ARROW_SHARE * self._scale.length(max(sensor.library.arena.size_m))
         length = np.where([entry is None for entry in entries], 0.0, arrow)
         along = np.column_stack([np.cos(poses[:, 2]), -np.sin(poses[:, 2])]) * length[:, None]
         origins = points_of(self._scale.screen(poses[:, :2]))
@@ -160,7 +160,7 @@ class _References:
     def card(self, explained: Explained | None) -> bytes:
         """Return the card of a reference: its picture over its edges, as a JPEG."""
         if explained is None or explained.entry is None:
-            return blank_card(self._height, NOT_KNOWN if explained is None else OUTSIDE)
+            return blank_card(self._height, NO_TRUTH_WORDS if explained is None else OUTSIDE_WORDS)
         return card_of(self.sensor.library.pictures[explained.entry.entry], self._thumbnail, self._height)
 
     def card_of_camera(self, image: U8) -> bytes:

@@ -23,7 +23,7 @@ from .panel import StepUpdate, set_phase
 from .registry import panels_of
 from .story import VerdictDrawing
 
-AROUND = 2  # updates before and after an event that are drawn in full
+UPDATES_AROUND = 2  # updates before and after an event that are drawn in full
 
 # bytes of a recording, by benchmarks/speed/recording.py on two drives; fixed, per particle, per channel
 FULL_BYTES = (68_000, 10.6, 6_000)
@@ -36,7 +36,7 @@ class DetailFilter:
 
     detail: Detail = Detail.FULL
     _held: deque[StepUpdate] = field(default_factory=deque)
-    _last_event: int = -AROUND - 1  # number of the update, counted from 0
+    _last_event: int = -UPDATES_AROUND - 1  # number of the update, counted from 0
     _seen: int = 0
 
     def see(self, update: StepUpdate) -> Iterator[StepUpdate]:
@@ -48,7 +48,7 @@ class DetailFilter:
             self._last_event = self._seen
         self._seen += 1
         self._held.append(update)
-        if len(self._held) > AROUND:
+        if len(self._held) > UPDATES_AROUND:
             yield self._first()
 
     def rest(self) -> Iterator[StepUpdate]:
@@ -58,7 +58,7 @@ class DetailFilter:
 
     def _first(self) -> StepUpdate:
         number = self._seen - len(self._held)
-        near = abs(number - self._last_event) <= AROUND
+        near = abs(number - self._last_event) <= UPDATES_AROUND
         return replace(self._held.popleft(), whole=near)
 
 

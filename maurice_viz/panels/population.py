@@ -28,7 +28,7 @@ from .views import plane_view, plot
 # Headings: a histogram of all directions at once, area by weight.
 
 SECTORS = 36  # of ten degrees
-RIM = 1.0  # radius of the rim; a sector's length is the root of its share, so that its area is
+RIM_RADIUS = 1.0  # radius of the rim; a sector's length is the root of its share, so that its area is
 ROSE_REACH = 1.42  # from the middle to the edge of the view, with the labels
 RIM_PX = 160.0  # radius of the rim in its drawing
 ROSE_TEXT_PX = 20.0
@@ -56,7 +56,7 @@ class HeadingsPanel(Panel):
         self._log(rec, record.weighted, [(record.estimate.pose, self._run.color), *known])
 
     def _log(self, rec: rr.RecordingStream, cloud: Belief, poses: list[tuple[F64, style.RGB]]) -> None:
-        vectors = [heading_vector(float(pose[2]), RIM)[0] for pose, _ in poses]
+        vectors = [heading_vector(float(pose[2]), RIM_RADIUS)[0] for pose, _ in poses]
         arrows = row_of(
             rr.Arrows2D,
             origins=points_of(np.zeros((len(poses), 2))),
@@ -72,9 +72,9 @@ def rim(has_truth: bool, color: style.RGB) -> U8:
     size = round(2 * ROSE_REACH * RIM_PX)
     image = np.full((size, size, 3), style.GROUND, np.uint8)
     middle = np.array([size / 2, size / 2])
-    cv2.circle(image, (size // 2, size // 2), round(RIM * RIM_PX), style.RULER, 2, cv2.LINE_AA)
+    cv2.circle(image, (size // 2, size // 2), round(RIM_RADIUS * RIM_PX), style.RULER, 2, cv2.LINE_AA)
     for turn in np.arange(8) * np.pi / 4:
-        end = middle + heading_vector(float(turn), RIM * RIM_PX)[0]
+        end = middle + heading_vector(float(turn), RIM_RADIUS * RIM_PX)[0]
         cv2.line(image, (size // 2, size // 2), (round(end[0]), round(end[1])), style.RULER, 1, cv2.LINE_AA)
     for deg, text in DIRECTIONS:
         width, height = text_size(text, ROSE_TEXT_PX)
@@ -120,8 +120,8 @@ def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
 # does not jump when another overtakes it. Weight in no mode stays empty at the top.
 
 UPDATES_SEEN = 60  # updates that are shown, one column each
-ROWS = 24  # rows for the whole weight
-TIMES = (
+BAND_ROWS = 24  # rows for the whole weight
+TIME_LABELS = (
     (0.0, f"{UPDATES_SEEN} steps ago"),
     (UPDATES_SEEN / 2, f"{UPDATES_SEEN // 2}"),
     (UPDATES_SEEN, "now"),
@@ -130,12 +130,12 @@ MODES_MARGIN = (9.0, 4.0, 2.0, 5.5)  # left, right, top, bottom of the drawing, 
 FRAME_PX = 16  # pixels a column of the frame's drawing
 MODES_TEXT_PX = 29.0
 RING_PT = 1.0
-AROUND = np.linspace(0, 2 * np.pi, 49)
+CIRCLE_ANGLES = np.linspace(0, 2 * np.pi, 49)
 LEAST_RINGED = 0.1  # share of the weight; smaller modes are in the bands only
 BANDS = IndexedColors()
 NO_MODE = BANDS.flat(style.EMPTY)
 MODE_INKS = {color: BANDS.flat(color) for color in style.MODE_COLORS}
-CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
+CIRCLE = np.column_stack([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES)])
 
 
 class ModesPanel(Panel):
@@ -143,7 +143,7 @@ class ModesPanel(Panel):
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
-        self._bands = np.full((ROWS, UPDATES_SEEN), NO_MODE, np.uint8)  # the latest update at the right
+        self._bands = np.full((BAND_ROWS, UPDATES_SEEN), NO_MODE, np.uint8)  # the latest update at the right
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         left, _, top, _ = MODES_MARGIN
@@ -183,15 +183,15 @@ def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
 def frame() -> U8:
     """Draw the frame (H, W, 3) RGB with labels below and beside it."""
     left, right, top, bottom = MODES_MARGIN
-    size = round((top + ROWS + bottom) * FRAME_PX), round((left + UPDATES_SEEN + right) * FRAME_PX)
+    size = round((top + BAND_ROWS + bottom) * FRAME_PX), round((left + UPDATES_SEEN + right) * FRAME_PX)
     image = np.full((*size, 3), style.GROUND, np.uint8)
     corner = np.array([left, top]) * FRAME_PX
-    far = corner + np.array([UPDATES_SEEN, ROWS]) * FRAME_PX
+    far = corner + np.array([UPDATES_SEEN, BAND_ROWS]) * FRAME_PX
     image[round(corner[1]) - 2 : round(far[1]) + 2, round(corner[0]) - 2 : round(far[0]) + 2] = style.RULER
-    for column, text in TIMES:
+    for column, text in TIME_LABELS:
         at = corner[0] + column * FRAME_PX - text_size(text, MODES_TEXT_PX)[0] / 2
         put_text(image, text, max(at, 4), far[1] + 2 * MODES_TEXT_PX, MODES_TEXT_PX, style.PALE)
-    for row, text in ((0.0, "100 %"), (ROWS / 2, "50 %"), (float(ROWS), "0 %")):
+    for row, text in ((0.0, "100 %"), (BAND_ROWS / 2, "50 %"), (float(BAND_ROWS), "0 %")):
         width, height = text_size(text, MODES_TEXT_PX)
         put_text(
             image,
@@ -206,10 +206,10 @@ def frame() -> U8:
 
 def column(modes: Sequence[TrackedMode]) -> U8:
     """Draw one update's part of the bands (ROWS,), in colors of `BANDS`."""
-    image, mass = np.full(ROWS, NO_MODE, np.uint8), 0.0
+    image, mass = np.full(BAND_ROWS, NO_MODE, np.uint8), 0.0
     for mode in sorted(modes, key=lambda mode: mode.identity):
         base, mass = mass, mass + mode.estimate.mass
-        rows = slice(ROWS - round(mass * ROWS), ROWS - round(base * ROWS))
+        rows = slice(BAND_ROWS - round(mass * BAND_ROWS), BAND_ROWS - round(base * BAND_ROWS))
         image[rows] = MODE_INKS[style.mode_color(mode.identity)]
     return image
 
@@ -217,7 +217,7 @@ def column(modes: Sequence[TrackedMode]) -> U8:
 def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
     """Show how the weight was shared among the modes of the last updates."""
     left, right, top, bottom = MODES_MARGIN
-    extent = Extent(-left, UPDATES_SEEN + right, -top, ROWS + bottom)
+    extent = Extent(-left, UPDATES_SEEN + right, -top, BAND_ROWS + bottom)
     return plane_view("Modes: share of the weight (%), rings on the map", f"{paths.modes}/**", extent)
 
 

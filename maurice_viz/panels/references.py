@@ -41,11 +41,11 @@ from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, MAP, map_view, plane_view
 from .world import distinct_places
 
-OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
-LARGEST = 0.15  # radius of the best entry's circle, in node spacings
+CIRCLE_OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
+LARGEST_RADIUS = 0.15  # radius of the best entry's circle, in node spacings
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
-SMALLEST = 0.012  # so that every entry is visible
-MOST_PX = 120  # along the longer side of a map
+SMALLEST_RADIUS = 0.012  # so that every entry is visible
+MAP_PX = 120  # along the longer side of a map
 ALL_CHANNELS = "all"  # the map of all channels together
 
 
@@ -77,7 +77,7 @@ class MatchCircles:
         spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-        self.centers = scale.screen(library.poses[:, :2] + OFFSET * spacing_m * along)  # (L, 2) drawn
+        self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn
         self.spacing = scale.length(spacing_m)  # between nodes, or what it is drawn as, in display units
 
     def prepare(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
@@ -90,7 +90,9 @@ class MatchCircles:
 
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
-        radii = np.maximum(nearness(comparison.log_likelihood) * np.float32(LARGEST), np.float32(SMALLEST))
+        radii = np.maximum(
+            nearness(comparison.log_likelihood) * np.float32(LARGEST_RADIUS), np.float32(SMALLEST_RADIUS)
+        )
         rec.log(paths.circles, row_of(rr.Points2D, radii=floats_of(radii * np.float32(self.spacing))))
         best = comparison.best(BEST)
         places, sizes = points_of(self.centers[best]), floats_of(radii[best] * np.float32(self.spacing))
@@ -195,7 +197,7 @@ class LikelihoodMaps:
 
     def __init__(self, library: Library, nearest: NearestReference, scale: Scale) -> None:
         grid = nearest.grid
-        step = max(1, -(-max(grid.shape) // MOST_PX))
+        step = max(1, -(-max(grid.shape) // MAP_PX))
         cells = nearest.place_of_cell[:-1].reshape(grid.shape)[step // 2 :: step, step // 2 :: step]
         self.place_of_pixel = np.ascontiguousarray(cells[::-1])  # (H, W), -1 outside; row 0 on top
         place = np.zeros(library.size, np.int32)  # of each entry

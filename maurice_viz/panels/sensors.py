@@ -60,19 +60,19 @@ from .panel import MARKDOWN, Panel, StepUpdate, set_phase
 from .views import MAP, map_view
 
 ON_MAP, IN_SPACE = "map", "space"  # the views of marks in the map's frame
-POINT, SMALL, STROKE = 3.0, 1.5, 1.0  # ui points
-QUALITY = 88  # of a picture: small letters and thin lines are drawn over it
-NOTHING = np.full((3, 4, 3), MISSING, np.uint8)  # in place of a picture that a sensor did not show
+POINT_PT, SMALL_POINT_PT, STROKE_PT = 3.0, 1.5, 1.0  # ui points
+JPEG_QUALITY = 88  # of a picture: small letters and thin lines are drawn over it
+NO_PICTURE = np.full((3, 4, 3), MISSING, np.uint8)  # in place of a picture that a sensor did not show
 OBSTACLE_M = 0.5  # height that obstacles are drawn with in space: a map does not tell it
 Kind = type[rr.Points2D | rr.LineStrips2D | rr.Points3D | rr.LineStrips3D]
 # by whether they are points, and whether they are flat: archetype, its field, and what fills that
-KINDS: dict[tuple[bool, bool], tuple[Kind, str, Callable[[F32], Values]]] = {
+MARK_KINDS: dict[tuple[bool, bool], tuple[Kind, str, Callable[[F32], Values]]] = {
     (True, True): (rr.Points2D, "positions", points_of),
     (False, True): (rr.LineStrips2D, "strips", strips_of),
     (True, False): (rr.Points3D, "positions", places_of),
     (False, False): (rr.LineStrips3D, "strips", space_strips_of),
 }
-NO_MARKS = {kind: np.zeros((0, 1, 2 if kind[1] else 3), np.float32) for kind in KINDS}
+NO_MARKS = {kind: np.zeros((0, 1, 2 if kind[1] else 3), np.float32) for kind in MARK_KINDS}
 
 
 class SensorsPanel(Panel):
@@ -114,8 +114,8 @@ class SensorsPanel(Panel):
     def _draw(self, rec: rr.RecordingStream, name: str, shown: Shown) -> None:
         self._draw_words(rec, name, say_shown(shown, self._library.arena, self._scale))
         for title in titles_of(self._sensors[name]):
-            image = self._image(shown.pictures.get(title, NOTHING))
-            draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, QUALITY))
+            image = self._image(shown.pictures.get(title, NO_PICTURE))
+            draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, JPEG_QUALITY))
         marks: dict[str, tuple[ShownMarks, F32]] = {}
         for mark in shown.marks:
             shown_marks = self._inside(mark) if mark.view == ON_MAP else mark
@@ -171,15 +171,15 @@ class DrawnMarks:
         """Log marks by entity, with their strips as drawn; empty those that are not among them."""
         for path, kind in self._kinds.items():
             if path not in marks:
-                archetype, values, values_of = KINDS[kind]
+                archetype, values, values_of = MARK_KINDS[kind]
                 rec.log(path, row_of(archetype, **{values: values_of(NO_MARKS[kind])}))
         for path, (shown_marks, strips) in marks.items():
             kind = self._kinds[path] = strips.shape[1] == 1, strips.shape[2] == 2
-            size = STROKE if not kind[0] else POINT if shown_marks.of is None else SMALL
+            size = STROKE_PT if not kind[0] else POINT_PT if shown_marks.of is None else SMALL_POINT_PT
             look = {"colors": colors_of(self._colors(shown_marks)), "radii": ui_points_of([size])}
             if kind[1]:
                 look["draw_order"] = floats_of([30.0 if shown_marks.of is None else 40.0])
-            archetype, values, values_of = KINDS[kind]
+            archetype, values, values_of = MARK_KINDS[kind]
             rec.log(path, row_of(archetype, **{values: values_of(strips)}, **look))
 
     def _colors(self, marks: ShownMarks) -> NDArray[np.uint32]:
@@ -219,7 +219,7 @@ def draw_room(rec: rr.RecordingStream, path: str, arena: Arena, scale: Scale) ->
         ring = np.concatenate([obstacle.polygon, obstacle.polygon[:1]])
         strips += [np.column_stack([ring, np.full(len(ring), z)]) for z in (0.0, OBSTACLE_M)]
         colors += [OBSTACLE] * 2
-    radii = rr.components.Radius.ui_points(STROKE)
+    radii = rr.components.Radius.ui_points(STROKE_PT)
     drawn = [_spaced(strip, scale) for strip in strips]
     rec.log(f"{path}/room", rr.LineStrips3D(drawn, colors=colors, radii=radii), static=True)
     rec.log(path, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

@@ -22,7 +22,7 @@ from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
-from .traces import LINE, POSITION_ERROR, SPREAD
+from .traces import LINE_WIDTH, POSITION_ERROR, SPREAD
 from .views import MAP, Overrides, labeled, plane_view
 
 EVERY = 10  # updates between two points of the limit, which is a straight line
@@ -142,7 +142,7 @@ def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
     contents, styles = list[str](), Overrides()
     for run in runs:
         path = run.paths.trace(POSITION_ERROR if scene.has_truth else SPREAD)
-        styles[path] = rr.SeriesLines.from_fields(colors=[run.color], widths=[LINE])
+        styles[path] = rr.SeriesLines.from_fields(colors=[run.color], widths=[LINE_WIDTH])
         contents.append(path)
     return rrb.TimeSeriesView(
         name="Position error" if scene.has_truth else "Spread of the cloud",

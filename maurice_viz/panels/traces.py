@@ -31,9 +31,9 @@ KNOWS = "knows_where_it_is"  # the lost signal: a probability, which no truth is
 TRUTH_RATIO = "truth_over_estimate"
 TRUTH_RANK = "truth_rank"
 EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
-LINE = 1.75
+LINE_WIDTH = 1.75
 LIMIT_WIDTH = 0.8
-FLAT = 2.0  # a limit is drawn if it is at most so many times the largest error
+LIMIT_REACH = 2.0  # a limit is drawn if it is at most so many times the largest error
 
 COLORS: dict[str, RGB] = {
     POSITION_ERROR: RUN_COLORS[0],
@@ -49,8 +49,8 @@ COLORS: dict[str, RGB] = {
 }
 EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (204, 121, 167))  # of channels, in turn
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
-THICK, THIN = 3.0, 1.0  # thin: channels for which no color was left
-SHARES = {
+THICK_WIDTH, THIN_WIDTH = 3.0, 1.0  # thin: channels for which no color was left
+SHARE_TOPS = {
     CONFIDENCE: 1.1,
     EFFECTIVE: 1.1,
     KNOWS: 1.1,
@@ -76,12 +76,12 @@ class TracesPanel(Panel):
     def prepare(self, rec: rr.RecordingStream) -> None:
         for quantity, color in COLORS.items():
             name = f"{font_safe(self._paths.label)}: {quantity.replace('_', ' ')}"
-            style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE])
+            style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE_WIDTH])
             rec.log(self._paths.trace(quantity), style, static=True)
         band = rr.Measurements.from_fields(
             names=[f"{font_safe(self._paths.label)}: spread, band to 2 sigma"],
             colors=[COLORS[SPREAD]],
-            widths=[THIN],
+            widths=[THIN_WIDTH],
         )
         rec.log(self._paths.trace(TWO_SIGMA), band, static=True)
         lines = evidence_lines(self._run.channels)
@@ -144,7 +144,7 @@ class TracesPanel(Panel):
     def _limits(self) -> list[tuple[str, float, RGB]]:
         radii, length = self._run.radii, self._scale.length
         limits = [("right", length(radii.right_m), BAR), ("lost", length(radii.lost_m), DEAD)]
-        reach = FLAT * self._most.get(POSITION_ERROR, 0.0)
+        reach = LIMIT_REACH * self._most.get(POSITION_ERROR, 0.0)
         return [limit for limit in limits if limit[1] <= reach]
 
     def _extents(self) -> dict[str, tuple[float, float]]:
@@ -156,7 +156,7 @@ class TracesPanel(Panel):
         if POSITION_ERROR in extents:  # its plot also has the spread and the limits
             limits = [limit for _, limit, _ in self._limits()]
             extents[POSITION_ERROR] = 0.0, max(extents[POSITION_ERROR][1], self._most[SPREAD], *limits)
-        return extents | {quantity: (0.0, top) for quantity, top in SHARES.items()}
+        return extents | {quantity: (0.0, top) for quantity, top in SHARE_TOPS.items()}
 
     def _note(self, quantity: str, *values: float) -> None:
         """Remember the extent of a plot."""
@@ -184,8 +184,8 @@ class TracesPanel(Panel):
 def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
     """Return name, color and width of each line of evidence; colors repeat in thinner lines."""
     colors = [EVIDENCE_COLORS[k % len(EVIDENCE_COLORS)] for k in range(len(channels))]
-    widths = [LINE if k < len(EVIDENCE_COLORS) else THIN for k in range(len(channels))]
-    return [("all", ALL_TOGETHER, THICK), *zip(channels, colors, widths, strict=True)]
+    widths = [LINE_WIDTH if k < len(EVIDENCE_COLORS) else THIN_WIDTH for k in range(len(channels))]
+    return [("all", ALL_TOGETHER, THICK_WIDTH), *zip(channels, colors, widths, strict=True)]
 
 
 def top_path(paths: RunPaths, quantity: str) -> str:
@@ -220,10 +220,12 @@ def single_plots(paths: RunPaths, scene: Scene) -> list[rrb.TimeSeriesView]:
 
 
 Who = tuple[str, str]  # whose color is which, at the end of two titles
-NOBODY: Who = ("", "")
+NO_COLORS_NAMED: Who = ("", "")
 
 
-def error_plots(runs: Sequence[RunView], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
+def error_plots(
+    runs: Sequence[RunView], scene: Scene, who: Who = NO_COLORS_NAMED
+) -> list[rrb.TimeSeriesView]:
     """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
     unit = scene.scale.units.name
     return [
@@ -240,7 +242,9 @@ def truth_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def cloud_plots(runs: Sequence[RunView], scene: Scene, who: Who = NOBODY) -> list[rrb.TimeSeriesView]:
+def cloud_plots(
+    runs: Sequence[RunView], scene: Scene, who: Who = NO_COLORS_NAMED
+) -> list[rrb.TimeSeriesView]:
     """Plot spread, confidence and effective sample size of some runs."""
     near = scene.scale.say(runs[0].radii.confidence_m)
     return [
@@ -266,7 +270,7 @@ def survival_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
 def who_is_who(runs: Sequence[RunView]) -> Who:
     """Return the colors of several runs for two titles, two runs each; empty for one run."""
     if len(runs) == 1:
-        return NOBODY
+        return NO_COLORS_NAMED
     names = [f"{run.label} {run.color_word}" for run in runs]
     first, second = ", ".join(names[:2]), ", ".join(names[2:])
     return f": {first}", f": {second}" if second else ""

@@ -22,7 +22,7 @@ from ..style import CARRIED, NODE, WALL, Scale
 from .belief import truth_marker
 from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
 
-FAR = 1000.0  # between the keys of two phases: times the map's long side, or the close-up's half
+KEY_DISTANCE = 1000.0  # between the keys of two phases: times the map's long side, or the close-up's half
 CLOSEUP_LEFT, CLOSEUP_TOP, CLOSEUP_WIDTH = -0.96, -0.98, 1.92  # of the key in the close-up, from -1 to 1
 
 
@@ -42,7 +42,7 @@ class KeysPanel(Panel):
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
-        self._far = FAR * long_side(scene.arena, scene.scale)
+        self._far = KEY_DISTANCE * long_side(scene.arena, scene.scale)
         self._shown: Phase | None = None  # on the timeline `phase`
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -51,7 +51,7 @@ class KeysPanel(Panel):
         for name, drawn in by_phase.items():
             draw_keys(rec, self._paths.phase_key(name), drawn, arena, scale)
         for number, key in enumerate(by_phase[keys.WEIGHTS]):
-            corner = CLOSEUP_LEFT, CLOSEUP_TOP + number * FAR
+            corner = CLOSEUP_LEFT, CLOSEUP_TOP + number * KEY_DISTANCE
             path = f"{self._paths.closeup}/key/{number}"
             place_drawing(rec, path, key, corner, CLOSEUP_WIDTH / key.shape[1], 60.0)
         if not run.is_recorded:
@@ -73,13 +73,13 @@ class KeysPanel(Panel):
             return
         self._shown = phase
         number = keys.PHASES.index(phase)
-        for path, far in ((self._paths.phase_keys, self._far), (f"{self._paths.closeup}/key", FAR)):
+        for path, far in ((self._paths.phase_keys, self._far), (f"{self._paths.closeup}/key", KEY_DISTANCE)):
             show_key(rec, path, number, far)
 
 
 def draw_keys(rec: rr.RecordingStream, path: str, drawn: Sequence[U8], arena: Arena, scale: Scale) -> None:
     """Log keys (H, W, 3), static: the first above the map, each of the others `FAR` below the one before."""
-    far = FAR * long_side(arena, scale)
+    far = KEY_DISTANCE * long_side(arena, scale)
     for number, key in enumerate(drawn):
         extent = keys.key_extent(key, arena, scale)
         corner = extent.left, extent.top + number * far
@@ -100,8 +100,9 @@ def phases_of(update: StepUpdate) -> list[Phase]:
     return [Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT, *resampled, *reseeded]
 
 
-BEFORE_TRUTH = 0.05  # of the arena's long side: where the arrow to the truth ends, or its disk would hide it
-CARRIED_SHOWN = 10  # updates for which the line of a kidnapping stays
+# of the arena's long side: where the arrow to the truth ends, or its disk would hide it
+ARROW_GAP_SHARE = 0.05
+CARRIED_UPDATES = 10  # updates for which the line of a kidnapping stays
 
 
 class TruthPanel(Panel):
@@ -130,7 +131,7 @@ class TruthPanel(Panel):
             self._draw_carried(rec, self._last, truth)
         elif self._carried_for is not None:
             self._carried_for += 1
-            if self._carried_for == CARRIED_SHOWN:
+            if self._carried_for == CARRIED_UPDATES:
                 rec.log(entities.CARRIED, rr.Arrows2D.from_fields(origins=[], vectors=[], labels=[]))
                 self._carried_for = None
         self._last = truth
@@ -138,7 +139,7 @@ class TruthPanel(Panel):
     def _draw_carried(self, rec: rr.RecordingStream, start: F64, end: F64) -> None:
         length = self._scale.say(float(np.hypot(*(end[:2] - start[:2]))))
         origin, place = self._scale.screen(np.stack([start[:2], end[:2]]))
-        way, gap = place - origin, BEFORE_TRUTH * long_side(self._library.arena, self._scale)
+        way, gap = place - origin, ARROW_GAP_SHARE * long_side(self._library.arena, self._scale)
         way *= max(1 - gap / max(float(np.hypot(*way)), gap), 0.5)
         arrow = rr.Arrows2D.from_fields(
             origins=[origin], vectors=[way], labels=[f"carried {length}"], show_labels=True

@@ -15,7 +15,7 @@ from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from ..drawing.canvas import Canvas, draw_ground, jpeg, long_side
-from ..panels.belief import ARROW
+from ..panels.belief import ARROW_SHARE
 from ..panels.world import clipped
 from ..style import GROUND, RGB, TRUTH, WALL, Scale, weight_colors
 
@@ -59,7 +59,7 @@ class Photographer:
         for (x, y), rgba in zip(places.tolist(), colors.tolist(), strict=True):
             cv2.circle(image, (x, y), 5 << SUBPIXEL_BITS, (rgba >> 24, rgba >> 16 & 255, rgba >> 8 & 255), -1,
                        cv2.LINE_AA, SUBPIXEL_BITS)  # fmt: skip
-        arrow = ARROW * long_side(self.arena, self.scale) / ground.unit_per_px
+        arrow = ARROW_SHARE * long_side(self.arena, self.scale) / ground.unit_per_px
         if moment.truth is not None:
             _pose(ground, image, moment.truth, self.scale, TRUTH, 15, arrow)
         _pose(ground, image, record.estimate.pose, self.scale, color, 11, arrow)

@@ -21,7 +21,7 @@ from maurice_viz import entities
 from maurice_viz import entities as paths
 from maurice_viz.drawing.keys import belief_keys, key_extent, runs_key
 from maurice_viz.layouts import several_runs
-from maurice_viz.panels.comparison import DOTS, ComparisonDrawing, by_weight
+from maurice_viz.panels.comparison import DOTS_A_CLOUD, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import RUN_COLORS, scale_for
@@ -96,8 +96,8 @@ def test_the_dots_are_few_and_as_dense_as_the_weight(usual):
             cloud = steps[label][1].weighted
             whole = {tuple(xy) for xy in scale.screen(cloud.world_poses[:, :2]).tolist()}
             dots = {tuple(xy) for xy in read.positions(row).astype(np.float32).tolist()}
-            assert len(dots) <= DOTS
-            assert len(dots - whole) <= 0.02 * DOTS  # rounding of float32 may fall to the other side
+            assert len(dots) <= DOTS_A_CLOUD
+            assert len(dots - whole) <= 0.02 * DOTS_A_CLOUD  # rounding of float32 may fall to the other side
     weights = np.repeat([0.0, 1.0, 3.0, 0.0], 400)
     chosen = by_weight(weights / weights.sum(), 200)
     assert np.bincount(chosen // 400, minlength=4).tolist() == [0, 50, 150, 0]

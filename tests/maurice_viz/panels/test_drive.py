@@ -146,7 +146,7 @@ def test_perfect_odometry_lies_on_the_truth(start, steps, known):
 
 
 def test_ways_are_few_points_in_a_roomy_map(monkeypatch):
-    monkeypatch.setattr(drive_ways, "MOST", 100)
+    monkeypatch.setattr(drive_ways, "MOST_POINTS", 100)
     glances = (Glance(np.array([[1.0, 0.0, 0.0]]), None, ()) for _ in range(10_000))
     ways = drive_paths(glances, SessionInfo("a"))
     assert ways.moments == 10_000

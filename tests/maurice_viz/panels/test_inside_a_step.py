@@ -19,9 +19,9 @@ from maurice_mcl.values.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels.belief import seen_whole
-from maurice_viz.panels.observer import AROUND, DetailFilter, expected_bytes
+from maurice_viz.panels.observer import UPDATES_AROUND, DetailFilter, expected_bytes
 from maurice_viz.panels.panel import StepUpdate
-from maurice_viz.panels.population import ANCESTORS, BANDS, MOST_FAMILIES, ROWS, column, outline, shares
+from maurice_viz.panels.population import ANCESTORS, BAND_ROWS, BANDS, MOST_FAMILIES, column, outline, shares
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
     EVIDENCE,
@@ -110,12 +110,12 @@ def _mode(identity: int, mass: float) -> TrackedMode:
 
 def test_modes_are_stacked_and_detail_needs_room():
     one, two = column((_mode(1, 1.0),)), column((_mode(2, 0.5), _mode(1, 0.25)))
-    assert one.shape == two.shape == (ROWS,)
+    assert one.shape == two.shape == (BAND_ROWS,)
     drawn = BANDS.colors[two]
     assert (BANDS.colors[one] == MODE_COLORS[1]).all()
-    assert (drawn[-ROWS // 4 :] == MODE_COLORS[1]).all()
-    assert (drawn[ROWS // 4 : -ROWS // 4] == MODE_COLORS[2]).all()
-    assert (drawn[: ROWS // 4] == EMPTY).all()
+    assert (drawn[-BAND_ROWS // 4 :] == MODE_COLORS[1]).all()
+    assert (drawn[BAND_ROWS // 4 : -BAND_ROWS // 4] == MODE_COLORS[2]).all()
+    assert (drawn[: BAND_ROWS // 4] == EMPTY).all()
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
@@ -168,7 +168,7 @@ def test_around_events_everything_is_drawn_and_elsewhere_little(at):
     given += filter_.rest()
     assert [update.moment.frame.step for update in given] == list(range(1, 10))
     assert [u.moment.frame.step for u in given if u.whole] == [
-        step for step in range(1, 10) if abs(step - at) <= AROUND
+        step for step in range(1, 10) if abs(step - at) <= UPDATES_AROUND
     ]
 
 

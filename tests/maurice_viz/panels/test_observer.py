@@ -20,7 +20,7 @@ from maurice_viz import entities
 from maurice_viz.drawing.keys import MATCHES, PHASES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.belief import DEAD_PARTICLE, PARTICLE, PoseMarker
+from maurice_viz.panels.belief import DEAD_PT, PARTICLE_PT, PoseMarker
 from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.scene import Detail
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
@@ -81,7 +81,7 @@ def test_particles_walk_through_the_phases(drawn, library):
         assert predict.values["Points2D:colors"] in (carried, carried[:1])
         copies = np.bincount(record.parents, minlength=record.weighted.size)
         radii = np.abs(resample.values["Points2D:radii"])
-        assert ((radii == np.float32(DEAD_PARTICLE)) >= (copies == 0)).all()
+        assert ((radii == np.float32(DEAD_PT)) >= (copies == 0)).all()
         assert np.diff(radii[np.argsort(copies)])[(copies == 0).sum() :].min(initial=0) >= 0
         for row in (predict, weight):
             assert row.step == moment.frame.step
@@ -312,7 +312,7 @@ def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
         assert "Points2D:positions" not in survivors.values
         assert len(everyone.values["Points2D:positions"]) == 40
         radii = np.array(everyone.values["Points2D:radii"])
-        assert (np.abs(radii) > PARTICLE).sum() == record.injected.sum() == 40 * SHARE
+        assert (np.abs(radii) > PARTICLE_PT).sum() == record.injected.sum() == 40 * SHARE
         said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
         assert "**10 fresh** of 40 particles" in said
 
