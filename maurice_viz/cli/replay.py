@@ -17,7 +17,8 @@ from maurice_loaders.live.source import is_live
 from maurice_loaders.session_log.header import drive_name
 
 from ..style import Scale, Units, units_named
-from ..text.summary import paired_rows, score_rows
+from ..text.headline import headline
+from ..text.summary import paired_rows, score_rows, short_rows
 from ..text.verdict import verdict_line
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
@@ -38,6 +39,7 @@ def replay(
     reading: opt.ReadingSet,
     seed: opt.Seed = 0,
     save_run: opt.SaveRun = None,
+    all_rows: opt.AllRows = False,
     json_output: opt.Json = False,
     follow: opt.Follow = False,
     capture: opt.Capture = None,
@@ -62,7 +64,7 @@ def replay(
             live=LiveOptions(follow, capture, keep_up, patience),
             as_recorded=as_recorded,
             output=output,
-            report=printed(json_output),
+            report=printed(json_output, all_rows=all_rows),
             listener=listener,
         )
 
@@ -87,6 +89,7 @@ def compare(
     drawing: opt.DrawingSet,
     reading: opt.ReadingSet,
     save_run: opt.SaveRun = None,
+    all_rows: opt.AllRows = False,
     json_output: opt.Json = False,
 ) -> None:
     """Replay two to four runs side by side in one recording, and show how they differ.
@@ -105,7 +108,7 @@ def compare(
             **chosen.arguments(),
             reading=reading.options(),
             output=output,
-            report=printed(json_output),
+            report=printed(json_output, all_rows=all_rows),
             listener=listener,
         )
 
@@ -125,6 +128,7 @@ def demo(
         Path | None,
         opt.option("--session-only", "Only write session and survey to this folder.", metavar="DIR"),
     ] = None,
+    all_rows: opt.AllRows = False,
     json_output: opt.Json = False,
 ) -> None:
     """Replay a drive through a simulated two-room arena: a kidnapping, or two features side by side."""
@@ -147,7 +151,7 @@ def demo(
                 presets=KIDNAPPING_PRESETS if kidnapped else (),
                 features=() if kidnapped else COLOR_AND_BLENDED,
                 output=output,
-                report=printed(json_output),
+                report=printed(json_output, all_rows=all_rows),
                 listener=listener,
             )
 
@@ -182,8 +186,8 @@ def verify(run: opt.Run, json_output: opt.Json = False) -> None:
         raise typer.Exit(1)
 
 
-def printed(json_output: bool) -> Report:
-    """Return a function that prints scores as JSON or as a table."""
+def printed(json_output: bool, *, all_rows: bool = False) -> Report:
+    """Return a function that prints scores as JSON or as a table, of five rows or of all."""
 
     def report(scores: RunScores) -> None:
         TO_CONSOLE.end()
@@ -191,9 +195,12 @@ def printed(json_output: bool) -> Report:
             print_json(scores.to_json())
         else:
             units = units_named(scores.display_units)
-            line = verdict_line({run.label: run.verdict for run in scores.runs}, Scale(units))
+            say = verdict_line if all_rows else headline
+            line = say({run.label: run.verdict for run in scores.runs}, Scale(units))
             results.print(Text(line, style="bold"))
-            results.print(to_table(scores.runs, units, scores.name, results))
+            results.print(to_table(scores.runs, units, scores.name, results, all_rows=all_rows))
+            if not all_rows:
+                note("--all prints the whole verdict and table")
 
     return report
 
@@ -201,18 +208,26 @@ def printed(json_output: bool) -> Report:
 NAMES_WIDTH = 22  # of the first column of a table that is too wide; the runs share the rest
 
 
-def to_table(runs: Sequence[RunResult], units: Units, title: str, console: Console) -> Table:
+def to_table(
+    runs: Sequence[RunResult], units: Units, title: str, console: Console, *, all_rows: bool = False
+) -> Table:
     """Return a table of scores with one column per run, in the session's own units, that fits the console.
 
     A table that is too wide has no frame and up to two lines per cell: the interval is below the mean.
     """
-    table = _score_table(runs, units, title)
+    parts = [score_rows(runs, units), paired_rows(runs, units)] if all_rows else [short_rows(runs, units)]
+    table = _score_table(runs, parts, title)
     if console.measure(table, options=console.options.update(max_width=1000)).maximum <= console.width:
         return table
-    return _score_table(runs, units, title, (console.width - NAMES_WIDTH - 1) // len(runs) - 2)
+    return _score_table(runs, parts, title, (console.width - NAMES_WIDTH - 1) // len(runs) - 2)
 
 
-def _score_table(runs: Sequence[RunResult], units: Units, title: str, cell_width: int | None = None) -> Table:
+def _score_table(
+    runs: Sequence[RunResult],
+    parts: Sequence[Sequence[tuple[str, list[str]]]],
+    title: str,
+    cell_width: int | None = None,
+) -> Table:
     narrow = cell_width is not None
     table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
     if narrow:
@@ -221,7 +236,7 @@ def _score_table(runs: Sequence[RunResult], units: Units, title: str, cell_width
     table.add_column("", width=NAMES_WIDTH if narrow else None)
     for result in runs:
         table.add_column(result.label, justify="right", width=cell_width, overflow="fold")
-    for rows in (score_rows(runs, units), paired_rows(runs, units)):
+    for rows in parts:
         for name, cells in rows:
             table.add_row(name, *(cell.replace(" [", "\n[") if narrow else cell for cell in cells))
         table.add_section()

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from maurice_datasets.trials.rows import SCHEMA
+from maurice_mcl.reasons.causes import CAUSES
 from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.comparison import (
     APART_FOR,
@@ -33,6 +34,26 @@ Cell = Callable[[RunResult], str]
 def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
     """Return the rows of a table of scores in display units: a name, and one cell per run."""
     return [(name, [cell(result) for result in results]) for name, cell in _rows(units, results)]
+
+
+def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
+    """Return the five rows that say most; of several runs also how much closer each is than the first."""
+    unit = units.name
+    rows: list[tuple[str, Cell]] = [
+        (f"error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
+        ("heading error, mean (deg)", lambda r: _degrees(r.score.heading_error_mean_rad)),
+        ("localized", lambda r: _written(r.score.localized_share, ".0%")),
+        ("lost", _lost),
+        ("why", _why),
+    ]
+    cells = [(name, [cell(result) for result in results]) for name, cell in rows]
+    return [*cells, *paired_rows(results, units)[:1]]
+
+
+def _why(result: RunResult) -> str:
+    """Return the causes of a run's failures, each once."""
+    titles = dict.fromkeys(CAUSES[failure.kind].title for failure in result.verdict.failures)
+    return ", ".join(titles) or "-"
 
 
 def paired_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:

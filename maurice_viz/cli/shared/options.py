@@ -197,6 +197,9 @@ MapUnit = Annotated[
     option("--map-unit", "Unit of wall segments: mm or m.", **one_of(("mm", "m"), "unit of a map")),
 ]
 Force = Annotated[bool, option("--force", "Overwrite what exists.", OUTPUT)]
+AllRows = Annotated[
+    bool, option("--all", "Print the whole verdict, and all rows of the table of scores.", OUTPUT)
+]
 Json = Annotated[bool, option("--json", "Print JSON instead of a table.", OUTPUT)]
 Layout = Annotated[
     str | None,

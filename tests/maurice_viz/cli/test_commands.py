@@ -27,7 +27,7 @@ RUN_KEYS = {
 def test_a_session_alone_writes_a_recording_and_a_table(small_session, tmp_path):
     done = process(small_session)
     assert f"{tmp_path.name}.rrd written; open it with:" in done.stderr
-    assert "position error, mean (m)" in done.stdout
+    assert "error, mean (m)" in done.stdout
     assert "blended" in done.stdout
     assert RrdReader(tmp_path / f"{tmp_path.name}.rrd").recordings()[0].application_id == "maurice-replay"
     assert "--force" in failure(small_session)

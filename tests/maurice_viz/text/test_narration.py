@@ -126,7 +126,7 @@ def _result(*success):
 def _cells(result):
     console = Console(width=100)
     with console.capture() as capture:
-        console.print(to_table([result], units_named("in"), "drive", console))
+        console.print(to_table([result], units_named("in"), "drive", console, all_rows=True))
     lines = [[c.strip() for c in line.strip("│").split("│")] for line in capture.get().splitlines()]
     found = {line[0]: line[1] for line in lines if len(line) == 2}
     return [found[row] for row in ROWS]
@@ -136,7 +136,7 @@ def test_four_runs_stay_readable_in_80_columns():
     console = Console(width=80)
     long = replace(_result(Success("tenth"), Success("circle", 24, 2.54, 215.2)), label="gain_color")
     with console.capture() as capture:
-        console.print(to_table([long] * 4, units_named("in"), "drive", console))
+        console.print(to_table([long] * 4, units_named("in"), "drive", console, all_rows=True))
     lines = capture.get().splitlines()
     assert max(map(len, lines)) <= 80
     assert any(line.split() == ["gain_color"] * 4 for line in lines)
