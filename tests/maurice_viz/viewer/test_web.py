@@ -61,7 +61,7 @@ def test_a_replay_is_served_on_this_machine_alone_until_ctrl_c(small_session, tm
         ways = (
             re.search(r"ssh -N -L (\d+):127.0.0.1:\1 -L (\d+):127.0.0.1:\2 \S+@\S+$", line) for line in lines
         )
-        tunnel = next(way for way in ways if way is not None)
+        tunnel = next(match for match in map(way.search, lines) if match is not None)
         assert tunnel.groups() == (str(url.port), str(data.port))
         assert any("the step to look at is" in line for line in lines)
         with urlopen(url.geturl(), timeout=30) as page:
