@@ -1,4 +1,4 @@
-"""Figures for print, without the viewer.
+"""Figures for print, without the viewer. Those of the thesis that need runs are in `benchmarks/thesis/`.
 
 calibration  the thesis's figures of odometry calibration and camera noise
 sheets       a map of a library's ambiguity, and a sheet of a world's views

@@ -1,11 +1,17 @@
 """What people read about a run: Markdown for panels, rows for tables, values for JSON.
 
+Words and tables only: what they tell is computed in `maurice_mcl`.
+
 narration          what each step did
+verdict, headline  what happened to one run, or to several: with all numbers, and in two lines
+causes             causes of failures and incidents as clauses, and the evidence that decided
+tour               where to look, moment by moment
+what_if            what a branch changed, which remedies help, which part of a filter costs most
 explanation        why the best reference wins, in sentences
 explanation_table  the figures of all references as Markdown and as JSON
-verdict            what happened to one run, or to several, in one line
+sensors            what pose sensors read
 places             whether a library can tell its places apart
-summary            the scores of runs as a table, and how several differ
+summary            the scores of runs as a table, how several differ, and the names of trials
 score_json         the scores of runs as JSON
-diagnosis          what is wrong with a recording, the evidence, and how to fix it
+findings           what is wrong with a recording, the evidence, and how to fix it
 """

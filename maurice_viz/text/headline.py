@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import CARRIED, CAUSES, UNKNOWN
-from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.reasons.causes import CAUSES, UNKNOWN
+from maurice_mcl.reasons.verdict import RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import SEARCHING, Episode
 
 from ..style import Scale
@@ -64,13 +64,11 @@ def _joined(words: Sequence[str]) -> str:
 
 def _happened(runs: Sequence[RunVerdict]) -> str:
     """Return what befell all runs first: "Kidnapped at step 41"; of several kidnappings their number."""
-    carried = [incident.step for incident in runs[0].incidents if incident.kind == CARRIED]
-    if all([i.step for i in run.incidents if i.kind == CARRIED] == carried for run in runs) and carried:
+    carried, shared = shared_kidnappings(runs), shared_incidents(runs)
+    if carried:
         more = f" and {len(carried) - 1} more time{'s' * (len(carried) > 2)}" if len(carried) > 1 else ""
         return f"Kidnapped at step {carried[0]}{more}"
-    keys = [{(i.kind, i.step): i for i in run.telling_incidents} for run in runs]
-    shared = [incident for key, incident in keys[0].items() if all(key in others for others in keys)]
-    if not shared or shared[0].kind == CARRIED:
+    if not shared:
         return ""
     title = shared[0].about.title
     return f"{title[:1].upper()}{title[1:]} at step {shared[0].step}"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from maurice_mcl.reasons.causes import CARRIED
-from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from maurice_mcl.scoring.metrics import RIGHT_RAD, StepScore
 
@@ -24,7 +24,7 @@ def verdict_line(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     if len(verdicts) == 1:
         return say_verdict(next(iter(verdicts.values())), scale)
     runs = list(verdicts.values())
-    carried = bool(_kidnappings(runs))
+    carried = bool(shared_kidnappings(runs))
     parts = [_of_several(f"`{label}`", verdict, scale, carried) for label, verdict in verdicts.items()]
     return f"{_shared(runs, scale)}{'; '.join(parts)}."
 
@@ -60,7 +60,7 @@ def say_verdict(verdict: RunVerdict, scale: Scale) -> str:
     before = _before(verdict, scale)
     sentences = f"{shared}{_sentence(before)} " if before else shared
     because = f" Why: {why}." if (why := _why(verdict, scale)) else ""
-    did = _predicate(verdict, scale, bool(_kidnappings([verdict])))
+    did = _predicate(verdict, scale, bool(shared_kidnappings([verdict])))
     worse = f"{_sentence(made_worse)} " if (made_worse := _made_worse(verdict, scale)) else ""
     return f"{worse}{sentences}The filter {did}.{because}{left}"
 
@@ -100,22 +100,13 @@ def _sentence(clause: str) -> str:
 
 def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:
     """Return what befell all runs of a drive, as sentences: "The wheels slipped at step 34. "."""
-    keys = dict.fromkeys((i.kind, i.step) for run in runs for i in run.telling_incidents if i.kind != CARRIED)
-    by_key = [{(i.kind, i.step): i for i in run.incidents} for run in runs]
-    shared = [by_key[0][key] for key in keys if all(key in incidents for incidents in by_key)]
-    parts = [f"{say_incident(incident, scale)}. " for incident in shared[:MOST_INCIDENTS]]
-    return "".join([_kidnapped_at(runs, scale), *parts])
-
-
-def _kidnappings(runs: Sequence[RunVerdict]) -> list[int]:
-    """Return the steps of the kidnappings in the log, if all runs share them."""
-    at = [[incident.step for incident in run.incidents if incident.kind == CARRIED] for run in runs]
-    return at[0] if all(other == at[0] for other in at) else []
+    incidents = [f"{say_incident(incident, scale)}. " for incident in shared_incidents(runs)]
+    return "".join([_kidnapped_at(runs, scale), *incidents[:MOST_INCIDENTS]])
 
 
 def _kidnapped_at(runs: Sequence[RunVerdict], scale: Scale) -> str:
     """Return the kidnappings in the log that all runs share: "The robot was kidnapped at step 61. "."""
-    at = _kidnappings(runs)
+    at = shared_kidnappings(runs)
     if len(at) != 1:
         return f"{ROBOT_KIDNAPPED} at {_listed(at)}. " if at else ""
     known = [i for i in runs[0].incidents if i.kind == CARRIED and i.actual is not None]

@@ -6,7 +6,7 @@ its `ambiguity` two places that explained the pictures about as well.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..values.arrays import F64
 from ..values.radii import USUAL, Radii
 from ..values.records import StepRecord
 from ..values.session import Moment
-from .causes import BEFALLING, OVERSTATED, Failure
+from .causes import BEFALLING, CARRIED, OVERSTATED, Failure
 from .diagnosis import DiagnosisBuilder
 from .incidents import Incident, IncidentFinder, InObstacle, ObstacleFinder
 
@@ -154,6 +154,19 @@ class RunVerdict:
         if self.has_loud_incident(episode) or not episode.is_sure or sure is None:
             return episode.first
         return max(sure.step, episode.first)
+
+
+def shared_kidnappings(runs: Sequence[RunVerdict]) -> list[int]:
+    """Return the steps of the kidnappings in the log, if all runs share them."""
+    steps = [[incident.step for incident in run.incidents if incident.kind == CARRIED] for run in runs]
+    return steps[0] if all(others == steps[0] for others in steps) else []
+
+
+def shared_incidents(runs: Sequence[RunVerdict]) -> list[Incident]:
+    """Return what befell all runs of a drive and tells something of any, without kidnappings in the log."""
+    keys = dict.fromkeys((i.kind, i.step) for run in runs for i in run.telling_incidents if i.kind != CARRIED)
+    by_key = [{(i.kind, i.step): i for i in run.incidents} for run in runs]
+    return [by_key[0][key] for key in keys if all(key in incidents for incidents in by_key)]
 
 
 def decisive_step(verdicts: Mapping[str, RunVerdict]) -> int:
