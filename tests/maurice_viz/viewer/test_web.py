@@ -58,9 +58,7 @@ def test_a_replay_is_served_on_this_machine_alone_until_ctrl_c(small_session, tm
         assert (url.scheme, url.hostname, data.scheme, data.hostname, data.path) == (
             "http", "127.0.0.1", "rerun+http", "127.0.0.1", "/proxy",
         )  # fmt: skip
-        ways = (
-            re.search(r"ssh -N -L (\d+):127.0.0.1:\1 -L (\d+):127.0.0.1:\2 \S+@\S+$", line) for line in lines
-        )
+        way = re.compile(r"ssh -N -L (\d+):127.0.0.1:\1 -L (\d+):127.0.0.1:\2 \S+@\S+$")
         tunnel = next(match for match in map(way.search, lines) if match is not None)
         assert tunnel.groups() == (str(url.port), str(data.port))
         assert any("the step to look at is" in line for line in lines)
