@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -23,7 +23,14 @@ from maurice_loaders.libraries.files import LIBRARY, hash_file
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
-from maurice_loaders.libraries.survey import EVERY, JoinedSurvey, SelectedSurvey, open_survey, read_every
+from maurice_loaders.libraries.survey import (
+    EVERY,
+    JoinedSurvey,
+    SelectedSurvey,
+    Spacing,
+    open_survey,
+    read_every,
+)
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.session_log.header import session_in
 from maurice_mcl.fitting.sensor import (
@@ -50,6 +57,7 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import (
+    AnySession,
     library_at,
     open_session,
     remark_open,
@@ -99,14 +107,11 @@ def build_library(
         160
     """
     survey, options = Path(survey), reading or ReadingOptions()
-    try:
-        spaced = None if every is None else read_every(every)
-    except ValueError as problem:
-        raise OptionError(str(problem)) from None
+    spacing = _spacing_of(every)
     check_target(Path(to), LIBRARY, force=force)
     expect_apart(Path(to), survey, *map(Path, add))
     with temporary_folder("maurice-library") as kept:
-        source = open_survey(survey, options, spaced, kept, progress_of(listener, "choose pictures"))
+        source = open_survey(survey, options, spacing, kept, progress_of(listener, "choose pictures"))
         chosen = source.chosen.every or EVERY if isinstance(source, SelectedSurvey) else None
         if add:
             source = JoinedSurvey([source, *(open_survey(Path(path), options) for path in add)])
@@ -121,13 +126,9 @@ def build_library(
             map_unit=map_unit,
         )
         remark_open(built, listener)
-        for text in say_scales(built):
+        drive = open_session(survey, options, SILENT) if chosen is not None and not yaw_rad else None
+        for text in _say_fit(built, drive):
             listener.warning(text)
-        if chosen is not None and not yaw_rad:
-            drive = open_session(survey, options, SILENT)
-            weights = FEATURES["blended"]
-            for text in say_drive(built.name, weights, score_feature(built, weights, drive)):
-                listener.warning(text)
         if landmarks:
             from maurice_loaders.libraries.landmarks import with_landmarks
 
@@ -135,6 +136,21 @@ def build_library(
         save_library(built, Path(to), force=force)
         coverage = None if chosen is None else coverage_of(built, chosen.distance_m)
         return BuiltLibrary(built, Path(to), coverage)
+
+
+def _spacing_of(every: str | None) -> Spacing | None:
+    try:
+        return None if every is None else read_every(every)
+    except ValueError as problem:
+        raise OptionError(str(problem)) from None
+
+
+def _say_fit(library: Library, drive: AnySession | None) -> Iterator[str]:
+    """Yield what the library's pictures show, and those of the drive that it was built from."""
+    yield from say_scales(library)
+    if drive is not None:
+        weights = FEATURES["blended"]
+        yield from say_drive(library.name, weights, score_feature(library, weights, drive))
 
 
 DEFAULT_SENSOR = SensorParameters(FEATURES["blended"])  # the default, which the result is compared with
