@@ -1,4 +1,4 @@
-"""Where panels stand on a screen of 1600 x 1000, by name.
+"""Where panels stand on a screen, by name. Views come from `panels`; nothing is drawn or computed here.
 
 story               the first screen: what happened, where, what was seen, and when
 registry            all layouts of a recording, as tabs of one blueprint

@@ -1,19 +1,23 @@
 """What is drawn of a run: one class a panel, beside the views in which layouts show it, with their titles.
 
-panel        what a panel is, and what it is given: the run before its first update, then each update
+Here is decided what is logged, when and where. Not here: where views stand (`layouts`), how a picture or a
+chart is painted (`drawing`), what sentences say (`text`), and anything that is computed of a run (`mcl`).
+
+panel        what a panel is: it gets a run and its scene (`scene.py`), then each update
 registry     the list of all panels of a run
-observer     draws a run update by update: a list of panels, and how much of each update is drawn
+observer     draws runs update by update, each by its panels; how much of each update is drawn
 views        kinds of views: maps, pictures, bar charts, plots, and the window
 
 world        the map with its walls, its library nodes and its keys
 belief       the cloud, the close-up, the estimate and the truth
 population   the cloud's headings, its modes, and the ancestors of its survivors
-camera       the picture and its edges
+camera       the picture, its edges, and its descriptors over its best match's
 references   match circles, the five best references, likelihood maps
-histograms   the picture's descriptors over its best match's
 traces       one number per update, over the session
 events       what each step did in words, and events as lanes
 explanation  why the best reference wins, at every update
 story        the verdict, and the errors with their limits
+sensors      what pose sensors show
 comparison   what several runs share
+drive        a drive by itself, without a filter
 """
