@@ -112,8 +112,8 @@ def trials_from_session(path: Path) -> Trials:
     records = log.records(ReadingNotes(keep_going=False))
     truths = sum(1 for _ in islice((r for r in records if isinstance(r, TruthPose)), 2))
     if truths < 2:
-        found = "no truth" if not truths else "one truth"
-        raise InputError(path, f"found {found}, expected truth records before and after the movements")
+        count = "no truth" if not truths else "one truth"
+        raise InputError(path, f"found {count}, expected truth records before and after the movements")
     return trials
 
 

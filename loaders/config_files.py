@@ -102,11 +102,11 @@ def motion_to_toml(values: Mapping[str, Any], comments: tuple[str, ...] = ()) ->
 
 def read_motion(file: Path) -> dict[str, Any]:
     """Read the table robot.motion, unchecked. InputError if the file is no TOML, or holds no such table."""
-    found = read_toml(file, "motion parameters")
-    robot = found.get("robot")
+    tables = read_toml(file, "motion parameters")
+    robot = tables.get("robot")
     motion = robot.get("motion") if isinstance(robot, dict) else None
     if not isinstance(motion, dict) or not motion:
-        names = ", ".join(found) or "nothing"
+        names = ", ".join(tables) or "nothing"
         raise InputError(file, f"found {names}, expected a table [{TABLE}], as calibrate motion writes it")
     return motion
 

@@ -58,8 +58,8 @@ def read_rows(table: TableRecording) -> list[PoseRow]:
             rows.append(PoseRow(len(rows), record, pose.pose))
     if not rows:
         names = ", ".join(table.head.names)
-        found = f"found columns {show(names)} and no picture with a pose"
-        raise InputError(table.table, f"{found}; say what they are, as in --reading columns=x=NAME")
+        fault = f"found columns {show(names)} and no picture with a pose"
+        raise InputError(table.table, f"{fault}; say what they are, as in --reading columns=x=NAME")
     return rows
 
 
@@ -120,8 +120,8 @@ def spread(run: Run, most: int) -> list[PoseRow]:
 
 def nearest_m(from_xy: F64, to_xy: F64) -> F64:
     """Return the distance (A,) of each point (A, 2) to the nearest of (B, 2); infinite when there is none."""
-    apart = [float(np.hypot(*(to_xy - point).T).min(initial=np.inf)) for point in from_xy]
-    return np.array(apart)
+    distances = [float(np.hypot(*(to_xy - point).T).min(initial=np.inf)) for point in from_xy]
+    return np.array(distances)
 
 
 def xy_of(rows: Sequence[PoseRow]) -> F64:
@@ -232,8 +232,8 @@ def _check(options: ImportOptions) -> None:
 def _existing(folder: Path | str) -> Path:
     """Refuse what is no folder, "" too: as a Path it would be the working directory."""
     if not str(folder) or not Path(folder).exists():
-        found = f"found no such folder {show(str(folder))}"
-        raise InputError(Path(folder), f"{found}, expected the one that picture names start from")
+        fault = f"found no such folder {show(str(folder))}"
+        raise InputError(Path(folder), f"{fault}, expected the one that picture names start from")
     if not Path(folder).is_dir():
         raise InputError(Path(folder), "found a file, expected the folder that picture names start from")
     return Path(folder)

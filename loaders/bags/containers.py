@@ -77,12 +77,14 @@ class _McapBag:
             summary = None
         self._indexed = summary is not None and bool(summary.chunk_indexes)
         if summary is None or summary.statistics is None:
-            found = self._counted()
+            topics = self._counted()
         else:
             counts = summary.statistics.channel_message_counts
-            pairs = [(one, summary.schemas.get(one.schema_id)) for one in summary.channels.values()]
-            found = [_topic(schema, channel, counts.get(channel.id, 0)) for channel, schema in pairs]
-        self.topics = sorted_topics(found)
+            pairs = [
+                (channel, summary.schemas.get(channel.schema_id)) for channel in summary.channels.values()
+            ]
+            topics = [_topic(schema, channel, counts.get(channel.id, 0)) for channel, schema in pairs]
+        self.topics = sorted_topics(topics)
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
         if not names:
@@ -110,12 +112,12 @@ class _McapBag:
         return reader.iter_messages(names, log_time_order=False)
 
     def _counted(self) -> list[Topic]:
-        found = dict[int, Topic]()
+        topics = dict[int, Topic]()
         counts = Counter[int]()
         for schema, channel, _ in self._records(None):
             counts[channel.id] += 1
-            found[channel.id] = _topic(schema, channel, counts[channel.id])
-        return list(found.values())
+            topics[channel.id] = _topic(schema, channel, counts[channel.id])
+        return list(topics.values())
 
     def _decode(self, schema: Schema | None, channel: Channel, data: bytes) -> Any:
         named = ("", b"", "") if schema is None else (schema.name, schema.data, schema.encoding)
@@ -125,12 +127,12 @@ class _McapBag:
 
 def _complete(summary: Summary) -> bool:
     """Return whether a summary repeats all channels and schemas, which writers may leave out."""
-    if any(one.uncompressed_size > MOST_BYTES for one in summary.chunk_indexes):
+    if any(chunk.uncompressed_size > MOST_BYTES for chunk in summary.chunk_indexes):
         raise ValueError(f"a chunk of more than {MOST_BYTES} bytes")
-    used = {number for one in summary.chunk_indexes for number in one.message_index_offsets}
+    used = {number for chunk in summary.chunk_indexes for number in chunk.message_index_offsets}
     if summary.statistics is not None:
         used |= summary.statistics.channel_message_counts.keys()
-    schemas = {one.schema_id for one in summary.channels.values()} - {0}
+    schemas = {channel.schema_id for channel in summary.channels.values()} - {0}
     return bool(summary.channels) and used <= summary.channels.keys() and schemas <= summary.schemas.keys()
 
 
@@ -193,16 +195,16 @@ def _folder_or_file(path: Path) -> Path:
     """Return a folder with metadata, else its only file. InputError if that cannot be opened alone."""
     if path.is_file():
         if path.name.endswith(COMPRESSED):
-            found = "found a compressed file, expected a plain one"
-            raise InputError(path, f"{found}; decompress it with `zstd -d {path.name}`")
+            fault = "found a compressed file, expected a plain one"
+            raise InputError(path, f"{fault}; decompress it with `zstd -d {path.name}`")
         return path
     if (path / METADATA).is_file():
         return path
     files = _files_in(path)
     if len(files) == 1:
         return _folder_or_file(files[0])
-    found = f"found {len(files)} files of a bag and no {METADATA}, expected it"
-    raise InputError(path, f"{found}; create it with `ros2 bag reindex {path.name}`")
+    fault = f"found {len(files)} files of a bag and no {METADATA}, expected it"
+    raise InputError(path, f"{fault}; create it with `ros2 bag reindex {path.name}`")
 
 
 def _refuse_journal(file: Path) -> None:
@@ -210,9 +212,9 @@ def _refuse_journal(file: Path) -> None:
     for ending, magic in JOURNALS.items():
         beside = file.with_name(f"{file.name}{ending}")
         if starts_with(beside, magic):
-            found = f"found {beside.stat().st_size} bytes of it in {beside.name}, expected a closed file"
+            fault = f"found {beside.stat().st_size} bytes of it in {beside.name}, expected a closed file"
             merge = f"merge them with `sqlite3 {file.name} 'PRAGMA quick_check'`"
-            raise InputError(file, f"{found}; was the recording killed? {merge}")
+            raise InputError(file, f"{fault}; was the recording killed? {merge}")
 
 
 def _open_rosbag2(path: Path) -> AbstractContextManager[BagSource]:
@@ -251,18 +253,21 @@ class _RosBag:
     def __init__(self, path: Path, reader: RosReader, repair: str, *, ros1: bool) -> None:
         self._path, self._reader, self._repair, self._ros1 = path, reader, repair, ros1
         self.topics = sorted_topics(
-            [Topic(one.topic, short_type(one.msgtype), one.msgcount) for one in reader.connections]
+            [
+                Topic(connection.topic, short_type(connection.msgtype), connection.msgcount)
+                for connection in reader.connections
+            ]
         )
 
     def messages(self, names: Collection[str]) -> Iterator[Message]:
-        wanted = [one for one in self._reader.connections if one.topic in names]
+        wanted = [connection for connection in self._reader.connections if connection.topic in names]
         if not wanted:  # which the library takes for all
             return
         with bag_errors(self._path, self._repair):
-            for one, log_ns, data in self._reader.messages(wanted):
-                held = bytes(memoryview(data))  # a damaged row may hold anything
-                decode = partial(self._decode, one, held)
-                yield Message(one.topic, short_type(one.msgtype), int(log_ns), decode)
+            for connection, log_ns, data in self._reader.messages(wanted):
+                content = bytes(memoryview(data))  # a damaged row may hold anything
+                decode = partial(self._decode, connection, content)
+                yield Message(connection.topic, short_type(connection.msgtype), int(log_ns), decode)
 
     def _decode(self, connection: Connection, data: bytes) -> Any:
         kind, definition = connection.msgtype, connection.msgdef

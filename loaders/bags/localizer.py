@@ -179,7 +179,7 @@ class RecordedLocalizer:
                 if known_type(self.cloud.type) in POSES:
                     self.pose = self.cloud
             self._map = _map_of(bag)
-            own = [one.name for one in (self.cloud, self.pose) if one is not None]
+            own = [topic.name for topic in (self.cloud, self.pose) if topic is not None]
             self._drive = BagRecording(path, open_bag, options, beside=own)
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]
             self._recorded = bool(use_recorded({name: peek(bag, name) for name in names}))
@@ -203,21 +203,21 @@ class RecordedLocalizer:
         """Yield all updates from the first; invalid messages go to `notes`."""
         steps, aligner = Steps(), Aligner(MAX_DT_S)
         for aligned in aligner(_joined(self._stream(notes))):
-            one = aligned.picture
-            if not isinstance(one, _CloudPicture):
+            picture = aligned.picture
+            if not isinstance(picture, _CloudPicture):
                 continue
             pose = aligned.odometry_at(MAX_DT_S)
             motions = steps.add(aligned.motions, pose, aligner.first_odometry)
             steps.used(pose)
             yield RecordedUpdate(
-                one.t_s,
-                one.cloud.poses,
-                one.cloud.weights,
-                one.estimate,
+                picture.t_s,
+                picture.cloud.poses,
+                picture.cloud.weights,
+                picture.estimate,
                 as_rows(motions),
                 aligned.truth_at(),
-                None if one.view is None else one.view.read,
-                "" if one.view is None else one.view.name,
+                None if picture.view is None else picture.view.read,
+                "" if picture.view is None else picture.view.name,
             )
 
     def overview(self) -> Overview:
@@ -262,8 +262,8 @@ class Nearest:
         """Return the update nearest to a time, None where none is within 0.5 s."""
         while self._after is not None and self._after.t_s <= t_s:
             self._before, self._after = self._after, next(self._updates, None)
-        near = [one for one in (self._before, self._after) if one and abs(one.t_s - t_s) <= NEAR_S]
-        return min(near, key=lambda one: abs(one.t_s - t_s), default=None)
+        near = [pose for pose in (self._before, self._after) if pose and abs(pose.t_s - t_s) <= NEAR_S]
+        return min(near, key=lambda pose: abs(pose.t_s - t_s), default=None)
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
@@ -302,18 +302,18 @@ def _no_image() -> U8:
 
 def _cloud_topic(path: Path, topics: tuple[Topic, ...], pose: Topic | None) -> Topic:
     """Return the cloud with the most messages, weighted ones first; without a cloud the localizer's poses."""
-    found = readable(topics, CLOUDS)
-    if not found and pose is not None:
+    clouds = readable(topics, CLOUDS)
+    if not clouds and pose is not None:
         return pose
-    if not found:
+    if not clouds:
         wanted = "expected a localizer's particles (PoseArray, ParticleCloud) or PoseWithCovarianceStamped"
         raise InputError(path, f"found no cloud, {wanted}; it holds {listed(topics)}")
-    return min(found, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
+    return min(clouds, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
 
 
 def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
-    found = [t for t in readable(topics, {POSE_WITH_COVARIANCE}) if "initial" not in t.name]
-    return min(found, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
+    poses = [t for t in readable(topics, {POSE_WITH_COVARIANCE}) if "initial" not in t.name]
+    return min(poses, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
 
 
 def _map_of(bag: BagSource) -> Arena | None:

@@ -320,8 +320,8 @@ def _rows(data: bytes, message: Any, pixel: int) -> U8:
         raise PictureError(f"found a picture of {width} x {height} pixels, expected some")
     expect_size(width, height)
     if step < width * pixel or len(data) < step * (height - 1) + width * pixel:
-        found = f"found {len(data)} bytes and rows of {step} bytes"
-        raise PictureError(f"{found}, expected {width} x {height} pixels of {pixel} bytes")
+        fault = f"found {len(data)} bytes and rows of {step} bytes"
+        raise PictureError(f"{fault}, expected {width} x {height} pixels of {pixel} bytes")
     step = step if height > 1 else width * pixel  # of a single row, anything may be written
     whole = np.zeros(step * height, np.uint8)
     part = np.frombuffer(data, np.uint8)[: step * height]

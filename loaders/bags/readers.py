@@ -83,7 +83,7 @@ def _valid(
     path: Path, records: Iterator[Timed], message: Message, number: int, notes: ReadingNotes
 ) -> Iterator[Timed]:
     try:
-        found = list(records)
+        content = list(records)
     except MESSAGE_ERRORS as problem:
         text = str(problem)
         if isinstance(problem, AttributeError):
@@ -93,7 +93,7 @@ def _valid(
     except InputError as problem:
         notes.problem(problem)
     else:
-        yield from found
+        yield from content
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +112,8 @@ class OneTopic:
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the records of one message, the `number`-th of its topic; `recorded`: by recording time."""
         if self.accepts(message):
-            found = message.decode()
-            yield from self.read(found, time_s(found, message.log_ns, recorded=recorded), message, number)
+            decoded = message.decode()
+            yield from self.read(decoded, time_s(decoded, message.log_ns, recorded=recorded), message, number)
 
     def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the records of a decoded message."""
@@ -197,8 +197,8 @@ class PoseReader:
                 stamp = message.log_ns if recorded or news[0] is None else news[0]
                 yield stamp / 1e9, news[1]
         elif message.topic == self.route.topic and known_type(message.type) in POSES:
-            found = message.decode()
-            yield time_s(found, message.log_ns, recorded=recorded), found
+            decoded = message.decode()
+            yield time_s(decoded, message.log_ns, recorded=recorded), decoded
 
 
 @dataclass(frozen=True, slots=True)

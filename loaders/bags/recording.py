@@ -137,7 +137,7 @@ class BagRecording:
         streams = [in_order(read(readers, notes), skip) for readers in passes]
         # all records have a time; the types of heapq lose what they are
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
-        for reader in (one for readers in passes for one in readers if isinstance(one, PoseReader)):
+        for reader in (reader for readers in passes for reader in readers if isinstance(reader, PoseReader)):
             if text := str(reader.left):
                 notes.left_plane(str(reader.route), reader.left.tilt_rad, reader.left.height_m, text)
         for kind, count in late.items():
@@ -213,8 +213,8 @@ def _folder(topic: str) -> str:
 
 
 def _events_topic(bag: BagSource) -> str | None:
-    found = [t.name for t in readable(bag.topics, {TEXT})]
-    return next((name for name in found if name.rpartition("/")[2] == "events"), None)
+    names = [t.name for t in readable(bag.topics, {TEXT})]
+    return next((name for name in names if name.rpartition("/")[2] == "events"), None)
 
 
 def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
@@ -230,7 +230,7 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
 
 def counted(bag: BagSource, topic: str) -> int:
     """Count a topic's messages: reading on after the last one would read the whole bag."""
-    return sum(one.count for one in bag.topics if one.name == topic)
+    return sum(entry.count for entry in bag.topics if entry.name == topic)
 
 
 def _edges(bag: BagSource) -> Collection[tuple[str, str]]:

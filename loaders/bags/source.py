@@ -89,8 +89,8 @@ def bag_errors(path: Path, repair: str = "was the recording closed properly?") -
         raise
     except Exception as problem:  # rosbags raises many kinds for damaged files
         what = " ".join(str(problem).split())[:200] or REASONS.get(type(problem).__name__, "unreadable")
-        found = f"found a damaged or incomplete file ({what.rstrip('.')}), expected a complete one"
-        raise InputError(path, f"{found}; {repair}") from None
+        fault = f"found a damaged or incomplete file ({what.rstrip('.')}), expected a complete one"
+        raise InputError(path, f"{fault}; {repair}") from None
 
 
 REASONS = {"EndOfFile": "it ends in the middle of a record", "MemoryError": "a length out of range"}
@@ -142,11 +142,11 @@ def decode_json(data: bytes | str) -> Any:
     return read_json(data, object_hook=json_object)
 
 
-def json_object(found: dict[str, Any]) -> Any:
+def json_object(fields: dict[str, Any]) -> Any:
     """Return a JSON object as an object with fields; the parts of a ROS 1 time are named as in ROS 2."""
-    if found.keys() == {"secs", "nsecs"}:
-        found = {"sec": found["secs"], "nanosec": found["nsecs"]}
-    return SimpleNamespace(**found)
+    if fields.keys() == {"secs", "nsecs"}:
+        fields = {"sec": fields["secs"], "nanosec": fields["nsecs"]}
+    return SimpleNamespace(**fields)
 
 
 def decode_protobuf(data: bytes, kind: str, description: bytes) -> Any:

@@ -132,8 +132,8 @@ def readable(topics: Sequence[Topic], types: Collection[str]) -> list[Topic]:
 def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
     if wish is None:
         kinds = PICTURES | VIDEOS if can_decode() else PICTURES
-        found = sorted(readable(topics, kinds), key=_first_camera)
-        return found[0].name if found else None
+        candidates = sorted(readable(topics, kinds), key=_first_camera)
+        return candidates[0].name if candidates else None
     if wish == "none":
         return None
     named = named_topic(path, topics, wish, PICTURES | VIDEOS)
@@ -143,8 +143,8 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
 
 
 def _video_advice(topics: Sequence[Topic]) -> str:
-    found = [] if can_decode() else readable(topics, VIDEOS)
-    return _needs_extra(found[0]) if found else ""
+    videos = [] if can_decode() else readable(topics, VIDEOS)
+    return _needs_extra(videos[0]) if videos else ""
 
 
 def _needs_extra(topic: Topic) -> str:
@@ -205,13 +205,13 @@ def number_topics(path: Path, topics: Sequence[Topic], wish: str | None) -> dict
     if wish == "none":
         return {}
     pairs = [word.strip().rpartition("=") for word in wish.split(",") if word.strip()]
-    found = ((name, named_topic(path, topics, topic, NUMBERS).name) for name, _, topic in pairs)
-    return {name or topic.lstrip("/"): topic for name, topic in found}
+    named = ((name, named_topic(path, topics, topic, NUMBERS).name) for name, _, topic in pairs)
+    return {name or topic.lstrip("/"): topic for name, topic in named}
 
 
 def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:
-    found = [t for t in readable(topics, POSES) if TRUE.search(t.name)]
-    return PoseTopic(min(found, key=lambda t: (-t.count, t.name)).name) if found else None
+    candidates = [t for t in readable(topics, POSES) if TRUE.search(t.name)]
+    return PoseTopic(min(candidates, key=lambda t: (-t.count, t.name)).name) if candidates else None
 
 
 def _guess_odometry(
@@ -233,8 +233,8 @@ def _guess_odometry(
 
 
 def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None:
-    found = [edge for edge in edges if FIXED.search(edge[0])]
-    return min(found, key=lambda edge: (edge[1].rpartition("/")[2] not in BASE, edge), default=None)
+    fixed = [edge for edge in edges if FIXED.search(edge[0])]
+    return min(fixed, key=lambda edge: (edge[1].rpartition("/")[2] not in BASE, edge), default=None)
 
 
 def _guess_in_words(
@@ -250,14 +250,14 @@ def _guess_in_words(
         ("odometry", "--reading odometry_topic=...", wishes.odometry, odometry, POSES),
         ("truth", "--reading truth_topic=...", wishes.truth, truth, POSES),
     )
-    guessed = [one for one in roles if one[2] is None]
+    guessed = [role for role in roles if role[2] is None]
     if not guessed:
         return "", ""
     chosen = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
     used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
     kinds = PICTURES | VIDEOS | POSES | CLOUDS
     others = [t for t in readable(topics, kinds) if t.name not in used]
-    choices = ", ".join(one[1] for one in guessed)
+    choices = ", ".join(role[1] for role in guessed)
     also = f"also there: {listed(others)}" if others else ""
     video = "" if image else _video_advice(topics)
     parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", video)

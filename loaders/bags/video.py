@@ -192,8 +192,8 @@ class _Group:
 
     def add(self, data: bytes) -> int:
         if len(self._packets) >= MOST_BUILT or self._bytes + len(data) > MOST_BYTES:
-            found = f"found video without a key frame for {_pictures(len(self._packets))}"
-            raise PictureError(f"{found} of {self._bytes} bytes, expected one")
+            fault = f"found video without a key frame for {_pictures(len(self._packets))}"
+            raise PictureError(f"{fault} of {self._bytes} bytes, expected one")
         self._bytes += len(data)
         self._packets.append(data)
         return len(self._packets) - 1
@@ -220,16 +220,16 @@ class _Group:
         """Decode up to a packet and return its frame; a stream with B frames may deliver it late."""
         if self._decoder is None or self._next > number:
             self._decoder = self._begun()
-        found: VideoFrame | None = None
+        picture: VideoFrame | None = None
         while self._next <= number:
             for frame in self._decoder.decode(_packet(self._packets[self._next], self._next)):
-                found = frame if frame.pts == number else found
+                picture = frame if frame.pts == number else picture
             self._next += 1
-        if found is None:
+        if picture is None:
             late = self._decoder.decode(None)  # after which it has to begin anew
-            found = next((frame for frame in late if frame.pts == number), None)
+            picture = next((frame for frame in late if frame.pts == number), None)
             self._decoder = None
-        return found
+        return picture
 
     def _begun(self) -> VideoCodecContext:
         from av.codec.context import Flags, ThreadType
@@ -251,10 +251,10 @@ def _context(name: str) -> VideoCodecContext:
     from av import CodecContext
     from av.video.codeccontext import VideoCodecContext
 
-    made = CodecContext.create(name, "r")
-    assert isinstance(made, VideoCodecContext)
-    made.options = {"max_pixels": str(int(most_megapixels() * 1e6))}  # larger frames are broken video
-    return made
+    decoder = CodecContext.create(name, "r")
+    assert isinstance(decoder, VideoCodecContext)
+    decoder.options = {"max_pixels": str(int(most_megapixels() * 1e6))}  # larger frames are broken video
+    return decoder
 
 
 def _packet(data: bytes, number: int) -> Any:

@@ -113,8 +113,8 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
         _gain(path, info),
     )
     first = str(notes.problems[0]) if notes.problems else ""
-    said = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
-    return Gathered(info, drive, falls, notes.count, first, cut, said, notes.tilts)
+    remarks = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
+    return Gathered(info, drive, falls, notes.count, first, cut, remarks, notes.tilts)
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -123,8 +123,8 @@ def movement_apart(drive: RecordedDrive) -> float | None:
     if truth.size < 2 or odometry.size < 2 or (np.diff(odometry.t_s) < 0).any() or truth.part.any():
         return None
     poses = odometry.values if odometry.poses else path_of(odometry.values)
-    found = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
-    return None if found is None else found.offset_s
+    offset = offset_between(odometry.t_s, poses, truth.t_s, truth.poses)
+    return None if offset is None else offset.offset_s
 
 
 def _gain(path: Path, info: SessionInfo) -> float:
@@ -271,16 +271,16 @@ def examine(
 
     What one check finds is taken back before the next: times first, then truth, then at most 60 pictures.
     """
-    found = gather(path, options)
-    factor, units = time_unit(found.drive)
-    drive = found.drive.slowed(factor)
+    gathered = gather(path, options)
+    factor, units = time_unit(gathered.drive)
+    drive = gathered.drive.slowed(factor)
     if library is not None and not np.isfinite(drive.size_m):
         drive = replace(drive, size_m=max(library.arena.size_m))
     movement_s = movement_apart(drive)
-    apart = clocks_apart(drive, movement_s) or truth_apart(drive)
+    clocks = clocks_apart(drive, movement_s) or truth_apart(drive)
     checks, without = ["times"], list[str]()
-    known = [*_about_reading(found), *coarse_times(drive), *units, *apart]
-    if (made := made_odometry(found.info, options)) and drive.odometry.size:
+    known = [*_about_reading(gathered), *coarse_times(drive), *units, *clocks]
+    if (made := made_odometry(gathered.info, options)) and drive.odometry.size:
         without.append(f"odometry: {made}")
     else:
         known += _about_odometry(drive, movement_s, checks, without)
@@ -289,25 +289,31 @@ def examine(
     elif library is None or drive.truth.size < 2:
         lacking = "library was given" if library is None else "truth tells where they are from"
         without.append(f"pictures: no {lacking}")
-    elif any(one.code in WRONG_TRUTH for one in known):
+    elif any(finding.code in WRONG_TRUTH for finding in known):
         without.append("pictures: the truth has to be put right first")
     else:
-        looks = look(path, options, library, found.info, drive, factor, progress)
+        looks = look(path, options, library, gathered.info, drive, factor, progress)
         checks.append(f"{len(looks.t_s)} pictures against the library")
         places = len(np.unique(places_seen(looks, drive.truth)))
         if places < FEWEST_PLACES:
             text = f"they are of {places} distinct places, and {FEWEST_PLACES} are needed"
             without.append(f"where and when the camera looks, by the pictures: {text}")
         known = known + seen_with_truth(looks, drive.truth)
-    delayed = any(one.code == "picture-delay" for one in known)  # why truth seems to be elsewhere in time
+    delayed = any(finding.code == "picture-delay" for finding in known)
     form = chosen(path, options)
     clear = [finding for finding in known if not (delayed and finding.code == "truth-apart")]
     findings = [fixable(_on_robot(finding, options), form) for finding in clear]
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     asked = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
-    name, shown_in, fov_known = found.info.name, found.info.display_units, has_view(found.info, options)
-    return Examination(path, name, *counts, found.cut, found.warnings, *asked, fixed, shown_in, fov_known)
+    name, shown_in, fov_known = (
+        gathered.info.name,
+        gathered.info.display_units,
+        has_view(gathered.info, options),
+    )
+    return Examination(
+        path, name, *counts, gathered.cut, gathered.warnings, *asked, fixed, shown_in, fov_known
+    )
 
 
 def _about_odometry(

@@ -127,7 +127,7 @@ def direction_finding(offset_rad: float, *evidence: Evidence, **numbers: float) 
 def scale_finding(scale: float, *evidence: Evidence, truth: bool = False, **numbers: float) -> Finding:
     """Report that lengths are not in meters, or far too long."""
     whose = "truth" if truth else "odometry"
-    near = min(UNITS, key=lambda one: abs(np.log(scale / one)))
+    near = min(UNITS, key=lambda unit: abs(np.log(scale / unit)))
     numbers = {"scale": scale, **numbers}
     if abs(np.log(scale / near)) >= SAME_SCALE:
         return Finding("scale", evidence, numbers, {f"{whose}_scale": round(scale, 4)}, {"whose": whose})

@@ -273,10 +273,15 @@ def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -
 
 def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreement) -> Agreement:
     """Return the reading and delay that explain the truth best, or the usual one unless far worse."""
-    found = [one for r in readings(drive.odometry) if (one := agreement(drive.odometry, segments, r))]
-    best = min(found, key=lambda one: one.unexplained)
+    agreements = [
+        agreed for r in readings(drive.odometry) if (agreed := agreement(drive.odometry, segments, r))
+    ]
+    best = min(agreements, key=lambda agreed: agreed.unexplained)
     if best.unexplained > GOOD:  # a delay may hide which reading is right
-        best = min((_shifted(drive, segments, one) for one in found), key=lambda one: one.unexplained)
+        best = min(
+            (_shifted(drive, segments, agreed) for agreed in agreements),
+            key=lambda agreed: agreed.unexplained,
+        )
     as_it_stands = usual.unexplained <= GOOD and abs(usual.offset_rad) <= FAR_OFF
     if as_it_stands or best.unexplained > FAR_BETTER * usual.unexplained:
         best = usual
@@ -286,11 +291,11 @@ def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreeme
 def _shifted(drive: RecordedDrive, segments: TruthSegments, at_once: Agreement) -> Agreement:
     """Try delays; return the given agreement unless one explains far more."""
     tried = [agreement(drive.odometry, segments, at_once.reading, float(s)) for s in shifts(drive)]
-    known = [one for one in tried if one is not None]
-    best = min(known, key=lambda one: one.unexplained, default=at_once)
+    known = [agreed for agreed in tried if agreed is not None]
+    best = min(known, key=lambda agreed: agreed.unexplained, default=at_once)
     if best.unexplained > FAR_BETTER * at_once.unexplained or at_once.unexplained < 0.01:
         return at_once
-    near = [one for one in known if one.unexplained <= 1.2 * best.unexplained + 0.002]
+    near = [agreed for agreed in known if agreed.unexplained <= 1.2 * best.unexplained + 0.002]
     middle = near[len(near) // 2]
     return middle if abs(middle.shift_s) > WORTH_S else at_once
 
@@ -300,10 +305,10 @@ def _in_degrees(drive: RecordedDrive, segments: TruthSegments) -> tuple[TruthSeg
     other = segments_of(drive.truth, DEGREE)
     best = [
         min(
-            (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, one, r))),
+            (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, cut, r))),
             default=1.0,
         )
-        for one in (segments, other)
+        for cut in (segments, other)
     ]
     if best[1] > FAR_BETTER * best[0]:
         return segments, []
@@ -339,8 +344,8 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
         findings.append(turn_finding(best.reading.turn, seen, unexplained=best.unexplained))
     if best.reading.frame:
         offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
-        found = frame_finding(best.reading.frame, seen, offset_rad=offset, unexplained=best.unexplained)
-        findings.append(found)
+        finding = frame_finding(best.reading.frame, seen, offset_rad=offset, unexplained=best.unexplained)
+        findings.append(finding)
     if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
         travel = Evidence("travel", {"off_deg": float(np.degrees(best.offset_rad))})
         findings.append(direction_finding(_offset(best, drive), travel, seen))

@@ -52,8 +52,8 @@ class ComparedPictures:
         local = (poses - np.append(origin, 0)).astype(np.float32)
         local[..., 2] = wrap_angle(poses[..., 2])
         pairs = zip(self.comparisons, local, strict=True)
-        found = np.array([self.localizer.sensor.at(c, p).log_likelihood for c, p in pairs], np.float64)
-        return np.where(np.isfinite(found), found, np.nan)
+        values = np.array([self.localizer.sensor.at(c, p).log_likelihood for c, p in pairs], np.float64)
+        return np.where(np.isfinite(values), values, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +137,8 @@ def _highest(mean: F64, values: F64, *, circular: bool) -> float:
         high = values[_run(mean, top)]
         return float(high[0] + high[-1]) / 2
     middle, values = len(values) // 2, np.roll(values, len(values) // 2 - top)
-    around = values[middle] + wrap_angle(values - values[middle])
-    return float(wrap_angle(np.array(around[_run(np.roll(mean, middle - top), middle)].mean())))
+    headings = values[middle] + wrap_angle(values - values[middle])
+    return float(wrap_angle(np.array(headings[_run(np.roll(mean, middle - top), middle)].mean())))
 
 
 def _interval(gains: F64, groups: I32, values: F64, value: float, *, circular: bool) -> tuple[float, float]:

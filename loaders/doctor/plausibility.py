@@ -54,12 +54,12 @@ def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:
     way, turn = speeds(drive.odometry) if drive.odometry.size else (0.0, 0.0)
     if not (0 < way < SLOWEST_M_S and turn < SLOWEST_M_S):
         return 1.0, []
-    unit = min(PER_SECOND, key=lambda one: abs(np.log(way * PER_SECOND[one] / USUAL_M_S)))
+    unit = min(PER_SECOND, key=lambda name: abs(np.log(way * PER_SECOND[name] / USUAL_M_S)))
     factor = PER_SECOND[unit]
     seen = Evidence("slow", {"m_s": way, "rad_s": turn, "unit": unit, "per_s": factor})
     short = {"milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}[unit]
-    found = Finding("time-unit", (seen,), {"per_s": factor}, {"time_unit": short}, {"unit": unit})
-    return 1 / factor, [found]
+    finding = Finding("time-unit", (seen,), {"per_s": factor}, {"time_unit": short}, {"unit": unit})
+    return 1 / factor, [finding]
 
 
 MOST_AT_ONE = 3.0  # records that move at one time, on average; a robot's clock has one or two
@@ -116,9 +116,9 @@ def best_reading(odometry: RecordedOdometry) -> Reading:
     if aside_share(odometry, Reading()) < ASIDE:
         return Reading()
     small = odometry.poses and np.abs(odometry.values[:, 2]).max() <= np.pi  # headings of quaternions are
-    tried = [one for one in readings(odometry) if one.frame or odometry.poses]
-    tried = [one for one in tried if not (small and "degrees" in one.turn)]
-    best = min(tried, key=lambda one: aside_share(odometry, one))
+    tried = [candidate for candidate in readings(odometry) if candidate.frame or odometry.poses]
+    tried = [candidate for candidate in tried if not (small and "degrees" in candidate.turn)]
+    best = min(tried, key=lambda candidate: aside_share(odometry, candidate))
     return best if aside_share(odometry, best) < NOT_ASIDE else Reading()
 
 
@@ -137,7 +137,7 @@ def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
 
 
 def _too_fast(way: float, size_m: float) -> Finding:
-    scale = min((0.001, 0.01), key=lambda one: abs(np.log(way * one / USUAL_M_S)))
+    scale = min((0.001, 0.01), key=lambda factor: abs(np.log(way * factor / USUAL_M_S)))
     seen = Evidence("fast", {"m_s": way, "map_m": size_m, "then_m_s": way * scale})
     return scale_finding(scale, seen, m_s=way)
 
@@ -159,13 +159,13 @@ def same_moments(late_t_s: F64, t_s: F64) -> float | None:
     fewer = min(len(late), len(ours))
     if fewer < FEWEST:
         return None
-    apart = np.sort((late[:, None] - ours).ravel())
-    met = np.searchsorted(apart, apart + ALIKE_S, side="right") - np.arange(len(apart))
+    delays = np.sort((late[:, None] - ours).ravel())
+    met = np.searchsorted(delays, delays + ALIKE_S, side="right") - np.arange(len(delays))
     best = int(met.argmax())
-    others = met[np.abs(apart - apart[best]) > 2 * ALIKE_S]
+    others = met[np.abs(delays - delays[best]) > 2 * ALIKE_S]
     if met[best] < MOST * fewer or (len(others) and others.max() > OTHER * fewer):
         return None
-    return float(np.median(apart[best : best + met[best]]))
+    return float(np.median(delays[best : best + met[best]]))
 
 
 def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[Finding]:

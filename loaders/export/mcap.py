@@ -89,8 +89,8 @@ class McapWriter:
 
     def _nanoseconds(self, time_s: float) -> int:
         if not 0 <= time_s <= LATEST_S:
-            found = f"found t {time_s:.15g}, expected 0 to {LATEST_S:.0f} s in a ROS message"
-            raise InputError(self._file, f"{found}; move it with --t-offset")
+            fault = f"found t {time_s:.15g}, expected 0 to {LATEST_S:.0f} s in a ROS message"
+            raise InputError(self._file, f"{fault}; move it with --t-offset")
         whole = int(time_s)  # separately, or Unix time would lose its last digits
         return whole * 10**9 + round((time_s - whole) * 1e9)
 
@@ -145,7 +145,7 @@ class McapScene:
 
 def scene_of(info: SessionInfo, camera: str | None = None) -> McapScene:
     """Return the scene of a session with the camera whose pictures are written: the first unless named."""
-    named = [one for one in info.cameras if camera in (None, one.name)]
+    named = [camera_of for camera_of in info.cameras if camera in (None, camera_of.name)]
     return McapScene(info, info.arena, named[0] if named else None)
 
 

@@ -80,18 +80,18 @@ class Messages:
 
     def transforms(self, *links: tuple[str, str, F64]) -> bytes:
         """Return a tf2_msgs/TFMessage of links (parent frame, child frame, pose of the child (3,))."""
-        made = []
+        transforms = []
         for parent, child, pose in links:
             offset = self._make("geometry_msgs/msg/Vector3", float(pose[0]), float(pose[1]), 0.0)
             transform = self._make("geometry_msgs/msg/Transform", offset, self._turn(float(pose[2])))
             header = self._header(parent)
-            made.append(self._make("geometry_msgs/msg/TransformStamped", header, child, transform))
-        return self._bytes("tf2_msgs/msg/TFMessage", made)
+            transforms.append(self._make("geometry_msgs/msg/TransformStamped", header, child, transform))
+        return self._bytes("tf2_msgs/msg/TFMessage", transforms)
 
     def encoded_picture(self, frame: str, kind: str, data: bytes) -> bytes:
         """Return a sensor_msgs/CompressedImage of an encoded picture, `jpeg` or `png`."""
-        held = np.frombuffer(data, np.uint8)
-        return self._bytes("sensor_msgs/msg/CompressedImage", self._header(frame), kind, held)
+        values = np.frombuffer(data, np.uint8)
+        return self._bytes("sensor_msgs/msg/CompressedImage", self._header(frame), kind, values)
 
     def text(self, text: str) -> bytes:
         """Return a std_msgs/String."""

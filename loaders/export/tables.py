@@ -229,9 +229,9 @@ TITLE = "APE w.r.t. translation part (m)\n(not aligned)"
 def error_statistics(errors_m: F64) -> dict[str, float]:
     """Return evo's seven statistics of some errors (N,), N > 0, by its names."""
     squared = np.square(errors_m)
-    found = {"rmse": np.sqrt(squared.mean()), "mean": errors_m.mean(), "median": np.median(errors_m)}
-    found |= {"std": errors_m.std(), "min": errors_m.min(), "max": errors_m.max(), "sse": squared.sum()}
-    return {name: float(value) for name, value in found.items()}
+    statistics = {"rmse": np.sqrt(squared.mean()), "mean": errors_m.mean(), "median": np.median(errors_m)}
+    statistics |= {"std": errors_m.std(), "min": errors_m.min(), "max": errors_m.max(), "sse": squared.sum()}
+    return {name: float(value) for name, value in statistics.items()}
 
 
 class EvoSink:
@@ -270,9 +270,9 @@ class EvoSink:
             archive.writestr("info.json", json.dumps(names))
             archive.writestr("stats.json", json.dumps(self.statistics()))
             for name, values in arrays.items():
-                held = io.BytesIO()
-                np.save(held, values)
-                archive.writestr(f"{name}.npy", held.getvalue())
+                content = io.BytesIO()
+                np.save(content, values)
+                archive.writestr(f"{name}.npy", content.getvalue())
             for name, columns in (("truth", slice(1, 4)), (self._label, slice(4, 7))):
                 archive.writestr(f"{name}.tum", "".join(tum_line(row[0], row[columns]) for row in rows))
 

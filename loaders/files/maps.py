@@ -122,8 +122,8 @@ def read_ros_map(file: Path) -> Arena:
     is_free = np.flipud(taken < free)  # the picture's top row is the farthest in y
     rows, columns = (np.flatnonzero(is_free.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
-        found = f"found no free cell in {picture} ({(taken > occupied).mean():.0%} occupied)"
-        raise InputError(file, f"{found}, expected some; see negate and free_thresh")
+        fault = f"found no free cell in {picture} ({(taken > occupied).mean():.0%} occupied)"
+        raise InputError(file, f"{fault}, expected some; see negate and free_thresh")
     low = np.array([columns[0], rows[0]], np.float64)
     cropped = is_free[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     walls, frame = cell_walls(cropped, side_m, low * side_m, (origin[0], origin[1], origin[2]), np.all)

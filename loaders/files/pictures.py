@@ -127,8 +127,8 @@ def expect_size(width: int, height: int) -> None:
     """Raise PictureError for a picture with more pixels than `most_megapixels`."""
     most = most_megapixels()
     if width * height > most * 1e6:
-        found = f"found a picture of {width} x {height} pixels, expected at most {most:g} megapixels"
-        raise PictureError(f"{found}; scale it down, or set {LIMIT} if memory allows")
+        fault = f"found a picture of {width} x {height} pixels, expected at most {most:g} megapixels"
+        raise PictureError(f"{fault}; scale it down, or set {LIMIT} if memory allows")
 
 
 def picture_size(data: bytes) -> tuple[int, int]:

@@ -59,7 +59,7 @@ PICTURES = (".jpg", ".jpeg", ".png", ".webp", ".bmp")  # endings, in lower case
 
 def pictures_in(folder: Path) -> list[Path]:
     """Return the pictures of a folder in natural order."""
-    return natural_order(one for one in folder.iterdir() if one.suffix.lower() in PICTURES)
+    return natural_order(file for file in folder.iterdir() if file.suffix.lower() in PICTURES)
 
 
 # Text files: CSV, TOML, rows of numbers.
@@ -124,8 +124,8 @@ def parse_toml(text: str) -> dict[str, Any]:
         dots = dots + 1 if kind == "dot" else dots if kind in ("line", "text") else 0
         if max(depth, dots) > MOST_NESTING:
             line = text.count("\n", 0, token.start()) + 1
-            found = f"found more than {MOST_NESTING} tables or lists within each other"
-            raise ValueError(f"{found} (at line {line})")
+            fault = f"found more than {MOST_NESTING} tables or lists within each other"
+            raise ValueError(f"{fault} (at line {line})")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:

@@ -101,10 +101,10 @@ def check_target(target: Path, *kinds: FolderKind, force: bool) -> None:
     stranger = None if not kinds or not target.is_dir() else (kind or kinds[0]).stranger(target)
     if kind is not None and stranger is None:
         return
-    found = "" if stranger is None else f"found {stranger} in it, "
+    reason = "" if stranger is None else f"found {stranger} in it, "
     wanted = " or ".join(kind.name for kind in kinds) or "a name that is free"
     advice = "move that away, or write elsewhere" if kind else "write elsewhere, or remove it yourself"
-    raise InputError(target, f"is not replaced: {found}expected {wanted}; {advice}")
+    raise InputError(target, f"is not replaced: {reason}expected {wanted}; {advice}")
 
 
 def expect_apart(target: Path, *sources: Path) -> None:

@@ -102,10 +102,10 @@ class PoseFile(_TimedFile):
             except InputError as problem:
                 notes.problem(problem)
                 continue
-            last_t_s, told = t_s, left.add(position, turned)
+            last_t_s, note = t_s, left.add(position, turned)
             yield self.kind(t_s, planar(position, turned, self._axis))
-            if told and self.kind is TruthPose:
-                yield Note(t_s, told)
+            if note and self.kind is TruthPose:
+                yield Note(t_s, note)
         if text := str(left):
             notes.left_plane(str(self.file), left.tilt_rad, left.height_m, text)
 
@@ -114,8 +114,8 @@ class PoseFile(_TimedFile):
     def track(self) -> tuple[F64, F64]:
         """Return the times (n,) and poses (n, 3) of the first 50,000 rows that can be read."""
         poses = self.poses(ReadingNotes(keep_going=True))
-        found = list(islice((one for one in poses if not isinstance(one, Note)), MOST))
-        return np.array([one.t_s for one in found]), np.array([one.pose for one in found]).reshape(-1, 3)
+        track = list(islice((pose for pose in poses if not isinstance(pose, Note)), MOST))
+        return np.array([pose.t_s for pose in track]), np.array([pose.pose for pose in track]).reshape(-1, 3)
 
     def check(self) -> None:
         """Read the first row. Raises InputError if it is broken, or there is none."""
@@ -170,8 +170,8 @@ class PoseFile(_TimedFile):
         words = self._words(row)
         wanted = (*self.layout.position, *self.layout.quaternion)
         if len(words) <= max(wanted):
-            found = f"found {len(words)} values ({show(row.text)}), expected at least {max(wanted) + 1}"
-            raise InputError(self.file, found, row.number)
+            fault = f"found {len(words)} values ({show(row.text)}), expected at least {max(wanted) + 1}"
+            raise InputError(self.file, fault, row.number)
         values = np.array([number_of(self.file, row, words[at], "value") for at in wanted])
         try:
             return values[:3], rotation(values[3:])
@@ -267,10 +267,10 @@ class TimedFolder:
     def _offset(self, truth: PoseFile, main: TimeSpan) -> str:
         odometry = self.odometry
         if odometry is not None and (odometry.span.overlaps(main, SLACK_S)):
-            found = offset_between(*odometry.track(), *truth.track())
-            if found is not None:
-                alike = f"its movement is most like the odometry's (correlation {found.correlation:.2f}) with"
-                return f"{alike} --reading truth_offset_s={found.offset_s + truth.offset_s:.6f}"
+            offset = offset_between(*odometry.track(), *truth.track())
+            if offset is not None:
+                alike = f"its movement is most like the odometry's (correlation {offset.correlation:.2f})"
+                return f"{alike} with --reading truth_offset_s={offset.offset_s + truth.offset_s:.6f}"
         together = f"--reading truth_offset_s={main.first_s - truth.span.first_s + truth.offset_s:.6f}"
         no_help = "" if odometry is None else "movement does not tell how far; "
         return f"{no_help}if both begin together, use {together}"

@@ -88,14 +88,14 @@ def rows(file: Path) -> Iterator[Row]:
 
 def words_of(text: str, most: int = -1) -> list[str]:
     """Split a row at commas, else semicolons, else blanks and tabs; after `most` cuts the rest is whole."""
-    separator = next((one for one in (",", ";") if one in text), None)
+    separator = next((mark for mark in (",", ";") if mark in text), None)
     return [word.strip() for word in text.split(separator, most)]
 
 
 def names_columns(text: str) -> bool:
     """Return whether a row names columns: it begins with a word, not with a number."""
     first = words_of(text)[0]
-    return first[:1].isalpha() and not is_number(first) and not any(one.isdigit() for one in first)
+    return first[:1].isalpha() and not is_number(first) and not any(letter.isdigit() for letter in first)
 
 
 def is_number(word: str) -> bool:
@@ -139,9 +139,9 @@ def head_of(rows: Iterable[Row]) -> Head | None:
     """Read a table's head from its rows, names also from the last comment; None for an empty one."""
     separator, comment = None, None
     for row in rows:
-        said = _EXCEL.match(row.text)
-        if said is not None:
-            separator = said[1]
+        stated = _EXCEL.match(row.text)
+        if stated is not None:
+            separator = stated[1]
         elif row.text.startswith("#"):
             comment = row
         else:
@@ -218,22 +218,22 @@ def roles_of(file: Path, header: Sequence[str], asked: Mapping[str, str]) -> dic
     InputError for a role or column that is not there, and for angles without a unit.
     """
     names = [name.strip().lstrip("#").strip() for name in header]
-    found = {role: _asked(file, names, role.replace("-", "_"), value) for role, value in asked.items()}
-    found = {role.replace("-", "_"): column for role, column in found.items()}
+    columns = {role: _asked(file, names, role.replace("-", "_"), value) for role, value in asked.items()}
+    columns = {role.replace("-", "_"): column for role, column in columns.items()}
     for at, name in enumerate(names):
         if name.lower().startswith(READING.replace(".", "_")):
-            found.setdefault(READING + name[len(READING) :], Column(at, name, None))
+            columns.setdefault(READING + name[len(READING) :], Column(at, name, None))
     for role in NAMES:
         named = _named_roles(names, role)
-        if role not in found and named is not None:
-            found[role] = named
+        if role not in columns and named is not None:
+            columns[role] = named
     for group in (TRUTH, ODOMETRY):
-        _whole(found, group)
+        _whole(columns, group)
     for role in ANGULAR:
-        if role in found and found[role].unit not in ANGLES:
-            text = f"found column {found[role].name!r} without a unit; say --reading columns={role}="
-            raise InputError(file, f"{text}{found[role].name}:deg or :rad", 1)
-    return found
+        if role in columns and columns[role].unit not in ANGLES:
+            text = f"found column {columns[role].name!r} without a unit; say --reading columns={role}="
+            raise InputError(file, f"{text}{columns[role].name}:deg or :rad", 1)
+    return columns
 
 
 def factor(role: str, column: Column) -> float:

@@ -55,57 +55,57 @@ class CarmenRecording:
         odometry, last_t_s, fallen, before = _Continuous(), 0.0, 0, None
         source = next((word for word in ("ODOM", "FLASER", "ROBOTLASER1") if word in self._words), None)
         truth = self._truth_word
-        for found in self._poses(notes):
-            set_anew = _set_anew(before, found, last_t_s)
-            before = found
-            if found.t_s < last_t_s - MOST_BACK_S and not set_anew:
-                times = f"{show_time(found.t_s)} after {show_time(last_t_s)}"
+        for line in self._poses(notes):
+            set_anew = _set_anew(before, line, last_t_s)
+            before = line
+            if line.t_s < last_t_s - MOST_BACK_S and not set_anew:
+                times = f"{show_time(line.t_s)} after {show_time(last_t_s)}"
                 text = f"found time {times}, expected time not to fall"
-                notes.problem(InputError(self.path, text, found.row.number))
+                notes.problem(InputError(self.path, text, line.row.number))
                 continue
-            fallen += found.t_s < last_t_s and not set_anew
-            last_t_s = max(last_t_s, found.t_s)
-            if found.word == source:
-                yield OdometryPose(last_t_s, odometry.take(found.pose, set_anew=set_anew))
-            if found.word == truth:
-                yield TruthPose(last_t_s, found.pose if found.laser is None else found.laser)
+            fallen += line.t_s < last_t_s and not set_anew
+            last_t_s = max(last_t_s, line.t_s)
+            if line.word == source:
+                yield OdometryPose(last_t_s, odometry.take(line.pose, set_anew=set_anew))
+            if line.word == truth:
+                yield TruthPose(last_t_s, line.pose if line.laser is None else line.laser)
         if fallen:
             notes.warning(f"{self.path}: {fallen} times fall a little and are raised to the ones before")
 
     @cached_property
     def _words(self) -> frozenset[str]:
-        return frozenset(found.word for found in self._poses(ReadingNotes(keep_going=True)))
+        return frozenset(line.word for line in self._poses(ReadingNotes(keep_going=True)))
 
     @cached_property
     def _truth_word(self) -> str | None:
         if "TRUEPOS" in self._words:
             return "TRUEPOS"
-        lasers = (found for found in self._poses(ReadingNotes(keep_going=True)) if found.word != "RLASER")
+        lasers = (pose for pose in self._poses(ReadingNotes(keep_going=True)) if pose.word != "RLASER")
         mounted: F64 | None = None
         before, last_t_s = None, 0.0
-        for found in lasers:
-            if _set_anew(before, found, last_t_s):
+        for line in lasers:
+            if _set_anew(before, line, last_t_s):
                 return "FLASER"
-            before, last_t_s = found, max(last_t_s, found.t_s)
-            if found.laser is None:
+            before, last_t_s = line, max(last_t_s, line.t_s)
+            if line.laser is None:
                 continue
-            place = motion_between(found.pose, found.laser)
+            place = motion_between(line.pose, line.laser)
             mounted = place if mounted is None else mounted
-            apart = np.abs(place - mounted)
-            if math.hypot(apart[0], apart[1]) > SAME_M or min(apart[2], 2 * math.pi - apart[2]) > SAME_RAD:
-                return found.word
+            shift = np.abs(place - mounted)
+            if math.hypot(shift[0], shift[1]) > SAME_M or min(shift[2], 2 * math.pi - shift[2]) > SAME_RAD:
+                return line.word
         return None
 
     def _poses(self, notes: ReadingNotes) -> Iterator[_Pose]:
         for row in rows(self.path):
             words = row.text.split()
             try:
-                found = _parsed(self.path, row, words)
+                line = _parsed(self.path, row, words)
             except InputError as problem:
                 notes.problem(problem)
                 continue
-            if found is not None:
-                yield found
+            if line is not None:
+                yield line
 
 
 def _set_anew(before: _Pose | None, found: _Pose, last_t_s: float) -> bool:

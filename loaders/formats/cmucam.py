@@ -45,17 +45,17 @@ def frames(data: bytes, at: int = 0, *, last: bool = True) -> Iterator[Found]:
     while (begin := data.find(BEGIN, at)) >= 0:
         if not last and begin + MOST_BYTES > len(data):
             return
-        found = _sized(data, begin) or _marked(data, begin)
-        yield found
-        at = found.end
+        frame = _sized(data, begin) or _marked(data, begin)
+        yield frame
+        at = frame.end
 
 
 def decode_frame(data: bytes) -> U8:
     """Return the picture (H, W, 3) of one frame, 01 to 03. PictureError for missing or surplus bytes."""
-    found = next(frames(data), None)
-    if found is None or found.fault:
-        raise PictureError(found.fault if found else "found no frame, expected one that begins with 01")
-    pixels, width = _pixels(data[found.begin : found.end])
+    frame = next(frames(data), None)
+    if frame is None or frame.fault:
+        raise PictureError(frame.fault if frame else "found no frame, expected one that begins with 01")
+    pixels, width = _pixels(data[frame.begin : frame.end])
     picture = np.frombuffer(pixels, np.uint8).reshape(-1, width, 3)
     if picture.shape[1::-1] == COLUMNS_OF:
         picture = picture.transpose(1, 0, 2)
@@ -187,7 +187,7 @@ def _begins_with_frame(path: Path) -> bool:
 def _files(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
-    return natural_order(one for one in path.iterdir() if one.is_file() and one.suffix.lower() in ENDINGS)
+    return natural_order(file for file in path.iterdir() if file.is_file() and file.suffix.lower() in ENDINGS)
 
 
 def _found(file: Path) -> Iterator[Found]:

@@ -49,14 +49,14 @@ class TubRecording:
         step_s = float(np.median(np.diff([t_s for _, _, t_s, _ in first] or [0.0, 1.0])))
         useless = step_s < SHORTEST_S
         if useless:
-            found = f"times {1000 * step_s:.0f} ms apart, which no camera's are"
-            notes.warning(f"found {found}; {USUAL_HZ:g} pictures per second are assumed")
+            fault = f"times {1000 * step_s:.0f} ms apart, which no camera's are"
+            notes.warning(f"found {fault}; {USUAL_HZ:g} pictures per second are assumed")
         last_t_s = -np.inf
         for count, (file, row, t_s, name) in enumerate(self._rows(notes)):
             t_s = count / USUAL_HZ if useless else t_s
             if t_s < last_t_s:
-                found = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
-                notes.problem(InputError(file, found, row.number))
+                fault = f"found t {t_s:.15g} after t {last_t_s:.15g}, expected time not to fall"
+                notes.problem(InputError(file, fault, row.number))
                 continue
             last_t_s = t_s
             yield Picture(t_s, partial(read_picture, self.path / "images", name), f"images/{name}")
@@ -65,10 +65,10 @@ class TubRecording:
         for file in self.catalogs:
             for row in rows(file):
                 try:
-                    found = mapping(read_json(row.text), "a record")
-                    if whole(found.get("_index"), "_index") not in self.deleted:
-                        t_s = number(found.get(TIME), TIME, 1000 * MOST_T_S) / 1000
-                        yield file, row, t_s, text(found.get(self.camera), self.camera)
+                    fields = mapping(read_json(row.text), "a record")
+                    if whole(fields.get("_index"), "_index") not in self.deleted:
+                        t_s = number(fields.get(TIME), TIME, 1000 * MOST_T_S) / 1000
+                        yield file, row, t_s, text(fields.get(self.camera), self.camera)
                 except ValueError as problem:
                     notes.problem(InputError(file, f"{problem}; was the tub cut?", row.number))
 
@@ -78,10 +78,12 @@ def open_donkeycar(path: Path, options: ReadingOptions) -> TubRecording:
     file = path / MANIFEST
     try:
         lines = [read_json(row.text) for row in rows(file)]
-        names, types = (items(one, "the columns") for one in (lines[0], lines[1]))
+        names, types = (items(line, "the columns") for line in (lines[0], lines[1]))
         last = mapping(lines[-1], "the catalogs")
-        catalogs = [text(one, "paths") for one in items(last.get("paths"), "paths")]
-        deleted = [whole(one, "deleted_indexes") for one in items(last.get("deleted_indexes", []), "deleted")]
+        catalogs = [text(name, "paths") for name in items(last.get("paths"), "paths")]
+        deleted = [
+            whole(index, "deleted_indexes") for index in items(last.get("deleted_indexes", []), "deleted")
+        ]
     except (ValueError, IndexError) as problem:
         reason = f"is no manifest of a tub of version 2 ({problem}), expected columns, types and catalogs"
         raise InputError(file, reason) from None

@@ -108,11 +108,11 @@ class _Sensor:
 def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
     """Open a folder; `options.camera` chooses a camera's. InputError if there is neither camera nor pose."""
     sensors = _sensors(path)
-    cameras = [one for one in sensors if one.has_pictures]
+    cameras = [sensor for sensor in sensors if sensor.has_pictures]
     if not sensors:
         raise InputError(path, f"found no {TABLE} below it, expected an EuRoC / ASL folder")
     camera = _camera(path, cameras, options.camera)
-    poses = [one for one in sensors if not one.has_pictures and one.layout]
+    poses = [sensor for sensor in sensors if not sensor.has_pictures and sensor.layout]
     truth = _named(poses, TRUTHS)
     odometry = _named(poses, ODOMETRY)
     went = None if odometry is None else _pose_file(odometry, OdometryPose, options)
@@ -137,14 +137,14 @@ def looks_euroc(path: Path) -> bool:
 
 def _sensors(path: Path) -> list[_Sensor]:
     """Find what is in a folder, or in its `mav0`, by the first lines of the tables."""
-    found = []
+    sensors = []
     patterns = ["/".join(["*"] * depth + [TABLE]) for depth in range(1, DEPTH + 1)]
     for file in sorted(file for pattern in patterns for file in path.glob(pattern)):
         names = _columns(file)
         if names:
             columns = tuple(name.partition("[")[0].strip().lower() for name in names)
-            found.append(_Sensor(file, columns, unit_in(names[0])))
-    return found
+            sensors.append(_Sensor(file, columns, unit_in(names[0])))
+    return sensors
 
 
 def _columns(file: Path) -> list[str]:
@@ -162,18 +162,18 @@ def _columns(file: Path) -> list[str]:
 def _camera(path: Path, cameras: Sequence[_Sensor], wanted: str | None) -> _Sensor | None:
     if wanted is None:
         return cameras[0] if cameras else None
-    for one in cameras:
-        if one.name == wanted:
-            return one
-    names = ", ".join(one.name for one in cameras) or "no camera"
+    for camera in cameras:
+        if camera.name == wanted:
+            return camera
+    names = ", ".join(camera.name for camera in cameras) or "no camera"
     raise InputError(path, f"found {names}, expected {wanted!r} among them")
 
 
 def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:
     for word in words:
-        for one in sensors:
-            if word in one.name.lower():
-                return one
+        for sensor in sensors:
+            if word in sensor.name.lower():
+                return sensor
     return None
 
 
@@ -191,30 +191,34 @@ def _pose_file(
 
 
 def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
-    said = []
+    remarks = []
     if poses is not None and poses.body[0][2]:
-        said.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")
+        remarks.append(f"{poses.file}: on this body x or y is up, so that headings are those of its z axis")
     if camera is not None and abs(camera.yaw_rad) > ASIDE_RAD:
         degrees = math.degrees(camera.yaw_rad)
         where = f"camera {camera.name} looks {degrees:+.0f} degrees off the forward axis of the poses"
-        said.append(f"{where} ({DESCRIBED}); with another robot's library see `library build --yaw`")
-    return said
+        remarks.append(f"{where} ({DESCRIBED}); with another robot's library see `library build --yaw`")
+    return remarks
 
 
 def _remarks(
     cameras: Sequence[_Sensor], camera: _Sensor | None, sensors: Sequence[_Sensor], used: set[_Sensor | None]
 ) -> tuple[str, ...]:
-    others = [one.name for one in cameras if one is not camera]
-    said = []
+    others = [sensor.name for sensor in cameras if sensor is not camera]
+    remarks = []
     if others and camera is not None:
-        said.append(f"camera {camera.name} is used, {', '.join(others)} is not; --reading camera=... chooses")
-    poses = [one.name for one in sensors if one.layout and not one.has_pictures and one not in used]
+        remarks.append(
+            f"camera {camera.name} is used, {', '.join(others)} is not; --reading camera=... chooses"
+        )
+    poses = [
+        sensor.name for sensor in sensors if sensor.layout and not sensor.has_pictures and sensor not in used
+    ]
     if poses:
-        said.append(f"poses of {', '.join(poses)} are not used")
-    places = [one.name for one in sensors if one.has_places]
+        remarks.append(f"poses of {', '.join(poses)} are not used")
+    places = [sensor.name for sensor in sensors if sensor.has_places]
     if places:
-        said.append(f"{', '.join(places)} holds positions without orientation, which make no poses")
-    return tuple(said)
+        remarks.append(f"{', '.join(places)} holds positions without orientation, which make no poses")
+    return tuple(remarks)
 
 
 FORMATS = (

@@ -57,9 +57,9 @@ class KittiRecording:
         if not self.truth_offset_s:
             yield from self._merged(notes)
             return
-        truth = (one for one in self._merged(notes) if isinstance(one, TruthPose))
-        others = (one for one in self._merged(ReadingNotes(True)) if not isinstance(one, TruthPose))
-        shifted = (TruthPose(one.t_s + self.truth_offset_s, one.pose) for one in truth)
+        truth = (record for record in self._merged(notes) if isinstance(record, TruthPose))
+        others = (record for record in self._merged(ReadingNotes(True)) if not isinstance(record, TruthPose))
+        shifted = (TruthPose(record.t_s + self.truth_offset_s, record.pose) for record in truth)
         yield from heapq.merge(shifted, others, key=lambda record: record.t_s)
 
     def _merged(self, notes: ReadingNotes) -> Iterator[Record]:
@@ -69,8 +69,8 @@ class KittiRecording:
         for number, (time, pose) in enumerate(zip_longest(times, poses)):
             try:
                 if self.times is not None and time is None:
-                    found = f"found more poses than the {number} times of {self.times}"
-                    raise InputError(self._posed(), found, pose.number if pose else None)
+                    fault = f"found more poses than the {number} times of {self.times}"
+                    raise InputError(self._posed(), fault, pose.number if pose else None)
                 t_s = self._time(time) if time is not None and self.times else number * PERIOD_S
                 truth = None if pose is None else planar_pose(self._posed(), pose)
             except InputError as problem:
@@ -117,8 +117,8 @@ def planar_pose(file: Path, row: Row) -> F64:
     """Return the pose (3,) of a row of twelve numbers. Raises InputError for anything else."""
     words = words_of(row.text)
     if len(words) != NUMBERS:
-        found = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
-        raise InputError(file, found, row.number)
+        fault = f"found {len(words)} values ({show(row.text)}), expected {NUMBERS}"
+        raise InputError(file, fault, row.number)
     matrix = np.array([number_of(file, row, word, "value") for word in words]).reshape(3, 4)
     if not np.allclose(np.linalg.norm(matrix[:, :3], axis=0), 1, atol=0.1):
         raise InputError(file, f"found {show(row.text)}, expected a rotation and a place", row.number)
@@ -127,17 +127,20 @@ def planar_pose(file: Path, row: Row) -> F64:
 
 def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
     """Open a sequence; `options.camera` is image_0 to image_3. Raises InputError if there are no pictures."""
-    found = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
-    if not found:
+    folders = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
+    if not folders:
         raise InputError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
-    folder = found[0]
+    folder = folders[0]
     if options.camera is not None:
         folder = path / options.camera
-        if folder not in found:
-            names = ", ".join(one.name for one in found)
+        if folder not in folders:
+            names = ", ".join(camera.name for camera in folders)
             raise InputError(path, f"found cameras {names}, expected {options.camera!r} among them")
     name = path.resolve().name
-    places = (*poses_beside(path), *(path / one for one in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")))
+    places = (
+        *poses_beside(path),
+        *(path / place for place in (f"poses/{name}.txt", "poses.txt", f"{name}.txt")),
+    )
     poses = options.table or next((file for file in places if file.is_file()), None)
     times = first_file(path, TIMES) or first_file(folder, TIMES)
     info = SessionInfo(f"KITTI {name}", cameras=(Camera(folder.name),))
@@ -175,9 +178,11 @@ def looks_like_sequence(path: Path) -> bool:
 
 def looks_like_poses(path: Path) -> bool:
     """Recognize poses alone by twelve numbers in each of the first rows."""
-    found = [words_of(line) for line in begin_lines(path)[:5] if line.strip()]
+    rows_of_words = [words_of(line) for line in begin_lines(path)[:5] if line.strip()]
     try:
-        return bool(found) and all(len(words) == NUMBERS and [float(w) for w in words] for words in found)
+        return bool(rows_of_words) and all(
+            len(words) == NUMBERS and [float(w) for w in words] for words in rows_of_words
+        )
     except ValueError:
         return False
 

@@ -78,7 +78,7 @@ class TableRecording:
     def root_of(self, name: str) -> Path:
         """Return the folder that a picture's name starts from: that of the pictures, or the table's."""
         roots = (self.path, self.table.parent)
-        return next((one for one in roots if _is_file(one / name)), self.table.parent)
+        return next((root for root in roots if _is_file(root / name)), self.table.parent)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the table row by row; poses come before the picture of their row."""
@@ -136,8 +136,8 @@ class TableRecording:
             name = f"{self.frames.path.name}, frame {number}"
             return Picture(t_s, partial(self.frames.read, number), name)
         if not 0 <= number < len(self.frames):
-            found = f"found no picture {number}, there are {len(self.frames)} in {self.path}"
-            raise InputError(self.table, found, row.number)
+            fault = f"found no picture {number}, there are {len(self.frames)} in {self.path}"
+            raise InputError(self.table, fault, row.number)
         file = self.frames[number]
         return Picture(t_s, partial(read_picture, file.parent, file.name), file.name)
 
@@ -212,10 +212,10 @@ def open_table(path: Path, options: ReadingOptions) -> TableRecording:
         raise InputError(table, "found an empty file, expected a table")
     roles = roles_of(table, head.names, options.columns)
     if not roles:
-        found = f"found columns {show(', '.join(head.names))}, none of a known name"
+        fault = f"found columns {show(', '.join(head.names))}, none of a known name"
         if not head.named:
-            found = f"found no names of columns, and {len(head.names)} columns; they are called 1, 2, 3 ..."
-        raise InputError(table, f"{found}; say what they are with --reading columns=...", head.lines or None)
+            fault = f"found no names of columns, and {len(head.names)} columns; they are called 1, 2, 3 ..."
+        raise InputError(table, f"{fault}; say what they are with --reading columns=...", head.lines or None)
     frames = _frames(path, "image" in roles)
     info = SessionInfo(table.stem if table == path else path.resolve().stem)
     unit, outside = options.time_unit, options.pictures_outside
@@ -239,8 +239,8 @@ def looks_like_table(path: Path) -> bool:
 def _table_of(path: Path) -> Path | None:
     try:
         if path.is_dir():
-            found = [one for one in path.iterdir() if one.suffix.lower() in TABLES]
-            return found[0] if len(found) == 1 else None
+            tables = [file for file in path.iterdir() if file.suffix.lower() in TABLES]
+            return tables[0] if len(tables) == 1 else None
         return path if path.is_file() and path.suffix.lower() not in VIDEOS else None
     except OSError:
         return None
@@ -257,7 +257,7 @@ def _frames(path: Path, named: bool) -> Sequence[Path] | Frames | None:
     if named:
         return None
     if path.is_dir():
-        videos = [one for one in path.iterdir() if one.suffix.lower() in VIDEOS]
+        videos = [file for file in path.iterdir() if file.suffix.lower() in VIDEOS]
         return pictures_in(path) or (Frames(videos[0]) if len(videos) == 1 else None)
     return Frames(path) if path.suffix.lower() in VIDEOS else None
 
@@ -272,7 +272,7 @@ class FolderRecording:
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the pictures."""
         notes.warning("no table: one picture per second is assumed; see --reading table=...")
-        tables = [one.name for one in self.path.iterdir() if one.suffix.lower() in TABLES]
+        tables = [file.name for file in self.path.iterdir() if file.suffix.lower() in TABLES]
         if tables:
             why = "no table, or several, with known columns in UTF-8; see --reading table=..., columns=..."
             notes.warning(f"{', '.join(sorted(tables))} beside them is not used: {why}")
@@ -292,7 +292,7 @@ def open_folder(path: Path, options: ReadingOptions) -> TableRecording | FolderR
 def looks_like_pictures(path: Path) -> bool:
     """Recognize a folder by a picture in it."""
     try:
-        return path.is_dir() and any(one.suffix.lower() in PICTURES for one in path.iterdir())
+        return path.is_dir() and any(file.suffix.lower() in PICTURES for file in path.iterdir())
     except OSError:
         return False
 

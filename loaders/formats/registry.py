@@ -99,8 +99,8 @@ def open_recording(
     form = chosen(path, options)
     opening = form.open_unchecked if unchecked and form.open_unchecked else form.open
     if options.plane in TURNED and not form.in_space:
-        found = f"found --reading plane={options.plane}, which is for poses in space"
-        raise InputError(path, f"{found}, and the format {form.name} holds poses in x-y; leave it out")
+        fault = f"found --reading plane={options.plane}, which is for poses in space"
+        raise InputError(path, f"{fault}, and the format {form.name} holds poses in x-y; leave it out")
     rest = replace(options, odometry_offset_s=0.0, truth_offset_s=0.0) if form.shifts else options
     recording = corrected(opening(path, options), rest)
     if options.odometry_from_pictures:

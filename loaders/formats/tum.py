@@ -60,10 +60,10 @@ def looks_like_trajectory(path: Path) -> bool:
     if names and not _is_poses(names):
         return False
     lines = [line for line in begin_lines(path) if line.strip() and not line.startswith(COMMENTS)]
-    found = [words_of(line) for line in lines if not names_columns(line)][:5]
+    poses = [words_of(line) for line in lines if not names_columns(line)][:5]
     if names and layout_of(names):
-        return bool(found) and all(is_number(words[0]) for words in found)
-    return bool(found) and all(len(words) == 8 and all(map(is_number, words)) for words in found)
+        return bool(poses) and all(is_number(words[0]) for words in poses)
+    return bool(poses) and all(len(words) == 8 and all(map(is_number, words)) for words in poses)
 
 
 def _listed(path: Path) -> Path | None:

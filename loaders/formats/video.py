@@ -47,8 +47,8 @@ class Frames:
             number, last_s = number + 1, t_s
         video.release()
         if number < promised - 1:
-            found = f"found {number} frames, {promised} are promised: the file was cut or is damaged"
-            notes.problem(InputError(self.path, found))
+            fault = f"found {number} frames, {promised} are promised: the file was cut or is damaged"
+            notes.problem(InputError(self.path, fault))
 
     def read(self, number: int) -> U8:
         """Decode one frame, (H, W, 3). PictureError where the video has none."""

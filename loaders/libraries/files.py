@@ -166,8 +166,8 @@ def _camera_of(library: Library) -> dict[str, Any] | None:
 def _read_camera(manifest: Mapping[str, Any]) -> Camera | None:
     if manifest.get("camera") is None:
         return None
-    found = mapping(manifest["camera"], "camera")
-    return camera_from_json(text(found.get("name"), "camera.name"), found)
+    fields = mapping(manifest["camera"], "camera")
+    return camera_from_json(text(fields.get("name"), "camera.name"), fields)
 
 
 def hash_file(file: Path) -> str:
@@ -186,8 +186,8 @@ def _check_files(folder: Path, manifest: Mapping[str, Any]) -> None:
         if leads_outside(part) or not (folder / part).is_file():
             raise FieldError(f"{part} is missing")
     files = [str(folder / part) for part in expected]
-    found = json.loads(remembered("sha256", files, lambda: json.dumps([hash_file(Path(f)) for f in files])))
-    for part, right, now in zip(expected, expected.values(), found, strict=True):
+    hashes = json.loads(remembered("sha256", files, lambda: json.dumps([hash_file(Path(f)) for f in files])))
+    for part, right, now in zip(expected, expected.values(), hashes, strict=True):
         if now != right:
             raise FieldError(f"{part} was changed after it was written")
 
@@ -230,7 +230,7 @@ def _pictures_in(folder: Path) -> set[str]:
     """Return the names of the pictures that are there; asking for them one by one takes ten times as long."""
     try:
         with os.scandir(folder / "pictures") as found:
-            return {f"pictures/{one.name}" for one in found if one.is_file()}
+            return {f"pictures/{entry.name}" for entry in found if entry.is_file()}
     except OSError:
         return set()
 
@@ -256,14 +256,14 @@ def _write_sensors(library: Library, folder: Path) -> dict[str, str]:
 
 
 def _read_sensors(folder: Path, manifest: Mapping[str, Any]) -> dict[str, PoseSensor]:
-    found = {}
+    named = {}
     for name, value in mapping(manifest.get("sensors", {}), "sensors").items():
         file = text(mapping(value, f"sensors.{name}").get("file"), f"sensors.{name}.file")
         if name not in STORED:
             continue  # of a newer version, or somebody else's: a run that asks for it says that it is missing
         with np.load(folder / file, allow_pickle=False) as arrays:
-            found[name] = getattr(import_module(STORED[name][0]), STORED[name][1]).from_arrays(dict(arrays))
-    return found
+            named[name] = getattr(import_module(STORED[name][0]), STORED[name][1]).from_arrays(dict(arrays))
+    return named
 
 
 def _read_channels(folder: Path, manifest: Mapping[str, Any], entries: int) -> dict[str, ChannelIndex]:

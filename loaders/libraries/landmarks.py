@@ -53,24 +53,24 @@ def with_landmarks(
         return library
     known = camera or library.camera
     kept = cache_root() / LANDMARKS / f"{_key(library, known)}.npz"
-    found = _from_cache(kept)
-    if found is None:
-        made = build_landmarks(library, known, lambda entry: _picture(library.pictures[entry]), progress)
-        if isinstance(made, NoLandmarks):
+    landmarks = _from_cache(kept)
+    if landmarks is None:
+        built = build_landmarks(library, known, lambda entry: _picture(library.pictures[entry]), progress)
+        if isinstance(built, NoLandmarks):
             if warn:
-                warn(f"the library {library.name!r} has no landmarks: {made.reason}")
+                warn(f"the library {library.name!r} has no landmarks: {built.reason}")
             return library
-        found = made
-        _into_cache(found, kept)
-    if warn and found.map.fit.focal_assumed:
-        view_deg = np.degrees(found.map.fit.camera.view_rad)
+        landmarks = built
+        _into_cache(landmarks, kept)
+    if warn and landmarks.map.fit.focal_assumed:
+        view_deg = np.degrees(landmarks.map.fit.camera.view_rad)
         unknown = (
             f"the library {library.name!r} states no field of view of its camera, and its pictures fit none"
         )
         advice = "state it with --reading camera_fov_deg when it is built, or in the survey log's header"
         warn(f"{unknown}: landmarks assume {view_deg:.0f} degrees; {advice}")
-    found = replace(found, obstacles=library.arena.obstacles)
-    return replace(library, sensors={**library.sensors, LANDMARKS: found})
+    landmarks = replace(landmarks, obstacles=library.arena.obstacles)
+    return replace(library, sensors={**library.sensors, LANDMARKS: landmarks})
 
 
 def _key(library: Library, camera: Camera | None) -> str:

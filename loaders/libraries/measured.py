@@ -74,8 +74,8 @@ class MeasuredPictures:
             return {}
         asked = f"SELECT name, held FROM kept WHERE name IN ({', '.join('?' * len(names))})"
         rows = self._tried(lambda db: db.execute(asked, list(names)).fetchall()) or []
-        found = {names[name]: _unpacked(name, held) for name, held in rows if name in names}
-        return {channel: descriptor for channel, descriptor in found.items() if descriptor is not None}
+        descriptors = {names[name]: _unpacked(name, content) for name, content in rows if name in names}
+        return {channel: descriptor for channel, descriptor in descriptors.items() if descriptor is not None}
 
     def keep(self, image: U8, descriptors: Mapping[str, F32]) -> None:
         """Keep descriptors of a picture, by channel; they are on disk after `flush` at the latest."""
@@ -147,8 +147,8 @@ def _worth(channels: Iterable[str]) -> tuple[str, ...]:
 def channel_checksum(name: str) -> bytes:
     """Return a checksum of all that a channel's descriptors depend on, but the picture."""
     channel = CHANNELS[name]
-    told = [name, channel.parameters(), cv2.__version__, np.__version__, platform.machine()]
-    total = hashlib.sha256(json.dumps(told, sort_keys=True).encode())
+    parts = [name, channel.parameters(), cv2.__version__, np.__version__, platform.machine()]
+    total = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
     code = Path(getattr(sys.modules[type(channel).__module__], "__file__", None) or "")
     for file in sorted(code.parent.glob("*.py")) if name in OUR_NAMES else [code]:
         with suppress(OSError):  # a channel that was typed into an interpreter
@@ -157,8 +157,8 @@ def channel_checksum(name: str) -> bytes:
 
 
 def _packed(name: bytes, descriptor: F32) -> bytes:
-    held = np.asarray(descriptor, "<f4").tobytes()
-    return held + zlib.crc32(name + held).to_bytes(4, "little")
+    content = np.asarray(descriptor, "<f4").tobytes()
+    return content + zlib.crc32(name + content).to_bytes(4, "little")
 
 
 def _unpacked(name: bytes, packed: bytes) -> F32 | None:

@@ -48,12 +48,12 @@ def _listing(paths: Sequence[str]) -> tuple[str, int]:
     total, newest_ns = hashlib.sha256(), 0
     for path in paths:
         try:
-            found = os.stat(path)  # noqa: PTH116  # a Path takes twice as long
+            stat = os.stat(path)  # noqa: PTH116  # a Path takes twice as long
         except (OSError, ValueError):
             total.update(f"{path}\n-\n".encode(errors="surrogateescape"))
             continue
-        times = found.st_mtime_ns, found.st_ctime_ns
-        total.update(f"{path}\n{found.st_mode} {found.st_size} {times}\n".encode(errors="surrogateescape"))
+        times = stat.st_mtime_ns, stat.st_ctime_ns
+        total.update(f"{path}\n{stat.st_mode} {stat.st_size} {times}\n".encode(errors="surrogateescape"))
         newest_ns = max(newest_ns, *times)
     return total.hexdigest(), newest_ns
 

@@ -112,7 +112,9 @@ class _Rows:
             self._pictures.append(None if picture.path is None else picture.path.resolve())
 
     def library(self, name: str, arena: Arena, display_units: str, camera: Camera | None) -> Library:
-        index = {one: _index(self._references[one], self._covered[one]) for one in self._channels}
+        index = {
+            channel: _index(self._references[channel], self._covered[channel]) for channel in self._channels
+        }
         pictures = tuple(self._pictures)
         return Library(name, np.array(self.poses), pictures, index, arena, display_units, camera=camera)
 

@@ -50,11 +50,11 @@ class Spacing:
 def read_every(text: str) -> Spacing:
     """Read `0.4m,45deg`; ValueError for other words."""
     length, _, angle = text.partition(",")
-    found = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|cm|m)\s*", length)
+    distance = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(in|ft|cm|m)\s*", length)
     turned = re.fullmatch(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*deg\s*", angle)
-    if not found or not turned:
+    if not distance or not turned:
         raise ValueError(f"--every is a length and an angle like 0.4m,45deg or 18in,45deg, found {text!r}")
-    every = Spacing(float(found[1]) * METERS[found[2]], float(np.radians(float(turned[1]))))
+    every = Spacing(float(distance[1]) * METERS[distance[2]], float(np.radians(float(turned[1]))))
     if not 0.01 <= every.distance_m <= 1000 or not 0.01 <= every.angle_rad <= np.pi:
         raise ValueError(f"--every goes from 1 cm to 1 km and from 0.6 to 180 deg, found {text!r}")
     return every
@@ -72,7 +72,7 @@ def sharpness(image: U8) -> F64:
 
 def _lost(gray: NDArray[Any], axis: int) -> float:
     size = (BLUR_PX, 1) if axis else (1, BLUR_PX)
-    before, after = (np.abs(np.diff(one, axis=axis)) for one in (gray, cv2.blur(gray, size)))
+    before, after = (np.abs(np.diff(picture, axis=axis)) for picture in (gray, cv2.blur(gray, size)))
     return float(np.maximum(before - after, 0).sum() / max(float(before.sum()), 1e-6))
 
 
@@ -97,8 +97,8 @@ def choose(poses: F64, sharpnesses: F64, every: Spacing) -> NDArray[np.intp]:
     for number in np.argsort(-sharpnesses, kind="stable"):
         pose = poses[number]
         x, y = np.floor(pose[:2] / every.distance_m).astype(int).tolist()
-        around = product((x - 1, x, x + 1), (y - 1, y, y + 1))
-        near = (other for cell in around for other in cells.get(cell, ()))
+        cells_near = product((x - 1, x, x + 1), (y - 1, y, y + 1))
+        near = (other for cell in cells_near for other in cells.get(cell, ()))
         if not any(_same(pose, poses[other], every) for other in near):
             cells.setdefault((x, y), []).append(int(number))
             chosen.append(int(number))
@@ -107,8 +107,8 @@ def choose(poses: F64, sharpnesses: F64, every: Spacing) -> NDArray[np.intp]:
 
 def _same(a: F64, b: F64, every: Spacing) -> bool:
     turned = angle_between(float(a[2]), float(b[2]))
-    apart = float(np.hypot(a[0] - b[0], a[1] - b[1]))
-    return apart < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)
+    distance_m = float(np.hypot(a[0] - b[0], a[1] - b[1]))
+    return distance_m < every.distance_m * (1 - 1e-9) and turned < every.angle_rad * (1 - 1e-9)
 
 
 EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive through rooms is thinned to
@@ -161,8 +161,8 @@ def open_table(path: Path) -> SelectedSurvey:
     """Open all pictures of a table that has poses, and neither times nor odometry. InputError for a drive."""
     drive = open_session(path, ReadingOptions())
     if not _is_surveyed(drive):
-        found = "found a drive, expected a library or a survey; make a library of it first"
-        raise InputError(path, f"{found}: maurice-replay library build {path} -o LIBRARY")
+        fault = "found a drive, expected a library or a survey; make a library of it first"
+        raise InputError(path, f"{fault}: maurice-replay library build {path} -o LIBRARY")
     return _selected(drive, None)
 
 
@@ -193,7 +193,7 @@ def files_of_table(path: Path) -> list[Path]:
     if table is None:
         return [path]
     records = table.records(ReadingNotes(keep_going=True))
-    named = [_file_named(drive, one.name) for one in records if isinstance(one, Picture)]
+    named = [_file_named(drive, record.name) for record in records if isinstance(record, Picture)]
     return [table.table, *(file for file in named if file is not None)]
 
 
@@ -295,8 +295,8 @@ class SelectedSurvey:
         if not len(known):
             if taken.all():
                 raise InputError(self.path, "found no picture to take, expected pictures with poses")
-            found = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
-            text = f"{found}; see --reading truth_topic=..., table=... and truth_offset_s=..."
+            fault = f"found {int((~taken).sum())} pictures and no pose of any, expected truth beside them"
+            text = f"{fault}; see --reading truth_topic=..., table=... and truth_offset_s=..."
             raise InputError(self.path, text)
         unsharp = np.zeros(len(known), bool) if every is None else blurred(values[known])
         left = known[~unsharp]
@@ -336,26 +336,26 @@ class JoinedSurvey:
     @property
     def problem_count(self) -> int:
         """How much was skipped."""
-        return sum(one.problem_count for one in self._surveys)
+        return sum(survey.problem_count for survey in self._surveys)
 
     @property
     def problems(self) -> tuple[InputError, ...]:
         """The first of it."""
-        return tuple(problem for one in self._surveys for problem in one.problems)
+        return tuple(problem for survey in self._surveys for problem in survey.problems)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Remarks for the user."""
-        return tuple(text for one in self._surveys for text in one.warnings)
+        return tuple(text for survey in self._surveys for text in survey.warnings)
 
     def count_pictures(self) -> int:
         """Return the number of pictures, including covered ones."""
-        return sum(one.count_pictures() for one in self._surveys)
+        return sum(survey.count_pictures() for survey in self._surveys)
 
     def survey_pictures(self) -> Iterator[SurveyPicture]:
         """Yield all pictures, survey by survey."""
-        for one in self._surveys:
-            yield from one.survey_pictures()
+        for survey in self._surveys:
+            yield from survey.survey_pictures()
 
 
 Survey = SurveyLog | SelectedSurvey | JoinedSurvey  # where a library's pictures come from

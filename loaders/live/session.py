@@ -318,6 +318,6 @@ class LiveSession(HasReadingNotes):
         known = [camera.name for camera in self.info.cameras]
         wanted = self._listen.camera
         if wanted is not None and known and wanted not in known:
-            found = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
-            raise SourceError(self.source.name, found)
+            fault = f"found cameras {', '.join(known)}, expected {wanted!r} among them"
+            raise SourceError(self.source.name, fault)
         return CameraChoice(wanted or (known[0] if known else None), self._notes)

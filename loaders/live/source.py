@@ -50,8 +50,8 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
     """Return the source that was typed; text that is no address is a file. SourceError for a bad address."""
     typed = str(text)
     if options is not None and options.plane in TURNED:
-        found = f"found --reading plane={options.plane}, which is for recordings"
-        raise SourceError(typed, f"{found}: poses from a live source are read in x-y; leave it out")
+        fault = f"found --reading plane={options.plane}, which is for recordings"
+        raise SourceError(typed, f"{fault}: poses from a live source are read in x-y; leave it out")
     if typed == STDIN:
         connect = partial(PipeStream, sys.stdin.fileno())
         return LiveSource("standard input", connect, once=True, folder=Path.cwd())

@@ -108,11 +108,19 @@ class PoseHistory:
 
     def at(self, t_s: float, max_dt_s: float) -> F64 | None:
         """Return the pose (3,) at a time, interpolated; only one within `max_dt_s` is taken as it is."""
-        before = next((one for one in reversed(self._poses) if one[0] <= t_s), None)
-        after = next((one for one in self._poses if one[0] >= t_s), None) if self.last_s >= t_s else None
+        before = next((stamped for stamped in reversed(self._poses) if stamped[0] <= t_s), None)
+        after = (
+            next((stamped for stamped in self._poses if stamped[0] >= t_s), None)
+            if self.last_s >= t_s
+            else None
+        )
         if before is not None and before is after:
             return before[2]
-        near = [one for one in (before, after) if one is not None and abs(one[0] - t_s) <= max_dt_s]
+        near = [
+            stamped
+            for stamped in (before, after)
+            if stamped is not None and abs(stamped[0] - t_s) <= max_dt_s
+        ]
         if len(near) == 2:
             return interpolated(TruthPose(near[0][0], near[0][2]), TruthPose(near[1][0], near[1][2]), t_s)
         return near[0][2] if near else None
@@ -160,8 +168,8 @@ class ChosenTopics:
     @property
     def routes(self) -> Mapping[str, PoseTopic]:
         """The sources of poses, by "odometry" and "truth"."""
-        found = {ODOMETRY: self.odometry, TRUTH: self.truth}
-        return {role: route for role, route in found.items() if route is not None}
+        routes = {ODOMETRY: self.odometry, TRUTH: self.truth}
+        return {role: route for role, route in routes.items() if route is not None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +210,7 @@ class Translator:
                 yield from self._sort(item)
                 continue
             self._undated.append(item)
-            roles = {one.role for one in self._undated}
+            roles = {undated.role for undated in self._undated}
             if roles >= {IMAGE, *topics.routes} or self._many_undated():
                 yield from self._settle_clock()
 
@@ -214,14 +222,14 @@ class Translator:
         hearing = {role: one for role, one in tellers.items() if one.accepts(message.topic, message.type)}
         if message.topic != topics.image and not hearing:
             return
-        found = decoded(message)
+        content = decoded(message)
         if message.topic == topics.image:
-            stamp = _stamp(found)
-            picture = self._picture(found, (message.log_ns if stamp is None else stamp) / 1e9)
+            stamp = _stamp(content)
+            picture = self._picture(content, (message.log_ns if stamp is None else stamp) / 1e9)
             if picture is not None:
                 yield _Item(IMAGE, stamp, message.log_ns, picture)
         for role, teller in hearing.items():
-            for stamped in teller.poses(found, static="static" in message.topic):
+            for stamped in teller.poses(content, static="static" in message.topic):
                 yield _Item(role, stamped.stamp_ns, message.log_ns, stamped.pose)
 
     def _picture(self, message: Any, t_s: float) -> _Unencoded | None:
@@ -241,19 +249,19 @@ class Translator:
 
     def _many_undated(self) -> bool:
         undated = self._undated or []
-        return len(undated) > MOST_UNDATED or sum(one.role == IMAGE for one in undated) > MOST_PICTURES
+        return len(undated) > MOST_UNDATED or sum(item.role == IMAGE for item in undated) > MOST_PICTURES
 
     def _settle_clock(self) -> Iterator[dict[str, Any]]:
         undated, self._undated = self._undated or [], None
         stamps: dict[str, list[tuple[int | None, int]]] = {}
-        for one in undated:
-            stamps.setdefault(one.role, []).append((one.stamp_ns, one.log_ns))
+        for item in undated:
+            stamps.setdefault(item.role, []).append((item.stamp_ns, item.log_ns))
         if why := use_recorded(stamps):
             self._recorded = True
             t_s = undated[0].log_ns / 1e9
             yield {"t": t_s, "event": f"clock: the bridge's times are used, because {why}"}
-        for one in undated:
-            yield from self._sort(one)
+        for item in undated:
+            yield from self._sort(item)
 
     def _sort(self, item: _Item) -> Iterator[dict[str, Any]]:
         stamp = None if self._recorded else item.stamp_ns

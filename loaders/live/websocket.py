@@ -55,7 +55,7 @@ class Foxglove:
     @property
     def topics(self) -> tuple[Topic, ...]:
         """The topics that are announced now."""
-        return sorted_topics([_topic(one) for one in self._channels.values()])
+        return sorted_topics([_topic(channel) for channel in self._channels.values()])
 
     def greet(self) -> Iterator[str]:
         """Nothing: the server sends first."""
@@ -89,16 +89,16 @@ class Foxglove:
 
     def _hear_text(self, text: str) -> None:
         try:
-            found = mapping(read_json(text), "a message")
+            fields = mapping(read_json(text), "a message")
         except ValueError as problem:
             raise FieldError(
                 f"found a text that is not JSON, or too much ({short(problem)}), expected a message"
             ) from None
-        if found.get("op") == "advertise":
-            for one in items(found.get("channels"), "channels"):
-                self._announce(mapping(one, "a channel"))
-        elif found.get("op") == "unadvertise":
-            for number in items(found.get("channelIds"), "channelIds"):
+        if fields.get("op") == "advertise":
+            for channel in items(fields.get("channels"), "channels"):
+                self._announce(mapping(channel, "a channel"))
+        elif fields.get("op") == "unadvertise":
+            for number in items(fields.get("channelIds"), "channelIds"):
                 if isinstance(number, int):
                     self._channels.pop(number, None)
                     self._subscribed.pop(number, None)
@@ -112,7 +112,7 @@ class Foxglove:
             for key in ("topic", "encoding", "schemaName", "schema", "schemaEncoding")
         )
         topic, encoding, schema, definition, form = words
-        known = sum(len(one.definition) + len(one.topic) for one in self._channels.values())
+        known = sum(len(channel.definition) + len(channel.topic) for channel in self._channels.values())
         if known + len(definition) + len(topic) > MOST_DEFINITIONS:
             raise FieldError(f"found types defined in more than {MOST_DEFINITIONS // 2**20} MiB")
         self._channels[number] = _Channel(topic, encoding, schema, definition, form)
@@ -162,19 +162,19 @@ class Rosbridge:
     def hear(self, message: str | bytes) -> Message | None:
         """Process a message. FieldError when it violates the protocol."""
         try:
-            found = mapping(read_json(message), "a message")
+            fields = mapping(read_json(message), "a message")
         except ValueError as problem:
             raise FieldError(
                 f"found a text that is not JSON, or too much ({short(problem)}), expected a message"
             ) from None
-        name = found.get("topic")
-        if found.get("op") == "publish" and isinstance(name, str) and name in self._subscribed:
-            text = json.dumps(found.get("msg"))
+        name = fields.get("topic")
+        if fields.get("op") == "publish" and isinstance(name, str) and name in self._subscribed:
+            text = json.dumps(fields.get("msg"))
             kind = next((topic.type for topic in self._topics if topic.name == name), "")
             decode = partial(decode_json, text)
             return Message(name, kind, time.time_ns(), decode)
-        if found.get("op") == "service_response" and found.get("id") == ASK:
-            self._announce(found)
+        if fields.get("op") == "service_response" and fields.get("id") == ASK:
+            self._announce(fields)
         return None
 
     def _announce(self, found: dict[str, object]) -> None:
@@ -208,7 +208,7 @@ def connect_websocket(name: str, options: ReadingOptions) -> WebsocketStream:
     try:
         wish = connect(
             name,
-            subprotocols=[Subprotocol(one) for one in SUBPROTOCOLS],
+            subprotocols=[Subprotocol(protocol) for protocol in SUBPROTOCOLS],
             open_timeout=OPEN_S,
             close_timeout=1,
             max_size=MOST_MESSAGE_BYTES,
@@ -335,9 +335,9 @@ def _needs_frames(chosen: TopicChoice) -> bool:
 
 
 def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
-    names = {one.name.lstrip("/") for one in known} | {"none"}
+    names = {topic.name.lstrip("/") for topic in known} | {"none"}
     asked = (wishes.image, wishes.odometry, wishes.truth)
-    there = [one is None or one.partition(":")[0].lstrip("/") in names for one in asked]
+    there = [name is None or name.partition(":")[0].lstrip("/") in names for name in asked]
     return TopicRequest(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
 
 

@@ -186,12 +186,12 @@ def read_reading(path: str | Path) -> ReadingOptions:
         -1.0
     """
     path = Path(path)
-    found = read_toml(path, "options of reading")
-    if list(found) != [TABLE]:
-        names = ", ".join(found) or "nothing"
+    tables = read_toml(path, "options of reading")
+    if list(tables) != [TABLE]:
+        names = ", ".join(tables) or "nothing"
         raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor -o writes it")
     try:
-        return _options_of(found[TABLE], path.parent)
+        return _options_of(tables[TABLE], path.parent)
     except FieldError as problem:
         raise InputError(path, f"{problem}; correct it there") from None
 
@@ -220,9 +220,9 @@ def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = Fa
 
 
 def _options_of(value: Any, folder: Path) -> ReadingOptions:
-    found = dict(mapping(value, TABLE))
-    table = found.pop("table", None)
-    options = reading_from_json(found, elsewhere=("table",))
+    values = dict(mapping(value, TABLE))
+    table = values.pop("table", None)
+    options = reading_from_json(values, elsewhere=("table",))
     return options if table is None else replace(options, table=folder / text(table, "table"))
 
 
@@ -239,13 +239,13 @@ def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
 
 def reading_from_json(value: Any, elsewhere: tuple[str, ...] = ELSEWHERE) -> ReadingOptions:
     """Return the options that `reading_to_json` wrote. FieldError for unknown names and bad values."""
-    found = mapping(value, TABLE)
-    for name in found:
+    values = mapping(value, TABLE)
+    for name in values:
         if name not in FIELDS or name in elsewhere:
             near = get_close_matches(name, FIELDS, 1)
             meant = f"; did you mean {near[0]}?" if near and near[0] != name else ""
             raise FieldError(f"found the option of reading {show(name)}, which is not known here{meant}")
-    return replace(ReadingOptions(), **{name: _checked(name, v) for name, v in found.items()})
+    return replace(ReadingOptions(), **{name: _checked(name, v) for name, v in values.items()})
 
 
 def _checked(name: str, value: Any) -> Any:

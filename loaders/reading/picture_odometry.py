@@ -94,10 +94,10 @@ class WithPictureOdometry:
     def info(self) -> SessionInfo:
         """What is known before the first record; name and notes say where the odometry is from."""
         info = self._bare.info
-        told = (
+        standing = (
             f"{FROM_PICTURES}: turn and direction by matched points, lengths by the floor or a typical step"
         )
-        notes, name = (*info.notes, told), f"{info.name} ({FROM_PICTURES})"
+        notes, name = (*info.notes, standing), f"{info.name} ({FROM_PICTURES})"
         turn = self.odometry.unseen_turn_rad
         motion = {"model": "pictures"} | ({"unseen_turn_sd_rad": turn} if turn else {})
         return replace(info, name=name, notes=notes, motion=motion)
@@ -117,17 +117,17 @@ class WithPictureOdometry:
     def odometry(self) -> PictureOdometry:
         """The movements; all pictures are read for them. InputError where lengths are unknown."""
         tilt_rad = camera_tilt(list(islice(self._moves(), TILT_MOVES)))
-        found = self._found(tilt_rad)
-        steps = [one.step_m for one in found if one is not None and one.step_m]
-        moved = any(one is None or one.step_m != 0 for one in found)
-        usual_m = self._usual_m(steps, _pictures_a_movement(found)) if moved else 0.0
-        told = [one for one in found if one is not None]
-        ways = [_way_m(one, usual_m) for one in told]
+        motions_seen = self._found(tilt_rad)
+        steps = [seen.step_m for seen in motions_seen if seen is not None and seen.step_m]
+        moved = any(seen is None or seen.step_m != 0 for seen in motions_seen)
+        usual_m = self._usual_m(steps, _pictures_a_movement(motions_seen)) if moved else 0.0
+        known = [seen for seen in motions_seen if seen is not None]
+        ways = [_way_m(seen, usual_m) for seen in known]
         # a robot that often stands may also stand where no picture tells
         unseen_m = float(np.mean([*ways, usual_m]))
-        motions = tuple(_motion(one, usual_m, unseen_m, self._lens.yaw_rad) for one in found)
-        standing, turn_rad = ways.count(0.0), self._unseen_turn_rad([abs(one.turn_rad) for one in told])
-        return PictureOdometry(motions, len(told), standing, usual_m, len(steps), tilt_rad, turn_rad)
+        motions = tuple(_motion(seen, usual_m, unseen_m, self._lens.yaw_rad) for seen in motions_seen)
+        standing, turn_rad = ways.count(0.0), self._unseen_turn_rad([abs(seen.turn_rad) for seen in known])
+        return PictureOdometry(motions, len(known), standing, usual_m, len(steps), tilt_rad, turn_rad)
 
     def _unseen_turn_rad(self, turns: Sequence[float]) -> float | None:
         """Return the sd of turns that pictures do not tell, where those they tell are far from the limit."""
@@ -143,15 +143,15 @@ class WithPictureOdometry:
         found, turned = list[RelativeMotion | None](), 0.0
         since: PicturePoints | None = None
         for number, points in enumerate(self._points()):
-            one = None
+            motion = None
             if since is not None and points is not None:
                 matched = match_points(since, points).tilted(tilt_rad)
-                one = relative_motion(matched, self._lens.height_m)
+                motion = relative_motion(matched, self._lens.height_m)
             if number:
-                found.append(None if one is None else _after_turn(one, turned))
-            stands = one is not None and one.step_m == 0 and abs(one.turn_rad) < KEPT_TURN_RAD
-            if one is not None and stands:
-                turned = one.turn_rad
+                found.append(None if motion is None else _after_turn(motion, turned))
+            stands = motion is not None and motion.step_m == 0 and abs(motion.turn_rad) < KEPT_TURN_RAD
+            if motion is not None and stands:
+                turned = motion.turn_rad
             else:
                 since, turned = points, 0.0
         return found
@@ -194,11 +194,11 @@ class WithPictureOdometry:
 def _pictures_a_movement(found: Sequence[RelativeMotion | None]) -> float:
     """Return after how many pictures a robot is seen to have moved, in the median; one if it never is."""
     counts, since = list[int](), 1
-    for one in found:
-        if one is not None and one.step_m == 0:
+    for record in found:
+        if record is not None and record.step_m == 0:
             since += 1
             continue
-        counts += [since] if one is not None else []
+        counts += [since] if record is not None else []
         since = 1
     return float(np.median(counts)) if counts else 1.0
 
@@ -225,15 +225,15 @@ def _motion(found: RelativeMotion | None, usual_m: float, unseen_m: float, yaw_r
 
 def _lens_of(recording: Recording, options: ReadingOptions) -> _Lens:
     cameras = recording.info.cameras
-    named = [one for one in cameras if one.name == options.camera]
+    named = [camera for camera in cameras if camera.name == options.camera]
     camera = (named or list(cameras) or [Camera("camera")])[0]
     fov_rad = options.camera_fov_rad or camera.horizontal_fov_rad
     if not fov_rad:
-        found = "found no field of view of the camera, which odometry_from_pictures needs"
-        raise InputError(recording.path, f"{found}; give it with --reading camera_fov_deg=60")
+        fault = "found no field of view of the camera, which odometry_from_pictures needs"
+        raise InputError(recording.path, f"{fault}; give it with --reading camera_fov_deg=60")
     if not 0 < fov_rad < math.pi * 0.95:
-        found = f"found a camera's field of view of {math.degrees(fov_rad):g} degrees"
-        raise InputError(recording.path, f"{found}, expected 1 to 170; see --reading camera_fov_deg=60")
+        fault = f"found a camera's field of view of {math.degrees(fov_rad):g} degrees"
+        raise InputError(recording.path, f"{fault}, expected 1 to 170; see --reading camera_fov_deg=60")
     return _Lens(fov_rad, options.camera_height_m or camera.height_m, camera.yaw_rad)
 
 
@@ -241,8 +241,8 @@ def odometry_from_pictures(recording: Recording, options: ReadingOptions) -> Wit
     """Add odometry to a recording. InputError if it has its own, or no pictures, or an unknown camera."""
     kinds = Counter(type(record) for record in checked(recording, ReadingNotes(keep_going=True)))
     if kinds[OdometryPose] or kinds[Motion]:
-        found = "found odometry that was measured, so none is made from pictures"
-        raise InputError(recording.path, f"{found}; leave odometry_from_pictures out")
+        fault = "found odometry that was measured, so none is made from pictures"
+        raise InputError(recording.path, f"{fault}; leave odometry_from_pictures out")
     if not kinds[Picture]:
         raise InputError(recording.path, "found no pictures, and odometry_from_pictures needs them")
     return WithPictureOdometry(recording, options)

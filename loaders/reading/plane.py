@@ -71,14 +71,14 @@ def _detected(positions: F64, rotations: F64, wanted: str | None) -> Plane:
     if across == 2 or abs(normal[across]) < ALONG or least > THIN * less:
         return Plane()
     name = AXES.replace(AXES[across], "")
-    size = " x ".join(f"{one:.3g}" for one in np.ptp(positions, axis=0))
-    found = f"the motion lies in the plane of {name[0]} and {name[1]} (extents {size} m)"
+    size = " x ".join(f"{extent:.3g}" for extent in np.ptp(positions, axis=0))
+    motion = f"the motion lies in the plane of {name[0]} and {name[1]} (extents {size} m)"
     steady, upright = _steadiness(rotations, normal), _steadiness(rotations, np.array([0.0, 0.0, 1.0]))
     if steady >= STEADY and upright <= steady - STEADIER:
-        said = f"{found}, as in a camera's frame, so these are read; --reading plane=xy reads x and y"
-        return _seen_from_above(name, rotations, said)
+        remark = f"{motion}, as in a camera's frame, so these are read; --reading plane=xy reads x and y"
+        return _seen_from_above(name, rotations, remark)
     if upright > STEADY and steady > STEADY and less > WIDE * most:
-        text = f"{found}, but no turn shows which axis is up: x and y are read; --reading plane={name} reads"
+        text = f"{motion}, but no turn shows which axis is up: x and y are read; --reading plane={name} reads"
         return Plane(remark=f"{text} {name[0]} and {name[1]}")
     return Plane()
 

@@ -154,8 +154,8 @@ def with_stated_view(path: Path, info: SessionInfo, options: ReadingOptions) -> 
     if not view_rad:
         return info
     if not 0 < view_rad <= WIDEST_RAD:
-        found = f"found a camera's field of view of {np.degrees(view_rad):g} degrees"
-        raise InputError(path, f"{found}, expected 1 to 170; see --reading camera_fov_deg=60")
+        fault = f"found a camera's field of view of {np.degrees(view_rad):g} degrees"
+        raise InputError(path, f"{fault}, expected 1 to 170; see --reading camera_fov_deg=60")
     cameras = list(info.cameras or (Camera(options.camera or "camera"),))
     names = [camera.name for camera in cameras]
     at = names.index(options.camera) if options.camera in names else 0
@@ -236,8 +236,8 @@ class _Updates:
         within = f"within {self._session.options.max_dt_s:g} s"
         if self._unpaired == pictures.count:
             where = apart(self._what, pictures, "odometry", odometry)
-            found = f"found no {self._what.removesuffix('s')} with odometry {within}: {where}"
-            text = f"{found}; see --reading odometry_offset_s=... and max_dt_s=..."
+            fault = f"found no {self._what.removesuffix('s')} with odometry {within}: {where}"
+            text = f"{fault}; see --reading odometry_offset_s=... and max_dt_s=..."
             raise InputError(self._session.path, text)
         share = f"{self._unpaired} of {pictures.count} {self._what}"
         self._notes.warning(

@@ -220,8 +220,8 @@ class _Wheels:
 
     def pose(self, values: F64) -> F64:
         if self._are == "steps":
-            found = "found odometry that is poses, and --reading odometry_are=steps is for motions"
-            raise InputError(self._path, f"{found}; leave it out")
+            fault = "found odometry that is poses, and --reading odometry_are=steps is for motions"
+            raise InputError(self._path, f"{fault}; leave it out")
         pose: F64 = values * self._units + [0.0, 0.0, self._ahead_rad]
         if self._gain == 1:
             return pose
@@ -314,12 +314,12 @@ def odometry_from_truth(recording: Recording, seed: int) -> MadeOdometry:
     notes, truths = ReadingNotes(keep_going=True), 0
     for record in checked(recording, notes):
         if isinstance(record, OdometryPose | Motion):
-            found = "found odometry that was measured, so none is made from the truth"
-            raise InputError(recording.path, f"{found}; leave odometry_from_truth out")
+            fault = "found odometry that was measured, so none is made from the truth"
+            raise InputError(recording.path, f"{fault}; leave odometry_from_truth out")
         truths += isinstance(record, TruthPose)
     if not truths:
-        said = [text for text in notes.warnings if "truth" in text]
-        why = f" ({said[0]})" if said else ""
+        remarks = [text for text in notes.warnings if "truth" in text]
+        why = f" ({remarks[0]})" if remarks else ""
         raise InputError(recording.path, f"found no truth{why}, and odometry_from_truth needs true poses")
     return MadeOdometry(recording, seed)
 

@@ -151,8 +151,8 @@ def check_update(folder: Path, part: str, rows: StepRows) -> None:
     step, size = rows.step["step"], rows.particles.height
     weighted, renewed = folder / "particles" / part, folder / "renewed" / part
     if size != rows.step["particles"]:
-        found = f"found {size} particles at step {step}, expected {rows.step['particles']}"
-        raise InputError(weighted, f"{found}; is it damaged?")
+        fault = f"found {size} particles at step {step}, expected {rows.step['particles']}"
+        raise InputError(weighted, f"{fault}; is it damaged?")
     for file, cloud in ((weighted, rows.particles), (renewed, rows.renewed)):
         if not cloud.height:
             continue

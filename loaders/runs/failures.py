@@ -30,9 +30,9 @@ def failures_from_json(value: Any, steps: Any) -> tuple[Failure, ...] | None:
     if steps is None:
         return ()
     last = whole(steps, "steps")
-    failures = [mapping(one, "failures") for one in items(value, "failures")]
-    known = all("episode" in one for one in failures)
-    return tuple(_failure(one, last) for one in failures) if known else None
+    failures = [mapping(failure, "failures") for failure in items(value, "failures")]
+    known = all("episode" in failure for failure in failures)
+    return tuple(_failure(failure, last) for failure in failures) if known else None
 
 
 def _failure(found: dict[str, Any], steps: int) -> Failure:
@@ -47,7 +47,7 @@ def _failure(found: dict[str, Any], steps: int) -> Failure:
         episode,
         {str(name): _value(one) for name, one in mapping(found.get("evidence"), "failures.evidence").items()},
         flag(found.get("truth_known"), "failures.truth_known"),
-        tuple(_kind(one) for one in items(found.get("also"), "failures.also")),
+        tuple(_kind(kind) for kind in items(found.get("also"), "failures.also")),
     )
 
 
@@ -55,7 +55,7 @@ def _episode(found: dict[str, Any]) -> Episode:
     kind = found.get("kind")
     if kind not in (KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST):
         raise FieldError(f"found episode {show(kind)}, expected kidnapped, lost, searching or probably-lost")
-    named: dict[str, Any] = {one.name: found.get(one.name) for one in fields(Episode)[1:]}
+    named: dict[str, Any] = {field.name: found.get(field.name) for field in fields(Episode)[1:]}
     for name, value in named.items():
         named[name] = None if value is None else whole(value, f"failures.episode.{name}")
     return Episode(kind, **named)

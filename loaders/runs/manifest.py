@@ -102,9 +102,9 @@ def versions_now(sensors: Iterable[str] = ()) -> dict[str, str]:
 
 def write_manifest(folder: Path, manifest: RunManifest) -> None:
     """Write it at once or not at all."""
-    found = asdict(manifest) | {"reading": reading_to_json(manifest.reading)}
-    found["failures"] = None if manifest.failures is None else [*map(failure_to_json, manifest.failures)]
-    data = to_bytes({"format": FORMAT, "version": VERSION, **found})
+    values = asdict(manifest) | {"reading": reading_to_json(manifest.reading)}
+    values["failures"] = None if manifest.failures is None else [*map(failure_to_json, manifest.failures)]
+    data = to_bytes({"format": FORMAT, "version": VERSION, **values})
     put(folder / MANIFEST, data)
 
 
@@ -121,9 +121,9 @@ def to_bytes(value: Mapping[str, Any]) -> bytes:
 
 def read_manifest(folder: Path) -> RunManifest:
     """Read the manifest of one run. Raises InputError for anything else, in one line."""
-    found = read_object(folder, FORMAT)
+    values = read_object(folder, FORMAT)
     try:
-        return _manifest(found)
+        return _manifest(values)
     except (FieldError, TypeError) as problem:
         raise InputError(folder / MANIFEST, f"{problem}; is it damaged?") from None
 
@@ -136,15 +136,15 @@ def read_object(folder: Path, *formats: str) -> dict[str, Any]:
         found_none = "is a file" if folder.is_file() else there
         raise InputError(folder, f"{found_none}, expected a saved run's folder; {_how_to_save(folder)}")
     try:
-        found = mapping(read_json(file.read_bytes()), "manifest")
+        values = mapping(read_json(file.read_bytes()), "manifest")
     except ValueError as problem:
         raise InputError(file, f"is no manifest ({problem}); is it damaged?") from None
-    if found.get("format") not in formats:
-        raise InputError(file, f"found format {show(found.get('format'))}, expected {formats[0]!r}")
-    if found.get("version") != VERSION:
+    if values.get("format") not in formats:
+        raise InputError(file, f"found format {show(values.get('format'))}, expected {formats[0]!r}")
+    if values.get("version") != VERSION:
         known = f"expected {VERSION}; replay the session again with --save-run"
-        raise InputError(file, f"found version {show(found.get('version'))} of the format, {known}")
-    return found
+        raise InputError(file, f"found version {show(values.get('version'))} of the format, {known}")
+    return values
 
 
 def _how_to_save(source: Path) -> str:
@@ -185,15 +185,15 @@ def _manifest(found: Mapping[str, Any]) -> RunManifest:
 
 
 def _source(value: Any, what: str) -> Source:
-    found = mapping(value, what)
-    return Source(*(text(found.get(key), f"{what}.{key}") for key in ("path", "beside", "sha256")))
+    values = mapping(value, what)
+    return Source(*(text(values.get(key), f"{what}.{key}") for key in ("path", "beside", "sha256")))
 
 
 def _radii(value: Any) -> Radii:
     if value is None:
         return USUAL
-    found = mapping(value, "radii")
-    radii = Radii(**{name: number(found.get(name), f"radii.{name}") for name in NAMES})
+    values = mapping(value, "radii")
+    radii = Radii(**{name: number(values.get(name), f"radii.{name}") for name in NAMES})
     if not min(radii.confidence_m, radii.cluster_m, radii.right_m) > 0 or radii.lost_m < radii.right_m:
         raise FieldError(f"found radii {show(value)}, expected lengths above 0, and no lost_m below right_m")
     return radii
@@ -253,6 +253,6 @@ def source_hash(path: Path, others: Sequence[Path] = ()) -> str:
         kind = file.suffix.lower()
         if file.name.startswith(".") or kind not in (*PICTURES, *CONTENTS) or not file.is_file():
             continue
-        held = str(file.stat().st_size) if kind in PICTURES else hash_file(file)
-        digest.update(f"{file.relative_to(path).as_posix()}\0{held}\n".encode(errors="surrogateescape"))
+        content = str(file.stat().st_size) if kind in PICTURES else hash_file(file)
+        digest.update(f"{file.relative_to(path).as_posix()}\0{content}\n".encode(errors="surrogateescape"))
     return digest.hexdigest()

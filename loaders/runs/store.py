@@ -51,13 +51,13 @@ class SavedRun:
             for rows in _part(self.folder, file.name, self.manifest, number + 1):
                 number, time_s = number + 1, rows.step["time_s"]
                 if time_s < last_s:
-                    found = f"found time_s {time_s:.15g} at step {number}, expected at least {last_s:.15g}"
-                    raise InputError(file, f"{found}, that of the step before; is it damaged?")
+                    fault = f"found time_s {time_s:.15g} at step {number}, expected at least {last_s:.15g}"
+                    raise InputError(file, f"{fault}, that of the step before; is it damaged?")
                 last_s = time_s
                 yield rows
         if self.manifest.steps is not None and number != self.manifest.steps:
-            found = f"found {number} steps, expected the {self.manifest.steps} of its manifest"
-            raise InputError(self.folder, f"{found}; is a part missing?")
+            fault = f"found {number} steps, expected the {self.manifest.steps} of its manifest"
+            raise InputError(self.folder, f"{fault}; is a part missing?")
 
 
 def is_saved(path: Path) -> bool:
@@ -67,11 +67,11 @@ def is_saved(path: Path) -> bool:
 
 def open_runs(path: Path) -> list[SavedRun]:
     """Open a saved run, or all runs of a comparison, in order. Raises InputError for what is neither."""
-    found = read_object(path, FORMAT, COMPARISON)
-    if found["format"] == FORMAT:
+    manifest = read_object(path, FORMAT, COMPARISON)
+    if manifest["format"] == FORMAT:
         return [open_run(path)]
     try:
-        labels = [str(label) for label in items(found.get("runs"), "runs")]
+        labels = [str(label) for label in items(manifest.get("runs"), "runs")]
     except FieldError as problem:
         raise InputError(path / MANIFEST, f"{problem}; is it damaged?") from None
     if not labels or any(not label or "/" in label or label == ".." for label in labels):
@@ -97,18 +97,18 @@ def open_run(folder: str | Path) -> SavedRun:
     expect_files(folder)
     file = folder / CONFIGURATION
     if not file.is_file() or hash_file(file) != manifest.configuration_sha256:
-        found = "was changed after it was written" if file.is_file() else "is missing"
-        raise InputError(file, f"{found}; replay the session again with --save-run")
+        fault = "was changed after it was written" if file.is_file() else "is missing"
+        raise InputError(file, f"{fault}; replay the session again with --save-run")
     try:
         layer = read_config(file)
         configuration = configure([layer], sensors=None)
     except ValueError as problem:  # a channel that is not installed here, a key of another version
         raise InputError(file, f"{problem}; was it made by another version?") from None
-    settings = [one for one in configuration.settings if one.value is not None]  # those that are written
-    missing = [one.key for one in settings if one.key not in layer.values]
+    settings = [setting for setting in configuration.settings if setting.value is not None]
+    missing = [setting.key for setting in settings if setting.key not in layer.values]
     if missing:  # what the filter ran with is not known
-        found = f"found no {missing[0]}, so it was saved by an earlier version"
-        raise InputError(file, f"{found}; replay the session again with --save-run")
+        fault = f"found no {missing[0]}, so it was saved by an earlier version"
+        raise InputError(file, f"{fault}; replay the session again with --save-run")
     return SavedRun(folder, manifest, configuration)
 
 
@@ -142,14 +142,14 @@ def _cloud(file: Path, schema: Mapping[str, Any], steps: pl.DataFrame) -> dict[i
 
 def _table(file: Path, schema: Mapping[str, Any]) -> pl.DataFrame:
     try:
-        held = io.BytesIO(file.read_bytes())
-        found = pl.read_parquet_schema(held)
-        schema = {name: kind for name, kind in schema.items() if name in found or name not in LATER}
-        wrong = [name for name, kind in schema.items() if found.get(name) != kind]
+        content = io.BytesIO(file.read_bytes())
+        stored = pl.read_parquet_schema(content)
+        schema = {name: kind for name, kind in schema.items() if name in stored or name not in LATER}
+        wrong = [name for name, kind in schema.items() if stored.get(name) != kind]
         if wrong:
             raise InputError(file, f"found no column {wrong[0]} as expected; was it made by another version?")
-        held.seek(0)
-        return pl.read_parquet(held, columns=list(schema))
+        content.seek(0)
+        return pl.read_parquet(content, columns=list(schema))
     except FileNotFoundError:
         raise InputError(file, "is missing; is the run whole?") from None
     except (OSError, pl.exceptions.PolarsError) as problem:
@@ -176,8 +176,8 @@ def first_difference(stored: StepRows, now: StepRows) -> RunDifference | None:
     clouds = {"particles": (stored.particles, now.particles), "renewed": (stored.renewed, now.renewed)}
     if stored.step["picture_sha256"] != now.step["picture_sha256"]:
         return RunDifference(step, "picture", str(stored.step["picture"]), "another picture")
-    found = _of_cloud(step, "particles", *clouds["particles"]) or _of_row(step, stored, now)
-    return found or _of_cloud(step, "renewed", *clouds["renewed"])
+    difference = _of_cloud(step, "particles", *clouds["particles"]) or _of_row(step, stored, now)
+    return difference or _of_cloud(step, "renewed", *clouds["renewed"])
 
 
 def _of_row(step: int, stored: StepRows, now: StepRows) -> RunDifference | None:

@@ -101,9 +101,9 @@ def part_name(first_step: int) -> str:
 
 
 def _parquet(frame: pl.DataFrame) -> bytes:
-    held = io.BytesIO()  # not by name: a name with a star in it would be taken for a pattern
-    frame.write_parquet(held, compression="zstd")
-    return held.getvalue()
+    content = io.BytesIO()  # not by name: a name with a star in it would be taken for a pattern
+    frame.write_parquet(content, compression="zstd")
+    return content.getvalue()
 
 
 def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False) -> None:

@@ -45,25 +45,25 @@ def arena_to_json(arena: Arena) -> dict[str, Any]:
 
 def arena_from_json(value: Any) -> Arena:
     """Read a `map` object; all but `bounds_m` may be left out. Raises FieldError."""
-    found = mapping(value, "map")
-    x_min, y_min, x_max, y_max = numbers(found.get("bounds_m"), 4, "map.bounds_m")
+    fields = mapping(value, "map")
+    x_min, y_min, x_max, y_max = numbers(fields.get("bounds_m"), 4, "map.bounds_m")
     if x_min >= x_max or y_min >= y_max:
-        raise FieldError(f"found map.bounds_m {found['bounds_m']}, expected x_min < x_max and y_min < y_max")
-    walls = [numbers(w, 4, "map.walls_m") for w in items(found.get("walls_m", []), "map.walls_m")]
-    regions = (tuple(_regions(found, key)) for key in REGIONS)
+        raise FieldError(f"found map.bounds_m {fields['bounds_m']}, expected x_min < x_max and y_min < y_max")
+    walls = [numbers(w, 4, "map.walls_m") for w in items(fields.get("walls_m", []), "map.walls_m")]
+    regions = (tuple(_regions(fields, key)) for key in REGIONS)
     return Arena((x_min, y_min, x_max, y_max), np.array(walls, np.float64).reshape(-1, 4), *regions)
 
 
 def _regions(found: dict[str, Any], key: str) -> Iterator[Region]:
     what = f"map.{key}"
     for value in items(found.get(key, []), what):
-        one = mapping(value, what)
+        region = mapping(value, what)
         corners = [
-            numbers(c, 2, f"{what}.polygon_m") for c in items(one.get("polygon_m"), f"{what}.polygon_m")
+            numbers(c, 2, f"{what}.polygon_m") for c in items(region.get("polygon_m"), f"{what}.polygon_m")
         ]
         if len(corners) < 3:
             raise FieldError(f"found {len(corners)} corners in {what}.polygon_m, expected at least 3")
-        yield Region(text(one.get("name"), f"{what}.name"), np.array(corners, np.float64))
+        yield Region(text(region.get("name"), f"{what}.name"), np.array(corners, np.float64))
 
 
 FORMAT = "maurice-session-log"
@@ -90,18 +90,18 @@ def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any
 
 def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
     """Read the header object of the log at `path`. Unknown keys are ignored; raises FieldError."""
-    found = mapping(value, "a header")
-    if found.get("format") != FORMAT:
-        text = f"found format {show(found.get('format'))}, expected {FORMAT!r}; is this a session log?"
+    fields = mapping(value, "a header")
+    if fields.get("format") != FORMAT:
+        text = f"found format {show(fields.get('format'))}, expected {FORMAT!r}; is this a session log?"
         raise FieldError(text)
-    if found.get("version") != VERSION or isinstance(found["version"], bool):
-        version = show(found.get("version"))
+    if fields.get("version") != VERSION or isinstance(fields["version"], bool):
+        version = show(fields.get("version"))
         text = f"found format version {version}, expected {VERSION}; a newer maurice-replay may read it"
         raise FieldError(text)
-    kind = next((k for k in KINDS if k == found.get("kind")), None)
+    kind = next((k for k in KINDS if k == fields.get("kind")), None)
     if kind is None:
-        raise FieldError(f"found kind {show(found.get('kind'))}, expected 'session' or 'survey'")
-    return _info(found, path), kind
+        raise FieldError(f"found kind {show(fields.get('kind'))}, expected 'session' or 'survey'")
+    return _info(fields, path), kind
 
 
 def _info(found: dict[str, Any], path: Path) -> SessionInfo:
@@ -134,9 +134,9 @@ def _arena(folder: Path, value: Any) -> Arena | None:
 
 
 def _motion(value: Any) -> dict[str, Any]:
-    found = mapping(value, "robot.motion")
-    whole_characters(json.dumps(found, ensure_ascii=False), "robot.motion")
-    return found
+    motion = mapping(value, "robot.motion")
+    whole_characters(json.dumps(motion, ensure_ascii=False), "robot.motion")
+    return motion
 
 
 def _survey(folder: Path, name: str) -> Path:
@@ -160,7 +160,7 @@ def camera_to_json(camera: Camera) -> dict[str, Any]:
 
 def camera_from_json(name: str, value: Any) -> Camera:
     """Read a camera. Raises FieldError."""
-    found = mapping(value, f"cameras.{name}")
+    fields = mapping(value, f"cameras.{name}")
 
     def size(key: str) -> int | None:
         pixels = optional(key)
@@ -169,7 +169,7 @@ def camera_from_json(name: str, value: Any) -> Camera:
         return None if pixels is None else int(pixels)
 
     def optional(key: str) -> float | None:
-        return None if found.get(key) is None else number(found[key], f"cameras.{name}.{key}")
+        return None if fields.get(key) is None else number(fields[key], f"cameras.{name}.{key}")
 
     return Camera(
         name=name,
