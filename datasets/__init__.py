@@ -8,6 +8,9 @@ The front page is three functions of the simulator and five of trials; the chapt
 * `folders`: complete folders and their cache
 * `trials`: plans of many runs, the engine that makes them, rows, statistics
 
+Axes in docstrings, besides those of `maurice_mcl.values.arrays`: K points or poses, F faces, S sources of
+light, P points of a source or corners of an outline.
+
 The folder is called `datasets` and installs as `maurice_datasets`: `datasets` is another project's package.
 Python finds this folder under that name only from the repository's root, and then it steps aside.
 """

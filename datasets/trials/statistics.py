@@ -255,7 +255,7 @@ def rate_difference(
 
 @dataclass(frozen=True, slots=True)
 class Survival:
-    """A Kaplan-Meier curve: the share that is still without the event after each time (K,)."""
+    """A Kaplan-Meier curve: the share that is still without the event after each time (T,)."""
 
     times: F64
     share: F64

@@ -88,7 +88,7 @@ def relative_error(truths: F64, estimates: F64, segment_m: float) -> RelativeErr
 
 
 def segment_errors(truths: F64, estimates: F64, segment_m: float) -> F64:
-    """Return distance and unsigned angle (K, 2) between the true and the estimated motion of each segment.
+    """Return distance and unsigned angle (S, 2) between the true and the estimated motion of each segment.
 
     Segments follow one another; each ends at the first pose at which the truth has driven at least
     `segment_m` since it began. These are the pairs and errors of `evo_rpe --pairs_from_reference`.

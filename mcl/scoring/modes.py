@@ -129,7 +129,7 @@ class Ancestry:
         return fresh + len(some)
 
     def lines(self, count: int) -> list[F64]:
-        """Return paths (K, 2), latest first, of some particles' ancestors back to where each was drawn."""
+        """Return paths (U, 2), latest first, of some particles' ancestors back to where each was drawn."""
         if not self._past:
             return []
         size = self._size()
