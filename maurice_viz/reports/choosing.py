@@ -68,15 +68,13 @@ def steps_by_kind(events: Sequence[ReportedEvent]) -> dict[str, list[int]]:
     return {kind: of_kind for kind, of_kind in steps.items() if of_kind}
 
 
-def choose(
-    collected: Collected, events: Sequence[ReportedEvent], most: int = MAX_PICTURES
-) -> list[PicturedStep]:
+def choose(collected: Collected, events: Sequence[ReportedEvent]) -> list[PicturedStep]:
     """Choose the steps that get a picture, by `RULE`, in order of steps."""
     notable = [item for item in events if not item.event.is_routine]
     worst, last = worst_step(collected), int(collected.tracks[0].rows[-1][0])
     picked: dict[int, list[str]] = {worst: [], last: []}
     for step in _in_rounds(notable):
-        if len(picked) >= most:
+        if len(picked) >= MAX_PICTURES:
             break
         picked.setdefault(step, [])
     for item in notable:

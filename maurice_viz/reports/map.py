@@ -10,7 +10,6 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.radii import USUAL
 
 from ..drawing.canvas import ticks
 from ..panels.world import clipped
@@ -88,7 +87,7 @@ class DrawnMap(DrawnFloor):
 
     tracks: Sequence[Track]
     numbered: Sequence[tuple[int, int]]  # step and number of each event with a picture
-    jump_m: float = USUAL.lost_m  # a path is broken where a step is longer
+    jump_m: float  # a path is broken where a step is longer
 
     @property
     def has_truth(self) -> bool:
@@ -162,7 +161,7 @@ class DrawnMap(DrawnFloor):
         return f"Map of {size} with the estimated path of {runs}{' and the true path' * self.has_truth}"
 
 
-def unbroken(places: F64, moved_m: F64, jump_m: float = USUAL.lost_m) -> list[F64]:
+def unbroken(places: F64, moved_m: F64, jump_m: float) -> list[F64]:
     """Cut a path (U, 2) where a step jumps, and leave out what is not known."""
     distance = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
     jumps = ~(distance <= np.maximum(jump_m, JUMP_OF_MOTION * moved_m[1:]))  # also where it is not known

@@ -53,7 +53,6 @@ class EntryExplanation:
     log_likelihood: float
     rank: int  # 1: no entry is likelier; equals share the better rank
     entries: int  # L: ranks count up to it
-    winner: int  # the entry of the best quality, the first of equals
     behind: float  # nats by which the winner is likelier; 0 for the winner itself
 
     def lost_to(self, winner: EntryExplanation) -> F64:
@@ -131,7 +130,6 @@ def explain_all(
             log_likelihood=float(likely[entry]),
             rank=1 + int(np.count_nonzero(likely > likely[entry])),
             entries=len(likely),
-            winner=winner,
             behind=float(likely[winner] - likely[entry]),
         )
         for k, entry in enumerate(entries)

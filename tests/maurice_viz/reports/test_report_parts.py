@@ -8,12 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_mcl.scoring.events import KINDS, RunEvent
+from maurice_mcl.values.radii import USUAL
 from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
 from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
 from maurice_viz.reports.pages import templates
 from maurice_viz.running.saved_steps import NUMBER_NAMES, UNKNOWN_POSE, Collected, Track
+
+LOST_M = USUAL.lost_m
 
 
 def test_text_is_escaped_in_tables_and_attributes():
@@ -60,11 +63,11 @@ def test_thinning_keeps_every_peak(size, seed):
 
 def test_paths_are_broken_at_jumps_and_keep_their_ends():
     places = np.array([[0.0, 0], [0.3, 0], [5.0, 0], [5.2, 0], [np.nan, np.nan], [5.4, 0], [5.6, 0]])
-    parts = unbroken(places, np.full(7, 0.3))
+    parts = unbroken(places, np.full(7, 0.3), LOST_M)
     assert [len(part) for part in parts] == [2, 2, 2]
-    joined = unbroken(places[:4], np.full(4, 2.0))  # the robot itself measured two meters in a step
+    joined = unbroken(places[:4], np.full(4, 2.0), LOST_M)  # the robot itself measured two meters in a step
     assert [len(part) for part in joined] == [4]
-    assert [len(part) for part in unbroken(np.zeros((1, 2)), np.zeros(1))] == [1]
+    assert [len(part) for part in unbroken(np.zeros((1, 2)), np.zeros(1), LOST_M)] == [1]
     places = np.random.default_rng(0).normal(size=(20_000, 2))
     few = thin_path(places)
     assert len(few) == MAX_PLACES
