@@ -129,7 +129,7 @@ def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
     if options:
         assert json.loads(done.stdout)["runs"][0]["updates"] == 14
     else:
-        assert "position error" in done.stdout
+        assert "heading error, mean" in done.stdout
 
 
 FULL = "maurice-replay: a/b.log: No space left on device"
