@@ -287,7 +287,7 @@ def _write_drive(log: Path, info: SessionInfo, drive: Recording, copies: Mapping
             if isinstance(record, Picture):
                 writer.image_path(record.t_s, copies[record.t_s, record.name])
             else:
-                last = write_record(writer, record, record.t_s, last, done)
+                last = write_record(writer, record, last, done)
 
 
 def _copied(table: TableRecording, row: PoseRow, folder: Path) -> str:

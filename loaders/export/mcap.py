@@ -90,7 +90,9 @@ class McapWriter:
     def _nanoseconds(self, time_s: float) -> int:
         if not 0 <= time_s <= LATEST_S:
             fault = f"found t {time_s:.15g}, expected 0 to {LATEST_S:.0f} s in a ROS message"
-            raise InputError(self._file, f"{fault}; move it with --t-offset")
+            raise InputError(
+                self._file, f"{fault}; move it with --reading picture_offset_s=... and the other offsets"
+            )
         whole = int(time_s)  # separately, or Unix time would lose its last digits
         return whole * 10**9 + round((time_s - whole) * 1e9)
 

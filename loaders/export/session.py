@@ -88,7 +88,7 @@ def pictures_of(file: Path) -> Path:
 
 
 def convert_to_log(
-    session: Session, file: Path, *, kind: PictureKind = "png", t_offset_s: float = 0.0, force: bool = False
+    session: Session, file: Path, *, kind: PictureKind = "png", begin_s: float = 0.0, force: bool = False
 ) -> Iterator[Converted]:
     """Write a native log, pictures in `<stem>-pictures` beside it; yield the counts after every picture.
 
@@ -105,7 +105,7 @@ def convert_to_log(
             for moment in session.moments():
                 name = f"{pictures.name}/{moment.frame.step:05d}.{'jpg' if kind == 'jpeg' else 'png'}"
                 (folder / name).write_bytes(encode_picture(moment.frame.image, kind))
-                _write_moment(log, moment, name, t_offset_s, first=not done.pictures)
+                _write_moment(log, moment, name, begin_s, first=not done.pictures)
                 done.count(moment)
                 yield done
         if not done.pictures:
@@ -117,10 +117,10 @@ def convert_to_log(
         (folder / file.name).replace(file)
 
 
-def _write_moment(log: SessionWriter, moment: Moment, picture: str, offset_s: float, *, first: bool) -> None:
+def _write_moment(log: SessionWriter, moment: Moment, picture: str, begin_s: float, *, first: bool) -> None:
     """Write what came before a picture at its time; the drive's very first record keeps the time 0."""
-    t_s = moment.frame.time_s + offset_s
-    opening_s = offset_s if first else t_s
+    t_s = moment.frame.time_s + begin_s
+    opening_s = begin_s if first else t_s
     for text in moment.events:
         log.event(opening_s, text)
     for number, motion in enumerate(moment.frame.motions):
@@ -170,7 +170,7 @@ def left_out(recording: Recording, done: Converted) -> dict[str, int]:
 
 
 def records_to_log(
-    recording: Recording, file: Path, notes: ReadingNotes, *, t_offset_s: float = 0.0, force: bool = False
+    recording: Recording, file: Path, notes: ReadingNotes, *, force: bool = False
 ) -> Iterator[Converted]:
     """Write odometry (as motions), truth and events as a log; yield counts. InputError as for `filling`."""
     done = Converted()
@@ -180,16 +180,15 @@ def records_to_log(
     with filling(file, force=force, form=FORMAT) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
             for record in checked(recording, notes):
-                last = write_record(log, record, record.t_s + t_offset_s, last, done)
+                last = write_record(log, record, last, done)
                 yield done
         if not (done.motions or done.truths or done.events or done.readings):
             raise InputError(recording.path, NOTHING)
 
 
-def write_record(
-    log: SessionWriter, record: Record, t_s: float, last: F64 | None, done: Converted
-) -> F64 | None:
+def write_record(log: SessionWriter, record: Record, last: F64 | None, done: Converted) -> F64 | None:
     """Write and count a record that is no picture; return the last odometry pose (3,), if it is one."""
+    t_s = record.t_s
     if isinstance(record, OdometryPose):
         if last is not None:
             log.odometry(t_s, motion_between(last, record.pose))
@@ -219,7 +218,6 @@ def convert_to_mcap(
     *,
     camera: str | None = None,
     kind: PictureKind = "png",
-    t_offset_s: float = 0.0,
     force: bool = False,
 ) -> Iterator[Converted]:
     """Write used pictures, all odometry, truth and events; yield counts. InputError as for `mcap_file`."""
@@ -227,11 +225,10 @@ def convert_to_mcap(
     with mcap_file(file, force=force) as mcap:
         drive = DriveWriter(mcap, scene_of(session.info, camera), kind, odometry=session.odometry is not None)
         for record, moment in _side_by_side(session):
-            t_s = record.t_s + t_offset_s
             if begin_s is None:
-                begin_s = t_s
-                drive.begin(t_s)
-            drive.add(record, t_s, moment)
+                begin_s = record.t_s
+                drive.begin(begin_s)
+            drive.add(record, moment)
             yield drive.done
         if begin_s is None:
             raise InputError(session.path, NOTHING)
@@ -274,8 +271,9 @@ class DriveWriter:
         self._scene.write(self._mcap, begin_s)
         self._due_s = begin_s
 
-    def add(self, record: Record, t_s: float, moment: Moment | None) -> None:
+    def add(self, record: Record, moment: Moment | None) -> None:
         """Write one record, a picture by its moment."""
+        t_s = record.t_s
         if self._due_s is not None and t_s > self._due_s:
             self._write_transforms()
         make = self._mcap.at(t_s)

@@ -63,14 +63,14 @@ class Sink(Protocol):
         """Take in the next update, and its picture (H, W, 3) RGB where that is at hand."""
 
 
-def export_steps(run: SavedRun, *, t_offset_s: float = 0.0) -> Iterator[ExportStep]:
+def export_steps(run: SavedRun, *, begin_s: float = 0.0) -> Iterator[ExportStep]:
     """Go through a saved run from its first update, holding one at a time. InputError if it is damaged."""
     odometry = np.zeros(3)
     for rows in run.steps():
         for motion in rows.step["motions"]:
             odometry = compose(odometry, np.array(motion, np.float64))
         truth = None if rows.step["truth_x_m"] is None else _pose(rows, "truth")
-        time_s = rows.step["time_s"] + t_offset_s
+        time_s = rows.step["time_s"] + begin_s
         yield ExportStep(rows, time_s, _pose(rows, "estimate"), truth, odometry)
 
 

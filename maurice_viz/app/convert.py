@@ -105,7 +105,7 @@ def convert(
     else:
         begin_s, has_pictures = _begin(session.recording)
         if has_pictures:
-            steps = convert_to_log(session, target, kind=pictures, t_offset_s=begin_s, force=force)
+            steps = convert_to_log(session, target, kind=pictures, begin_s=begin_s, force=force)
         else:
             steps = records_to_log(session.recording, target, notes, force=force)
     done = _count(steps, target, listener)
@@ -200,7 +200,7 @@ def export(
     pictures = Pictures(session, listener.warning) if "mcap" in files else None
     with ExitStack() as stack:
         sinks = _open(stack, saved, files, paths, session, force)
-        for number, step in enumerate(export_steps(saved, t_offset_s=begin_s), start=1):
+        for number, step in enumerate(export_steps(saved, begin_s=begin_s), start=1):
             image = None if pictures is None else pictures.of(step.rows)
             if pictures is not None and image is not None:
                 step = replace(step, readings=pictures.readings)

@@ -117,7 +117,7 @@ def test_nothing_is_left_after_a_failure_and_an_old_file_stays(tmp_path: Path) -
 def test_steps_are_those_that_were_saved(save_run: Save) -> None:
     folder, played = save_run()
     (run,) = open_runs(folder)
-    steps = list(tables.export_steps(run, t_offset_s=100.0))
+    steps = list(tables.export_steps(run, begin_s=100.0))
     odometry = np.zeros(3)
     for step, (moment, record) in zip(steps, played, strict=True):
         for motion in moment.frame.motions:

@@ -73,7 +73,7 @@ def exported(
     camera = Camera("eye", horizontal_fov_rad=0.8, yaw_rad=0.5, height_m=0.25)
     scene = scene_of(replace(info, arena=run.arena(), cameras=(camera,)))
     with mcap_sink(tmp_path / "run.mcap", np.array(run.manifest.origin_m), scene) as sink:
-        for step, (moment, _) in zip(export_steps(run, t_offset_s=1e9), played, strict=True):
+        for step, (moment, _) in zip(export_steps(run, begin_s=1e9), played, strict=True):
             sink.add(step, moment.frame.image)
     by_topic: dict[str, list[tuple[int, Any]]] = {}
     for topic, t_ns, message in messages(tmp_path / "run.mcap"):
@@ -218,7 +218,7 @@ def test_without_the_extra_one_line_says_how_to_get_it(
 
 def test_impossible_times_other_endings_and_existing_files_are_refused(tmp_path: Path) -> None:
     for t_s in (-0.5, 2.0**31, float("nan")):
-        with pytest.raises(InputError, match="--t-offset"), mcap_file(tmp_path / "a.mcap") as mcap:
+        with pytest.raises(InputError, match="picture_offset_s"), mcap_file(tmp_path / "a.mcap") as mcap:
             mcap.write(ODOMETRY, t_s, b"")
         assert not list(tmp_path.iterdir())
     (tmp_path / "a.mcap").write_bytes(b"mine")

@@ -125,7 +125,7 @@ def test_a_drive_of_poses_is_read_back(tmp_path: Path, made: Given) -> None:
 
 
 def test_a_log_comes_back_from_mcap_as_it_was(small_session: Path, tmp_path: Path) -> None:
-    finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap", t_offset_s=1.4e9)
+    finished(RecordedSession(open_recording(small_session)), tmp_path / "a.mcap")
     again = open_session(tmp_path / "a.mcap")
     list(convert_to_log(again, tmp_path / "back" / "b.log"))
     assert_same_drive(
@@ -238,7 +238,7 @@ def test_a_log_replays_as_the_session_it_was_made_from(tmp_path: Path, drive: Ma
 
 def test_a_native_log_stays_what_it_was(small_session: Path, tmp_path: Path) -> None:
     session = open_session(small_session)
-    done = finished_log(convert_to_log(session, tmp_path / "copy" / "b.log", t_offset_s=1403636591.25))
+    done = finished_log(convert_to_log(session, tmp_path / "copy" / "b.log", begin_s=1403636591.25))
     again = open_session(tmp_path / "copy" / "b.log")
     assert (done.pictures, done.motions, done.truths, done.events) == (14, 14, 14, 0)
     assert_same_drive(session, again)
