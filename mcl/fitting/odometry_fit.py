@@ -231,14 +231,14 @@ def _generalized(linear: LinearDrive, variances: F64, added: F64) -> F64:
 
 
 def _shaped(information: F64) -> tuple[F64, F64]:
-    """Return the lengths (K,) of an information matrix and the matrix (K, K) for length one; 1 for unseen."""
+    """Return the lengths (n,) of an information matrix and the matrix (n, n) for length one; 1 for unseen."""
     seen = np.diag(information) > 0
     length = np.sqrt(np.where(seen, np.diag(information), 1.0))
     return length, np.asarray(information / np.outer(length, length) + np.diag(np.where(seen, 0.0, 1.0)))
 
 
 def _confounded(names: Sequence[str], information: F64) -> list[tuple[str, str]]:
-    """Return the pairs of K constants that the movements cannot tell apart, by their information (K, K).
+    """Return the pairs of n constants that the movements cannot tell apart, by their information (n, n).
 
     It depends on which movements there are, and not on how well they fit.
     """

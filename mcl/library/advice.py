@@ -94,7 +94,7 @@ def _confusions(library: Library, similarity: SelfSimilarity) -> tuple[Confusion
 
 
 def without_reference(points: F64, poses: F64, reach_m: float) -> Bool:
-    """Return (C, DIRECTIONS): whether no pose (L, 3) within reach of a point (C, 2) looks that way."""
+    """Return (G, DIRECTIONS): whether no pose (L, 3) within reach of a point (G, 2) looks that way."""
     lacking = np.ones((len(points), DIRECTIONS), bool)
     for number, direction in enumerate(headings()):
         these = poses[np.abs(wrap(poses[:, 2] - direction)) <= VIEW_RAD / 2 + 1e-6]
@@ -114,10 +114,10 @@ class _Planned:
 
     poses: F64  # (L, 3) there
     spacing_m: float
-    points: F64  # (C, 2) of free space that a robot can reach
-    standing: F64  # (K, 2) those of them that are free enough to stand at
+    points: F64  # (G, 2) of free space that a robot can reach
+    standing: F64  # (S, 2) those of them that are free enough to stand at
     area_m2: float  # that a point stands for
-    lacking: Bool  # (C, DIRECTIONS)
+    lacking: Bool  # (G, DIRECTIONS)
     added: list[ProposedReference] = field(default_factory=list)
 
     @classmethod
@@ -158,13 +158,13 @@ class _Planned:
         self._fill(self.standing, None)
 
     def _fill(self, candidates: F64, open_headings: Bool | None) -> None:
-        """Propose references at candidates (K, 2): of these headings (K, DIRECTIONS), or all; best first."""
+        """Propose references at candidates (S, 2): of these headings (S, DIRECTIONS), or all; best first."""
         if not len(candidates) or not self.lacking.any():
             return
         least = max(LEAST_AREA_SPACINGS * self.spacing_m**2 / self.area_m2, 1.0)
         near = _near(candidates, self.points, FILLED_SPACINGS * self.spacing_m)
         while len(self.added) < MOST_ADDED:
-            gain = near @ self.lacking.astype(np.float64)  # (K, DIRECTIONS)
+            gain = near @ self.lacking.astype(np.float64)  # (S, DIRECTIONS)
             if open_headings is not None:
                 gain = gain * open_headings
             best = int(np.where(gain >= least, gain, 0.0).sum(axis=1).argmax())
@@ -194,11 +194,11 @@ class _Planned:
 
 
 def _distance(poses: F64, points: F64) -> F64:
-    """Return how far (C,) the nearest pose (L, 3) is from each point (C, 2)."""
+    """Return how far (G,) the nearest pose (L, 3) is from each point (G, 2)."""
     return np.asarray(place_tree(poses[:, :2]).query(points)[0], np.float64)
 
 
 def _near(centers: F64, points: F64, reach_m: float) -> csr_matrix:
-    """Return (K, C): 1 where a point is within reach of a center."""
+    """Return (S, G): 1 where a point is within reach of a center."""
     within = place_tree(centers).sparse_distance_matrix(place_tree(points), reach_m, output_type="coo_matrix")
     return csr_matrix((np.ones(within.nnz), (within.row, within.col)), within.shape)

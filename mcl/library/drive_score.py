@@ -96,7 +96,7 @@ def score_drive(
 
 
 def _mean_gain(groups: Sequence[F64]) -> float:
-    """Return the mean gain of pictures (n, K) of several groups, each group counted alike."""
+    """Return the mean gain of pictures (T, N) of several groups, each group counted alike."""
     return float(np.mean([np.mean([_gain(row) for row in group]) for group in groups]))
 
 
@@ -111,7 +111,7 @@ def _offsets(right_m: float) -> F64:
 def _log_likelihoods(
     sensor: SensorModel, picture: DrivePicture, offsets: F64, known: KnownDescriptors | None
 ) -> F64 | None:
-    """Return the channels' log-likelihood (K,) at the truth, which is first, and at poses around it."""
+    """Return the channels' log-likelihood (N,) at the truth, which is first, and at poses around it."""
     image = picture.read()
     if image is None:
         return None
@@ -124,6 +124,6 @@ def _log_likelihoods(
 
 
 def _gain(row: F64) -> float:
-    """Return the log of the likelihood (K,) at the first pose over its mean; poses outside do not count."""
+    """Return the log of the likelihood (N,) at the first pose over its mean; poses outside do not count."""
     inside = row[np.isfinite(row)]
     return float(row[0] - inside.max() - np.log(np.exp(inside - inside.max()).mean()))

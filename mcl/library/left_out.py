@@ -113,7 +113,7 @@ class LeftOutTable:
         return cls(replace(sensor, index={}), *clustered(sensor.library))
 
     def others(self, entry: int) -> Index:
-        """Return the entries (K,) at all places but that of an entry."""
+        """Return the entries (n,) at all places but that of an entry."""
         return np.flatnonzero(self.place_of != self.place_of[entry])
 
     @cached_property

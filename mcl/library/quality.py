@@ -207,13 +207,13 @@ def _spacing(table: LeftOutTable) -> float:
 
 
 def _to_entries(poses: F64, entry: int, others: Index) -> tuple[F64, F64]:
-    """Return distances (K,) in meters and angles (K,) in radians from one entry to others."""
+    """Return distances (n,) in meters and angles (n,) in radians from one entry to others."""
     step = poses[others] - poses[entry]
     return np.hypot(step[:, 0], step[:, 1]), np.abs(wrap(step[:, 2]))
 
 
 def _look_alikes(others: Index, cost: F64, near: Bool, far: Bool) -> list[float]:
-    """Return `retrieved`, `alias`, `rank`, `margin` and `confusion` of one entry, from costs (K,)."""
+    """Return `retrieved`, `alias`, `rank`, `margin` and `confusion` of one entry, from costs (n,)."""
     if not len(others):
         return [-1, -1, 1, np.nan, 0.0]
     retrieved = int(others[cost.argmin()])

@@ -212,7 +212,7 @@ def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
 
 
 def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64) -> I32:
-    """Return the first of the chosen places (N, K) that no wall hides from each point (N, 2)."""
+    """Return the first of the chosen places (N, n) that no wall hides from each point (N, 2)."""
     place = np.full(len(points), -1, np.int32)
     for choice in choices.T:
         left = np.flatnonzero(place < 0)
@@ -252,11 +252,11 @@ class InterpolationParameters:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InterpolatedReference:
-    """Tables: raster cell to K places with weights; place and heading bin to two entries and a share."""
+    """Tables: raster cell to n places with weights; place and heading bin to two entries and a share."""
 
     nearest: NearestReference
-    places: I32  # (K, rows * columns)
-    weights: F32  # (K, rows * columns) summing to one over K
+    places: I32  # (n, rows * columns)
+    weights: F32  # (n, rows * columns) summing to one over n
     before: I32  # (P, HEADING_BINS) the entry clockwise of a heading
     after: I32  # (P, HEADING_BINS) the one counter-clockwise of it
     share: F32  # (P, HEADING_BINS) of the one after, 0 to 1
@@ -357,7 +357,7 @@ def interpolated_reference(
 def _kernel(
     nearest: NearestReference, places: F64, arena: Arena, parameters: InterpolationParameters
 ) -> tuple[I32, F32]:
-    """Return which of the places (P, 2) count, (K, cells), and their weights for every cell of the raster."""
+    """Return which of the places (P, 2) count, (n, cells), and their weights for every cell of the raster."""
     tree, centers = place_tree(places), nearest.grid.centers()
     count = min(parameters.places, len(places))
     looked = min(count + 4, len(places))  # some may be behind a wall

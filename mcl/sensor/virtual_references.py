@@ -28,7 +28,7 @@ class VirtualReferences:
     """V poses and the surveyed entries whose descriptors are averaged there, in equal shares."""
 
     poses: F64  # (V, 3) in the map's frame
-    sources: I32  # (V, K) entry numbers; rows with fewer than K repeat them in turn
+    sources: I32  # (V, n) entry numbers; rows with fewer than n repeat them in turn
 
     def extend(self, index: Mapping[str, ChannelIndex]) -> dict[str, ChannelIndex]:
         """Append the V means to every channel's references: (L, D) to (L + V, D)."""

@@ -1,7 +1,9 @@
 """Array aliases, and the letters used for axes in every docstring.
 
-N particles, L library entries, C channels, D descriptor length, M movements in one frame,
-H x W picture rows and columns. A pose is (x_m, y_m, heading_rad), heading counter-clockwise from +x.
+N particles or other poses, L library entries, R references (entries, then virtual ones), P places,
+C channels, D descriptor length, M motions in one frame, T steps in time, K matches or marks in a
+picture, J modes of a proposal, H x W picture rows and columns, n some of what the text names. A pose is
+(x_m, y_m, heading_rad), heading counter-clockwise from +x.
 """
 
 from __future__ import annotations

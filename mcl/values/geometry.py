@@ -80,7 +80,7 @@ def inverse(motion: F64) -> F64:
 
 
 def motions_between(poses: F64) -> F64:
-    """Return the motion (K, 3) to each of K poses (K, 3) from the one before it; zero for the first."""
+    """Return the motion (T, 3) to each of the poses (T, 3) from the one before it; zero for the first."""
     step = np.diff(poses, axis=0, prepend=poses[:1])
     before = np.concatenate([poses[:1, 2], poses[:-1, 2]])
     ahead, aside = rotated(step[:, 0], step[:, 1], -before)
@@ -88,7 +88,7 @@ def motions_between(poses: F64) -> F64:
 
 
 def path_of(motions: F64) -> F64:
-    """Return the poses (K, 3) that K motions (K, 3) lead to, from the origin; headings are not wrapped."""
+    """Return the poses (T, 3) that T motions (T, 3) lead to, from the origin; headings are not wrapped."""
     heading = np.cumsum(motions[:, 2])
     x, y = rotated(motions[:, 0], motions[:, 1], heading - motions[:, 2])
     return np.column_stack([np.cumsum(x), np.cumsum(y), heading])

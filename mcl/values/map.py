@@ -21,7 +21,7 @@ class Region:
     """A named polygon: an obstacle ("sofa"), a floor ("carpet") or a room ("north room")."""
 
     name: str
-    polygon: F64  # (K, 2) x_m, y_m, K >= 3, not closed
+    polygon: F64  # (n, 2) x_m, y_m, n >= 3, not closed
 
     def depth_m(self, points: F64) -> F64:
         """Return how far points (N, 2) are from the outline: above 0 inside, below 0 outside.

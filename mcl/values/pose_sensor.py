@@ -37,7 +37,7 @@ EXACT = PoseSpread()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseProposal:
-    """Where a sensor alone would put the robot: a mixture of K normal distributions.
+    """Where a sensor alone would put the robot: a mixture of J normal distributions.
 
     >>> import numpy as np
     >>> from maurice_mcl import PoseProposal
@@ -46,10 +46,10 @@ class PoseProposal:
     (1, 3, 3)
     """
 
-    poses: F64  # (K, 3) x_m, y_m, heading_rad in the map's frame
-    covariances: F64  # (K, 3, 3)
-    weights: F64  # (K,) sum to one
-    of_one_thing: Bool | None = None  # (K,) one thing alone speaks for it, that may have been moved
+    poses: F64  # (J, 3) x_m, y_m, heading_rad in the map's frame
+    covariances: F64  # (J, 3, 3)
+    weights: F64  # (J,) sum to one
+    of_one_thing: Bool | None = None  # (J,) one thing alone speaks for it, that may have been moved
 
 
 @dataclass(frozen=True, slots=True, eq=False)

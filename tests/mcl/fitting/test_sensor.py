@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from maurice_mcl.fitting import sensor as tuning
-from maurice_mcl.fitting import sensor as tuning_samples
 from maurice_mcl.library.left_out import LEAST_PROBABILITY, LeftOutTable
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -175,11 +174,11 @@ def test_only_the_pictures_taken_are_measured(world):
 def test_what_is_held_is_bounded_whatever_the_library(world, monkeypatch):
     sensor = _sensor(world.library, "color", "tiny")
     size = 2 * world.library.size
-    monkeypatch.setattr(tuning_samples, "MOST_DISTANCES", 10 * size)
-    monkeypatch.setattr(tuning_samples, "MOST_IN_BLOCK", 4 * size)
+    monkeypatch.setattr(tuning, "MOST_DISTANCES", 10 * size)
+    monkeypatch.setattr(tuning, "MOST_IN_BLOCK", 4 * size)
     assert tuning.most_pictures(sensor) == 10
     samples = tuning.library_samples(LeftOutTable.of(sensor))
     assert sum(len(s.truth) for s in samples) == 10
     assert max(len(s.truth) for s in samples) <= 4
-    monkeypatch.setattr(tuning_samples, "MOST_DISTANCES", 1)
+    monkeypatch.setattr(tuning, "MOST_DISTANCES", 1)
     assert tuning.most_pictures(sensor) == 1
