@@ -8,8 +8,8 @@
 - `records`: from where each landmark was seen, and from where it could have been
 - `building`: all of these, from a library to its landmarks
 - `landmark_set`: landmarks as plain values, and as arrays for a file
-- `things`: which obstacle of the map each landmark is on
+- `things`: which obstacle of the map each landmark is on, and what moved
 - `planar`: where a robot in the plane must be to see matched landmarks where it does
-- `picture`, `moved`: what people are shown: what agrees, what disagrees, what moved
+- `picture`: what people are shown: what agrees, what disagrees, what moved
 - `sensor`: the pose sensor `Landmarks`
 """

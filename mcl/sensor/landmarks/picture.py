@@ -13,7 +13,7 @@ from ...values.arrays import F32, F64, U8, Bool
 from ...values.pose_sensor import Beside, PoseProposal, Shown, ShownMarks
 from .camera import project
 from .landmark_set import LandmarkSet
-from .moved import moved_things
+from .things import moved_things
 
 AGREES_PX = 4.0  # a match nearer than this to where it should be agrees
 FARTHEST_PX = 60.0  # lines longer than this to where a landmark should be are not drawn
