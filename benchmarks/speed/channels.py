@@ -27,9 +27,9 @@ def timed(image: U8, name: str, library: mcl.Library) -> tuple[float, float]:
     """Return the seconds to measure one picture and to compare it with all references."""
     channel = CHANNELS[name]
     began = perf_counter()
-    found = channel.describe(image)
+    features = channel.describe(image)
     measured = perf_counter()
-    DISTANCES[channel.distance](found, library.index[name])
+    DISTANCES[channel.distance](features, library.index[name])
     return measured - began, perf_counter() - measured
 
 

@@ -70,8 +70,8 @@ def growth(quick: bool) -> Table:
 
 def _row(way: str, steps: int, *library: str) -> list[str]:
     words = [sys.executable, "-m", "benchmarks.speed.growth", way, str(steps), *library]
-    told = subprocess.run(words, check=True, capture_output=True, text=True).stdout.split()
-    return [way, f"{steps:,}", f"{float(told[0]):.2f}", f"{float(told[1]):.0f}"]
+    words_out = subprocess.run(words, check=True, capture_output=True, text=True).stdout.split()
+    return [way, f"{steps:,}", f"{float(words_out[0]):.2f}", f"{float(words_out[1]):.0f}"]
 
 
 def repeated(session: mcl.Session, steps: int) -> Iterator[Moment]:

@@ -75,11 +75,11 @@ def random_library(size: int, folder: Path) -> Library:
 
 
 def _opened(place: Path, cache: Path) -> float:
-    told = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-c", OPEN, str(place)],
         env=os.environ | {"MAURICE_CACHE": str(cache)},
         check=True,
         capture_output=True,
         text=True,
     )
-    return float(told.stdout)
+    return float(printed.stdout)

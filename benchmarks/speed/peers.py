@@ -24,7 +24,7 @@ def install(environment: Path = ENVIRONMENT) -> dict[str, str]:
     python = environment / "bin" / "python"
     if not python.exists():
         venv.create(environment, with_pip=True)
-    found = {}
+    versions = {}
     for name, package in PEERS.items():
         have = _version(python, package)
         if not have:
@@ -32,8 +32,8 @@ def install(environment: Path = ENVIRONMENT) -> dict[str, str]:
             done = subprocess.run(pip, capture_output=True, text=True, check=False)
             why = (done.stderr.strip().splitlines() or ["pip failed"])[-1]
             have = _version(python, package) or f"missing: {why}"
-        found[name] = have
-    return found
+        versions[name] = have
+    return versions
 
 
 def _version(python: Path, package: str) -> str:

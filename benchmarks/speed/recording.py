@@ -78,8 +78,8 @@ def panels(quick: bool) -> Table:
         bare = _least(drive, detail, lambda _: False, quick)
         costs[BARE].append(bare)
         for name in list(costs)[1:]:
-            took, held = _least(drive, detail, _is(name), quick)
-            costs[name].append((max(took - bare[0], 0.0), max(held - bare[1], 0.0)))
+            took, memory = _least(drive, detail, _is(name), quick)
+            costs[name].append((max(took - bare[0], 0.0), max(memory - bare[1], 0.0)))
     listed = [name for name, (full, light) in costs.items() if max(*full, *light) >= LEAST]
     listed.sort(key=lambda name: -costs[name][0][0])
     return Table(
@@ -128,9 +128,9 @@ def _measure(drive: _Drive, detail: Detail, chosen: Chosen, live: bool = False) 
                     observer.see(moment, record)
                 rec.flush()
                 if again:
-                    took, held = process_time() - began, _held(folder) - before
+                    took, memory = process_time() - began, _held(folder) - before
             observer.end()
-    return took / len(drive.updates) * 1e3, held / len(drive.updates) / 1e3
+    return took / len(drive.updates) * 1e3, memory / len(drive.updates) / 1e3
 
 
 def _held(folder: str) -> int:

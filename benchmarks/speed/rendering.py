@@ -33,11 +33,11 @@ def camera_sessions(world: World) -> dict[str, CameraSession]:
         "people in every picture": Conditions(occluded=1.0),
         "daylight and people": Conditions(moving, occluded=1.0),
     }
-    made = {name: session_camera(world, 0, conditions) for name, conditions in cases.items()}
+    cameras = {name: session_camera(world, 0, conditions) for name, conditions in cases.items()}
     for width, height in SIZES:
         lens = Lens(width, height, pixel_aspect=2.0 if width < height else 1.0)
-        made[f"plain, {width} x {height}"] = session_camera(world, 0, lens=lens)
-    return made
+        cameras[f"plain, {width} x {height}"] = session_camera(world, 0, lens=lens)
+    return cameras
 
 
 def measure(name: str) -> None:

@@ -62,8 +62,8 @@ def replays(quick: bool) -> Table:
         for size_name, size in SIZES.items():
             stored = Stored.of(session, size)
             for name, (feature, particles) in FILTERS.items():
-                made = mcl.make_localizer(library, feature=feature, particles=particles)
-                replay = partial(_replay, made.of_session(session), stored, session.info.start)
+                filter_ = mcl.make_localizer(library, feature=feature, particles=particles)
+                replay = partial(_replay, filter_.of_session(session), stored, session.info.start)
                 file = Path(folder) / f"{size_name} {name}"
                 replay(file)
                 works: dict[str, Work] = {"first": partial(replay, None), "again": partial(replay, file)}

@@ -63,25 +63,25 @@ def soak(folder: Path, rate: float, robot_s: float) -> int:
     save = ["-o", folder / "live.rrd", "--patience", "30"]
     output = (folder / "follower.txt").open("w")
     follower = subprocess.Popen([COMMAND, address, *record, *save], stdout=output, stderr=output)
-    held = watch(robot, follower, robot_s / rate / LOOKS)
+    memory = watch(robot, follower, robot_s / rate / LOOKS)
     time.sleep(2)
     follower.send_signal(signal.SIGTERM)
     status = follower.wait(60)
-    said = robot.communicate()[1].strip().splitlines()[-1]
+    last_line = robot.communicate()[1].strip().splitlines()[-1]
     print((folder / "follower.txt").read_text())
     least = int(updates) - round(LATE_S * rate / UPDATE_S) - 1
-    return judge(held, status, said, folder, least)
+    return judge(memory, status, last_line, folder, least)
 
 
 def watch(robot: subprocess.Popen[str], follower: subprocess.Popen[bytes], every_s: float) -> list[float]:
     """Look at the follower's memory until the robot has driven."""
-    held = []
+    memory = []
     while robot.poll() is None and follower.poll() is None:
         time.sleep(every_s)
         if follower.poll() is None:
-            held.append(held_mb(follower.pid))
-            print(f"{len(held):4}: {held[-1]:6.0f} MB", flush=True)
-    return held
+            memory.append(held_mb(follower.pid))
+            print(f"{len(memory):4}: {memory[-1]:6.0f} MB", flush=True)
+    return memory
 
 
 def judge(held: list[float], status: int, robot_said: str, folder: Path, least: int) -> int:

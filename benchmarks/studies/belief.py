@@ -60,9 +60,9 @@ def judged_run(
         state, record = localizer.step(state, moment.frame, Compared(sharpened(picture, sharp), 0.0))
         scorer.add(moment, record)
         if moment.truth is not None and record.frame.step >= FIRST_UPDATE:
-            found = judge_belief(record, moment.truth)
+            judged_belief = judge_belief(record, moment.truth)
             error_m = float(np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])))
-            rows.append([found.denser, found.squared_sd, found.nees, error_m])
+            rows.append([judged_belief.denser, judged_belief.squared_sd, judged_belief.nees, error_m])
     denser, squared_sd, nees, error = np.array(rows).T
     lost = np.full(len(rows), float(scorer.result().lost is True))
     return {"denser": denser, "squared_sd": squared_sd, "nees": nees, "error_m": error, "lost": lost}
@@ -151,11 +151,11 @@ def main() -> None:
         for name in FILTERS
         if name != "thesis"
     ]
-    found = list(judged(TO_JUDGE, [*tried, ("thesis", 1.0)], asked.folder))
-    print(table([*tried, ("thesis", 1.0)], found))
+    results = list(judged(TO_JUDGE, [*tried, ("thesis", 1.0)], asked.folder))
+    print(table([*tried, ("thesis", 1.0)], results))
     for name, sharp in tried:
         if sharp != 1.0:
-            print(cost((name, sharp), (name, 1.0), found))
+            print(cost((name, sharp), (name, 1.0), results))
 
 
 if __name__ == "__main__":

@@ -57,10 +57,10 @@ class Result:
 
 def rooms_of(arena: Arena, points: F64) -> F64:
     """Return the number of the room (K,) that each point (K, 2) is in; -1 for none."""
-    found = np.full(len(points), -1.0)
+    rooms = np.full(len(points), -1.0)
     for number, room in enumerate(arena.rooms):
-        found[inside(room.polygon, points)] = number
-    return found
+        rooms[inside(room.polygon, points)] = number
+    return rooms
 
 
 def nearest_entry(localizer: mcl.Localizer, truth: F64) -> int:
@@ -96,14 +96,14 @@ def retrieval(session: mcl.Session, library: mcl.Library) -> dict[str, float]:
         entry = nearest_entry(localizer, moment.truth)
         best = np.sort(quality)[::-1]
         same: Bool = rooms == rooms_of(library.arena, moment.truth[None, :2])[0]
-        apart = np.linalg.norm(library.poses[:, :2] - moment.truth[:2], axis=1).min()
+        distance_m = np.linalg.norm(library.poses[:, :2] - moment.truth[:2], axis=1).min()
         rows.append(
             [
                 float((quality > quality[entry]).sum() + 1),
                 *np.percentile(quality, (5, 95)),
                 best[0] - best[4],
                 quality[same].mean() - quality[~same].mean() if same.any() else np.nan,
-                apart / INCH_M,
+                distance_m / INCH_M,
             ]
         )
     middle = np.nanmedian(rows, axis=0)

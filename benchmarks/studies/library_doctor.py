@@ -98,8 +98,8 @@ def libraries(case: str, full: Library, center: F64, arena: int) -> dict[str, Li
     rng, cells = np.random.default_rng(arena), grid.centers()[free.ravel()]
     chosen = cells[rng.choice(len(cells), -(-len(poses) // DIRECTIONS))]
     random = np.column_stack([chosen.repeat(DIRECTIONS, axis=0), np.tile(headings(), len(chosen))])
-    made = {KINDS[0]: left, KINDS[1]: with_poses(left, poses, arena)}
-    return made if case == "confused" else made | {KINDS[2]: with_poses(left, random, arena)}
+    libraries_ = {KINDS[0]: left, KINDS[1]: with_poses(left, poses, arena)}
+    return libraries_ if case == "confused" else libraries_ | {KINDS[2]: with_poses(left, random, arena)}
 
 
 def measured(drive: Drive, library: Library, found: SelfSimilarity, center: F64) -> Measured | None:
@@ -134,13 +134,13 @@ def runs(arenas: int, drives: int) -> Iterator[tuple[str, str, int, int, Measure
         places = np.array([moment.truth for moment in some[0].session.moments()])
         center = places[UPDATES * 2 // 3, :2]  # where the first drive is late: others may pass, too
         for case in CASES:
-            made = libraries(case, full, center, seed)
-            for kind, library in made.items():
-                added, (about, _) = library.size - made[KINDS[0]].size, checked(library)
+            variants = libraries(case, full, center, seed)
+            for kind, library in variants.items():
+                added, (about, _) = library.size - variants[KINDS[0]].size, checked(library)
                 for number, drive in enumerate(some):
-                    found = measured(drive, library, about, center)
-                    if found is not None:
-                        yield case, kind, arena, number, found, added
+                    figures = measured(drive, library, about, center)
+                    if figures is not None:
+                        yield case, kind, arena, number, figures, added
 
 
 def main() -> None:

@@ -112,13 +112,13 @@ def averages(slow: float, fast: float) -> Alarm:
     """AMCL's 1 - w_fast / w_slow, of the calibrated mean likelihood."""
 
     def alarm(run: JudgedRun) -> F64:
-        likelihood, found = np.exp(run.numbers["evidence"]), [0.0]
+        likelihood, means = np.exp(run.numbers["evidence"]), [0.0]
         long = short = float(likelihood[0])
         for update, one in enumerate(likelihood[1:].tolist(), 1):
             long += max(slow, 1 / (update + 1)) * (one - long)
             short += fast * (one - short)
-            found.append(1 - short / long if long > 0 else 1.0)
-        return np.array(found)
+            means.append(1 - short / long if long > 0 else 1.0)
+        return np.array(means)
 
     return alarm
 

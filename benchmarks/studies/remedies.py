@@ -95,17 +95,17 @@ def judged(which: str, kind: str, number: int) -> Row:
             mv.replay(session, where / LIBRARY, settings=own, seed=run.localizer.seed, save_run=saved)
             possible, _ = candidates(open_branch(saved))
             names = [remedy.name for remedy in possible if remedy.name not in SLOW]
-            found = mv.remedies(saved, seeds=SEEDS, names=names)
+            tried = mv.remedies(saved, seeds=SEEDS, names=names)
         except (InputError, OptionError) as problem:
             return row | {"way": run.planting.way, "outcome": "left out", "why": str(problem)}
-        was, best = found.as_it_was.localized.value, found.proposed
-        row |= {"way": run.planting.way, "from": found.from_step, "as_it_was": was}
+        was, best = tried.as_it_was.localized.value, tried.proposed
+        row |= {"way": run.planting.way, "from": tried.from_step, "as_it_was": was}
         if best is None:
-            top = found.tried[0]
+            top = tried.tried[0]
             tops = {"best": top.name, "best_share": top.localized.value, "verdict": top.verdict}
             return row | {"outcome": "nothing proposed"} | tops
         row |= {"outcome": "proposed", "proposed": best.name, "with_seeds": best.localized.value}
-        after = mv.remedies(saved, found.from_step, seeds=FRESH, names=[best.name]).tried[0]
+        after = mv.remedies(saved, tried.from_step, seeds=FRESH, names=[best.name]).tried[0]
         whole = mv.remedies(saved, 0, seeds=FRESH, names=[best.name]).tried[0]
         return row | {"fresh": after.localized.value, "whole_drive": whole.localized.value}
 
@@ -138,10 +138,10 @@ def _line(name: str, rows: Sequence[Row]) -> str:
     some = [row for row in rows if row["outcome"] == "proposed"]
     lucky = sum(row["as_it_was"] >= WORKS for row in judged_ones)
     names = Counter(row["proposed"] for row in some).most_common(3)
-    said = ", ".join(f"{what} ({count})" if count > 1 else what for what, count in names)
+    listed = ", ".join(f"{what} ({count})" if count > 1 else what for what, count in names)
     shares = " | ".join(_share(some, which) for which in ("fresh", "whole_drive"))
     counts = f"{len(judged_ones)} | {lucky} | {len(some)}"
-    return f"| {name} | {counts} | {shares} | {said} |"
+    return f"| {name} | {counts} | {shares} | {listed} |"
 
 
 def notes(rows: Sequence[Row]) -> list[str]:
@@ -153,8 +153,8 @@ def notes(rows: Sequence[Row]) -> list[str]:
     hard = [row for row in some if row["as_it_was"] < WORKS]
     for name, ones in (("all proposals", some), ("those for failures that other noise does not end", hard)):
         for where, which in (("from the branch on", "fresh"), ("over the whole drive", "whole_drive")):
-            found = rate(sum(row[which] >= WORKS for row in ones), len(ones))
-            share = f"{found.value:.0%} [{found.low:.0%}, {found.high:.0%}]" if ones else "-"
+            interval = rate(sum(row[which] >= WORKS for row in ones), len(ones))
+            share = f"{interval.value:.0%} [{interval.low:.0%}, {interval.high:.0%}]" if ones else "-"
             lines.append(f"* {name}, {where}: {share} of {len(ones)}")
     left = Counter(row["outcome"] for row in rows if row not in judged_ones)
     return [*lines, *(f"* not judged, {why}: {count}" for why, count in left.items())]
@@ -164,8 +164,8 @@ def _share(rows: Sequence[Row], which: str) -> str:
     if not rows:
         return "-"
     count = len(FRESH) * len(rows)
-    found = rate(round(sum(row[which] for row in rows) * len(FRESH)), count)
-    return f"{found.value:.0%} of {count} runs"
+    interval = rate(round(sum(row[which] for row in rows) * len(FRESH)), count)
+    return f"{interval.value:.0%} of {count} runs"
 
 
 if __name__ == "__main__":

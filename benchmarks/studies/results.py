@@ -75,7 +75,9 @@ def row(rows: pl.DataFrame) -> str:
     error = mean(rows["error_m"].to_numpy() / INCH_M, clusters)
     oracle = rows["oracle_m"].to_numpy().mean() / INCH_M
     localized = rows["pictures_to_localize"].is_not_null()
-    found = "-" if entry["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized, clusters)}"
+    localizing = (
+        "-" if entry["task"] == "tracking" else f"{curve_of(rows).median:g}, {_rate(localized, clusters)}"
+    )
     light = f", lights {entry['lights']}" if entry["lights"] else ""
     of_oracle = Interval(*(value / oracle for value in (error.value, error.low, error.high)), error.count)
     cells = (
@@ -88,7 +90,7 @@ def row(rows: pl.DataFrame) -> str:
         _heading(rows),
         _rate(rows["lost"], clusters),
         _rate(rows["right_at_end"], clusters),
-        found,
+        localizing,
         f"{100 * rows['wrong_confident'].to_numpy().mean():.1f}",
     )
     return f"| {' | '.join(cells)} |"
@@ -118,8 +120,8 @@ def _said(found: Interval, digits: int, sign: str = "") -> str:
 
 
 def _rate(flags: pl.Series, clusters: Clusters) -> str:
-    found = share(flags.fill_null(False).to_numpy(), clusters)
-    return f"{100 * found.value:.0f} [{100 * found.low:.0f}, {100 * found.high:.0f}]"
+    interval = share(flags.fill_null(False).to_numpy(), clusters)
+    return f"{100 * interval.value:.0f} [{100 * interval.low:.0f}, {100 * interval.high:.0f}]"
 
 
 if __name__ == "__main__":

@@ -145,9 +145,9 @@ def built_in(what: str) -> Callable[[Material], ClaimResult]:
 
 def best_quality(material: Material) -> ClaimResult:
     """Compare qualities of some drives' pictures with the thesis's best five and its bulk."""
-    qualities = [one.quality("color") for one in material.several]
-    best = [np.asarray(one.max(axis=1), np.float64) for one in qualities]
-    bulk = [np.asarray(((one >= 0.3) & (one <= 0.7)).mean(axis=1), np.float64) for one in qualities]
+    qualities = [album.quality("color") for album in material.several]
+    best = [np.asarray(album.max(axis=1), np.float64) for album in qualities]
+    bulk = [np.asarray(((album >= 0.3) & (album <= 0.7)).mean(axis=1), np.float64) for album in qualities]
     first, second = partial(over_drives, best), partial(over_drives, bulk)
     middle = f"{said(second(0.95), '%', 100, 0)} of entries from 0.3 to 0.7"
     ours = f"best entry {said(first(0.95), '', 1, 2)}; {middle}"
@@ -266,7 +266,7 @@ def difference(
 def _differ(rows: pl.DataFrame, key: str, first: object, other: object, metric: str = "error_m") -> Figure:
     """Return by how much a metric differs between two values of a column, on the same drives."""
     before, after = (
-        rows.filter((pl.col(key) == one) & pl.col(metric).is_not_null()) for one in (first, other)
+        rows.filter((pl.col(key) == value) & pl.col(metric).is_not_null()) for value in (first, other)
     )
     both = after.join(before, on=["session", "seed"], suffix="_first")
     if both.is_empty():

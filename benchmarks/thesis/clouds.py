@@ -102,11 +102,11 @@ def _turned(localizer: Localizer, drive: Drive) -> F64:
     begun = belief_at(start, localizer.particles, localizer.library.origin)
     spread = rng.standard_normal((begun.size, 3)) * (BEGUN_M, BEGUN_M, BEGUN_RAD)
     state = FilterState(0, Belief((begun.poses + spread).astype(np.float32), begun.log_weights, begun.origin))
-    found = []
+    rows_ = []
     for moment in drive.session.moments():
         state, record = localizer.step(state, moment.frame)
-        found.append((np.hypot(*record.mean_estimate.sd_m), maps.off_in(record.estimate, start) * INCH_M))
-    return np.array(found).T
+        rows_.append((np.hypot(*record.mean_estimate.sd_m), maps.off_in(record.estimate, start) * INCH_M))
+    return np.array(rows_).T
 
 
 def ambiguity(material: Material) -> Figure:
@@ -133,10 +133,10 @@ def ambiguity(material: Material) -> Figure:
 def _circles(axes: Axes, poses: F64, quality: F64) -> None:
     from matplotlib.collections import EllipseCollection
 
-    apart = spacing(np.unique(poses[:, :2].round(3), axis=0)) / INCH_M
+    spacing_in = spacing(np.unique(poses[:, :2].round(3), axis=0)) / INCH_M
     toward = np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
-    at = poses[:, :2] / INCH_M + OFFSET * apart * toward
-    wide = np.maximum(LARGEST * apart * quality, 0.01)
+    at = poses[:, :2] / INCH_M + OFFSET * spacing_in * toward
+    wide = np.maximum(LARGEST * spacing_in * quality, 0.01)
     circles = EllipseCollection(
         wide,
         wide,
@@ -156,12 +156,12 @@ def fresh_particles(material: Material) -> Figure:
     """Draw a cloud before and after the first fresh particles of a kidnapped robot."""
     rows = material.part("recovery").filter(pl.col("label") == AIDED).sort("seed")
     for row in rows.iter_rows(named=True):
-        found = _first_fresh(material, row)
-        if found is not None:
+        fresh_step = _first_fresh(material, row)
+        if fresh_step is not None:
             break
     else:
         raise MissingRuns(material.folder, f"holds no run with {STRATEGY} = {AIDED} that drew particles")
-    moment, record = found
+    moment, record = fresh_step
     arena, fresh = material.drive_of(row).bench.library.arena, record.injected
     drawing, places = panels(1, 2, maps.X, maps.Y)
     drawing.set_size_inches(11.0, 4.9)

@@ -148,12 +148,12 @@ def few_particles(material: Material) -> Figure:
     drawing, axes = _path_and_error(arena, run, f"{FEW} particles, seed {row['seed']}")
     x = np.arange(1, len(run) + 1)
     axes.plot(x, np.array(row[OFF]) / INCH_M, color=maps.ESTIMATE, label="this run")
-    found = (
+    band = (
         np.array([[interval.value, interval.low, interval.high] for interval in curve(rows, OFF)]).T / INCH_M
     )
-    steps = np.arange(1, found.shape[1] + 1)
-    axes.plot(steps, found[0], "--", color=INK, label=f"mean, 95 % interval, {len(rows)} runs")
-    axes.fill_between(steps, found[1], found[2], color=INK, alpha=0.15, linewidth=0)
+    steps = np.arange(1, band.shape[1] + 1)
+    axes.plot(steps, band[0], "--", color=INK, label=f"mean, 95 % interval, {len(rows)} runs")
+    axes.fill_between(steps, band[1], band[2], color=INK, alpha=0.15, linewidth=0)
     axes.set_ylabel(LABELS[OFF])
     axes.set_ylim(0)
     axes.legend(fontsize=8)

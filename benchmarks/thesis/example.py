@@ -44,11 +44,11 @@ class DrivePictures:
     def known(self) -> tuple[tuple[Moment, int], ...]:
         """Every moment with a truth in free space, and the reference nearest to it."""
         library, nearest = self.drive.bench.library, self.drive.bench.nearest
-        found = (
+        pairs = (
             (moment, -1 if moment.truth is None else true_entry(nearest, library, moment.truth))
             for moment in self.drive.session.moments()
         )
-        return tuple((moment, entry) for moment, entry in found if entry >= 0)
+        return tuple((moment, entry) for moment, entry in pairs if entry >= 0)
 
     @property
     def library(self) -> Library:
@@ -164,8 +164,8 @@ def reference_picture(library: Library, entry: int) -> U8:
 def rooms_of(library: Library) -> list[tuple[str, Bool]]:
     """Return each room and which references (L,) are in it; all of them where the map has no rooms."""
     places = library.poses[:, :2]
-    found = [(room.name, inside(room.polygon, places)) for room in library.arena.rooms]
-    return found or [("references", np.ones(len(places), bool))]
+    flags = [(room.name, inside(room.polygon, places)) for room in library.arena.rooms]
+    return flags or [("references", np.ones(len(places), bool))]
 
 
 def in_other_light(image: U8, gain: float) -> U8:

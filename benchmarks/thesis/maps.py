@@ -111,8 +111,8 @@ def _disc(axes: Axes, pose: F64, label: str | None, face: str, edge: str) -> Non
 
 def estimates(axes: Axes, found: Sequence[Estimate], truths: Sequence[F64], label: str) -> None:
     """Draw estimates, hollow, each tied to the true place by a thin line."""
-    at = np.array([one.pose[:2] for one in found]) / INCH_M
-    true = np.array([one[:2] for one in truths]) / INCH_M
+    at = np.array([pose.pose[:2] for pose in found]) / INCH_M
+    true = np.array([pose[:2] for pose in truths]) / INCH_M
     for number in range(len(at)):
         axes.plot(*np.stack([at[number], true[number]]).T, color=ESTIMATE, linewidth=0.6, alpha=0.6, zorder=3)
     axes.plot(

@@ -56,8 +56,8 @@ def bin_ticks(axes: Axes) -> None:
 def draw_colors(axes: Axes, values: F32 | F64, among: F32 | F64 | None = None) -> None:
     """Draw red, green and blue (84,) over the bins, with the range over some others (K, 84)."""
     for k, (name, color) in enumerate(zip(COLORS, RGB, strict=True)):
-        one = values.reshape(3, BINS)[k]
-        axes.plot(NUMBERS, one, LINES[k], marker=MARKERS[k], ms=4, color=color, label=name)
+        channel_values = values.reshape(3, BINS)[k]
+        axes.plot(NUMBERS, channel_values, LINES[k], marker=MARKERS[k], ms=4, color=color, label=name)
         if among is not None and len(among) > 1:
             all_of = among.reshape(-1, 3, BINS)[:, k]
             axes.vlines(NUMBERS + 0.16 * (k - 1), all_of.min(axis=0), all_of.max(axis=0), color=color, lw=1)

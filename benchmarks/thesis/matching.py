@@ -164,12 +164,12 @@ def _map(drawing: Figure, axes: Axes, pair: PicturePair) -> None:
 
 def side_by_side(material: Material) -> Figure:
     """Draw a picture in the light of the drive and in more light, beside its reference."""
-    drawing, found = grid_of_axes(3)
-    for axes, pair in zip(found, (material.pictures.usual, material.pictures.shifted), strict=False):
+    drawing, places = grid_of_axes(3)
+    for axes, pair in zip(places, (material.pictures.usual, material.pictures.shifted), strict=False):
         gain, shift = pair.pictures.gain, pair.pictures.brighter[pair.number]
         title = f"step {pair.step}, {gain:g} x the light: {shift:+.1f} gray levels"
         draw_picture(axes, pair.sample, title, say_pose(pair.truth))
-    draw_picture(found[2], pair.reference, f"its reference, entry {pair.entry}", say_pose(pair.pose))
+    draw_picture(places[2], pair.reference, f"its reference, entry {pair.entry}", say_pose(pair.pose))
     every = np.concatenate([album.brighter for album in material.several])
     low, middle, high = np.percentile(every, (10, 50, 90))
     caption = f"as driven, samples are brighter than their references by: median {middle:+.1f}, 80 % from"

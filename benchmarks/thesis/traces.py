@@ -104,10 +104,10 @@ def by_strategy(material: Material) -> Figure:
     made, axes = panels(1, 2, "", "")
     for place, column, number in ((axes[0], CONFIDENCE, 0), (axes[1], OFF, 1)):
         color, marker, _ = STYLES[number]
-        found = [after_kidnapping(rows.filter(pl.col("label") == label), column) for label in labels]
-        y, value = np.arange(len(labels)), np.array([values_of.value for values_of in found])
-        reach = np.abs(np.array([[values_of.low, values_of.high] for values_of in found]).T - value)
-        caption = None if number else f"mean, 95 % interval, {found[0].count} runs each"
+        intervals = [after_kidnapping(rows.filter(pl.col("label") == label), column) for label in labels]
+        y, value = np.arange(len(labels)), np.array([values_of.value for values_of in intervals])
+        reach = np.abs(np.array([[values_of.low, values_of.high] for values_of in intervals]).T - value)
+        caption = None if number else f"mean, 95 % interval, {intervals[0].count} runs each"
         place.errorbar(
             value, y, xerr=reach, color=color, marker=marker, linestyle="", capsize=3, label=caption
         )
@@ -150,10 +150,10 @@ def _band(axes: Axes, rows: pl.DataFrame, column: str, what: str, number: int) -
     if rows.is_empty():
         return
     color, marker, line = STYLES[number]
-    found = curve(rows, column)
-    x = _updates(found)
+    intervals = curve(rows, column)
+    x = _updates(intervals)
     y, low, high = (
-        np.array([[values_of.value, values_of.low, values_of.high] for values_of in found]).T
+        np.array([[values_of.value, values_of.low, values_of.high] for values_of in intervals]).T
         * FACTORS[column]
     )
     axes.plot(

@@ -42,7 +42,7 @@ def compared_with(
 ) -> tuple[Comparison, ...]:
     """Compare the pictures of a planted drive; those of the plain drive only if they are not `known`."""
     own = {id(moment.frame.image) for moment in plain.all_moments}
-    found = []
+    comparisons_there = []
     for moment in planting.session.moments():
         image = moment.frame.image
         comparison = known.get(id(image))
@@ -50,8 +50,8 @@ def compared_with(
             comparison = compared([localizer.sensor], moment.frame)[0].comparison
         if id(image) in own:
             known[id(image)] = comparison
-        found.append(comparison)
-    return tuple(found)
+        comparisons_there.append(comparison)
+    return tuple(comparisons_there)
 
 
 def steps_of(localizer: Localizer, planting: Planting, comparisons: Sequence[Comparison], seed: int) -> Steps:
@@ -86,7 +86,7 @@ class Outcome:
 def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
     """Follow a run to its end."""
     scores: list[StepScore] = []
-    held = dropped = left = None
+    step_held = dropped = left = None
     zero = None
     for moment, record in steps:
         if moment.truth is None:
@@ -95,7 +95,7 @@ def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
         near, size, step = near_truth(record, moment.truth), record.weighted.size, moment.frame.step
         _, weighed, after = near.shares
         counted = weighed * size >= 1
-        held = moment.frame.step if held is None and counted else held
+        step_held = moment.frame.step if step_held is None and counted else step_held
         dropped = step if counted and after == 0 else (None if after > 0 else dropped)
         if left is None and {LEFT, ALL_ZERO} & set(record.events):
             left = step
@@ -106,7 +106,7 @@ def outcome_of(steps: Steps, *, start_known: bool) -> Outcome:
         localized_at=localized,
         lost_from=_lost_from(scores, 0 if start_known else localized),
         right_share=float(np.mean([score.correct is True for score in scores])),
-        held_from=held,
+        held_from=step_held,
         dropped_at=dropped,
         left_at=left,
         zero_at=zero,
@@ -126,8 +126,8 @@ def _lost_from(scores: Sequence[StepScore], first: int | None) -> int | None:
     """Return the first update of a loss after the first update; None where it never was localized."""
     if first is None:
         return None
-    found = first_run_of([score.lost is True for score in scores[first:]], LOST_FOR)
-    return None if found is None else first + found - LOST_FOR + 1
+    first_lost = first_run_of([score.lost is True for score in scores[first:]], LOST_FOR)
+    return None if first_lost is None else first + first_lost - LOST_FOR + 1
 
 
 def is_harm(kind: str, planting: Planting, outcome: Outcome) -> bool:

@@ -107,4 +107,4 @@ def _twin_arena(arena: Arena, shift: F64) -> Arena:
 
 
 def _with_twins(regions: tuple[Region, ...], shift: F64) -> tuple[Region, ...]:
-    return (*regions, *(Region(one.name, one.polygon + shift) for one in regions))
+    return (*regions, *(Region(region.name, region.polygon + shift) for region in regions))

@@ -66,10 +66,10 @@ def planted(kind: str, number: int, which: str = "develop") -> Planted | None:
         again = _again(kind, number, ground, choice)
         if again is None or is_harm(kind, again.planting, again.outcome):
             return again  # else the filter is another one since
-    choice, made = _searched(kind, number, ground, SETS[which].first + number)
+    choice, planting_made = _searched(kind, number, ground, SETS[which].first + number)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(json.dumps(asdict(choice)), encoding="utf-8")
-    return made
+    return planting_made
 
 
 def _searched(kind: str, number: int, ground: Ground, first: int) -> tuple[_Choice, Planted | None]:
