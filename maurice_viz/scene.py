@@ -38,6 +38,14 @@ class Detail(StrEnum):
     LIGHT = "light"  # camera, text, traces, estimate, and a cloud of a few hundred particles
 
 
+@dataclass(frozen=True, slots=True)
+class Ending:
+    """What a layout has to know of runs that are over."""
+
+    step: int  # to look at
+    most_m: float  # the largest position error of all runs
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What all runs of a Rerun recording share, as it is known before the first step."""
@@ -48,6 +56,7 @@ class Scene:
     updates: int = 0  # how many there will be; 0 when that is not known
     has_pictures: bool = True  # whether the robot has a camera at all
     live: bool = False  # the drive is going on: viewers may come and go, and nobody is waited for
+    ending: Ending | None = None  # what is known only in the end
 
     @property
     def arena(self) -> Arena:

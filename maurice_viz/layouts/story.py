@@ -24,7 +24,8 @@ WIDTH_PX, HEIGHT_PX = 1280, 702  # what is left of 1280 x 800 below the tabs and
 HEADLINE_PX, ERRORS_PX = 92, 124
 PICTURES, WORDS = 5, 3  # shares of the height beside the map
 MOST_IN_A_ROW = 3  # pictures beside the map
-AXIS_PX = 31  # left of a plot: its labels, such as "100"
+AXIS_PX, DIGIT_PX = 10, 7  # left of a plot: around the labels of its axis, and each of their digits
+DIGITS = 3  # of a label where the largest error is not known yet
 
 
 def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = False) -> rrb.Vertical:
@@ -44,7 +45,7 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     body = rrb.Horizontal(
         story_map(runs, scene), _beside_the_map(runs, scene), column_shares=[wide, 1 - wide]
     )
-    axis = AXIS_PX / WIDTH_PX
+    axis = _axis_px(runs, scene) / WIDTH_PX
     shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]  # the plot begins where the lanes do
     errors = rrb.Horizontal(error_unit_view(), errors_plot(runs, scene), column_shares=shares)
     screen = rrb.Vertical(
@@ -72,3 +73,12 @@ def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
     rest = MOST_IN_A_ROW - len(rows[-1])
     last = rrb.Horizontal(*rows[-1], tour_view(), column_shares=[1] * len(rows[-1]) + [rest])
     return rrb.Vertical(*(rrb.Horizontal(*row) for row in rows[:-1]), last)
+
+
+def _axis_px(runs: Sequence[RunView], scene: Scene) -> float:
+    """Return the width of the labels of the error axis, which the viewer does not let us set."""
+    digits = DIGITS
+    if scene.ending is not None and scene.has_truth:
+        most_m = max(scene.ending.most_m, runs[0].radii.lost_m)
+        digits = len(f"{scene.scale.length(most_m):.0f}")
+    return AXIS_PX + DIGIT_PX * digits

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 import rerun as rr
 
 from maurice_mcl.reasons.verdict import RunVerdict
@@ -125,6 +126,7 @@ class SceneObserver:
         self._comparison: ComparisonDrawing | None = None
         if len(runs) > 1:
             self._comparison = ComparisonDrawing(rec, runs, scene, draws_fresh=detail is not Detail.LIGHT)
+        self.most_m = 0.0  # the largest position error so far
         self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 
     def see(
@@ -134,6 +136,10 @@ class SceneObserver:
         verdicts: Callable[[], Mapping[str, RunVerdict]],
     ) -> None:
         """Log one update of every run, how it compares with the first, and for a live drive the verdict."""
+        for moment, record in steps.values():
+            if moment.truth is not None:
+                off_m = float(np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])))
+                self.most_m = max(self.most_m, off_m)
         self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
         if self._comparison is not None:
             self._comparison.see(steps, pairs)

@@ -42,10 +42,8 @@ class LimitsPanel(Panel):
         lost, has_truth = self._scale.say(self._run.radii.lost_m), self._scene.has_truth
         line = rr.SeriesLines(colors=[STATES["lost"]], widths=[FAINT], names=[f"lost above {lost}"])
         rec.log(LIMITS, line, static=True)
-        what = (
-            f"**Error**, {self._scale.units.name}" if has_truth else f"**Spread**, {self._scale.units.name}"
-        )
-        text = f"{what}\n\nred: lost" if has_truth else what
+        what = f"**{'Error' if has_truth else 'Spread'}**, {self._scale.units.name}"
+        text = f"{what}\n\nlost above {lost}" if has_truth else what
         rec.log(ERROR_UNIT, rr.TextDocument(text, media_type=MARKDOWN), static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:

@@ -22,6 +22,7 @@ Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 MAP = (FLOORS, WALLS)
 BARE_MAP = (BARE_FLOORS, WALLS)  # without names: under colors they are hard to read
+SHADED = 3  # steps from the one to look at
 FPS = 4.0  # updates a second when the viewer plays
 SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Radius.ui_points(1.0))
 
@@ -130,12 +131,24 @@ def labeled(text: str) -> list[VisualizerLike]:
 
 
 def window(
-    body: rrb.Container, *, play_state: Literal["paused", "following"] = "paused", fps: float | None = None
+    body: rrb.Container,
+    *,
+    play_state: Literal["paused", "following"] = "paused",
+    fps: float | None = None,
+    step: int | None = None,
 ) -> rrb.Blueprint:
-    """Fill the viewer's window: the time panel is collapsed, all others are hidden."""
+    """Fill the viewer's window: the time panel is collapsed, with `step` shaded; all others are hidden."""
+    moment = None if step is None else rrb.components.AbsoluteTimeRange(min=step, max=step + SHADED)
     return rrb.Blueprint(
         body,
-        rrb.TimePanel(state="collapsed", timeline=STEP, fps=fps, play_state=play_state),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=STEP,
+            fps=fps,
+            play_state=play_state,
+            time_selection=moment,
+            loop_mode="off",
+        ),
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),

@@ -24,7 +24,7 @@ from ..entities import VERDICT
 from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..listener import Listener
-from ..scene import Detail, RunView, Scene
+from ..scene import Detail, Ending, RunView, Scene
 from .run_spec import check_name
 
 if TYPE_CHECKING:
@@ -155,6 +155,9 @@ def drawing(
     with sink as rec:
         drawn.observer = SceneObserver(rec, runs, scene, detail)
         yield drawn
+        if drawn.step is not None:  # the layout of runs that are over
+            ended = replace(scene, ending=Ending(drawn.step, drawn.observer.most_m))
+            rec.send_blueprint(layout_of(runs, ended, output.layout, light=detail is Detail.LIGHT))
 
 
 @contextmanager
