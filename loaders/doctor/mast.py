@@ -17,7 +17,7 @@ LEAST_M, MOST_M = (
 )  # a place nearer the wheels' center is no matter; one farther is no robot
 SIGMAS = 4.0  # standard errors from which on a place counts as seen
 LEAST_ERROR_M = 0.005  # of a segment, below which nothing is wrong
-HELPS = 0.8  # share of the error that may be left when truth is moved back
+LEFT_ERROR_SHARE = 0.8  # share of the error that may be left when truth is moved back
 FEWEST = 8  # segments that turn
 LEAST_TURN_RAD = 0.05  # of them
 PARTS = 8  # of a drive, over which the place is compared with itself
@@ -58,7 +58,7 @@ def mast_of(measured: NDArray[np.complex128], moved: F64) -> Mast | None:
     after_m = float(np.median(np.abs(true - both @ fit)[swings]))
     if not LEAST_M <= abs(place) <= MOST_M or abs(place) < SIGMAS * error_m:
         return None
-    if before_m < LEAST_ERROR_M or after_m > HELPS * before_m:
+    if before_m < LEAST_ERROR_M or after_m > LEFT_ERROR_SHARE * before_m:
         return None
     return Mast(place.real, place.imag, error_m, before_m, after_m)
 

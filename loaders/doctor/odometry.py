@@ -36,7 +36,7 @@ ONE_WAY = 0.8  # share of the distance in one direction
 SEGMENT_M, SEGMENT_RAD = 0.15, 0.2  # a segment ends after this distance or turn
 MOST_SEGMENTS = 400  # spread over the drive
 FEWEST_SEGMENTS = 8
-WORST = 0.15  # share of the segments that slips and jumps of the truth may affect
+WORST_SHARE = 0.15  # share of the segments that slips and jumps of the truth may affect
 GAINS: F64 = np.geomspace(0.3, 3.3, 200)  # actual over measured turns; skidding wheels over-read by a third
 
 
@@ -194,7 +194,7 @@ def _middle_direction(ratios: object) -> float:
 
 
 def _best_part(squares: F64) -> F64:
-    return np.sort(squares)[: int(np.ceil(len(squares) * (1 - WORST)))]
+    return np.sort(squares)[: int(np.ceil(len(squares) * (1 - WORST_SHARE)))]
 
 
 def shifts(drive: RecordedDrive) -> F64:
@@ -230,12 +230,12 @@ def main_direction(motions: F64) -> float:
 
 # Findings from that comparison; none where all is well.
 
-GOOD = 0.2  # unexplained share up to which a reading is accepted as it is (healthy drives: below 0.02)
+ACCEPTED_SHARE = 0.2  # up to which a reading is accepted (healthy drives: below 0.02)
 FAR_BETTER = 0.4  # another reading must leave less than this share of what the first one leaves
-POOR = 0.4  # no reading at all explains the truth
+NO_READING_SHARE = 0.4  # unexplained by the best reading: none explains the truth
 WHOLE_TURN = 6.6  # rad: headings in radians are usually within a full turn
-FAR_OFF = np.radians(25)  # of a direction
-FAR_GAIN = 0.2  # natural log of a ratio of gains
+FAR_OFF_RAD = np.radians(25)  # of a direction
+FAR_GAIN_LOG = 0.2  # natural log of a ratio of gains
 WORTH_S = 0.15  # a smaller delay is not reported
 
 
@@ -261,10 +261,10 @@ def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -
     if usual is None:
         return findings
     best = best_agreement(drive, segments, usual)
-    if best.unexplained > POOR and movement_s is not None:
+    if best.unexplained > NO_READING_SHARE and movement_s is not None:
         late = agreement(drive.odometry, segments, Reading(), round(movement_s, 1))
         best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
-    if best.unexplained > POOR:
+    if best.unexplained > NO_READING_SHARE:
         return [*findings, Finding("disagreement", (_agreement(best),))]
     if best.shift_s:
         findings.append(_delay(best, usual))
@@ -277,12 +277,12 @@ def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreeme
         agreed for r in readings(drive.odometry) if (agreed := agreement(drive.odometry, segments, r))
     ]
     best = min(agreements, key=lambda agreed: agreed.unexplained)
-    if best.unexplained > GOOD:  # a delay may hide which reading is right
+    if best.unexplained > ACCEPTED_SHARE:  # a delay may hide which reading is right
         best = min(
             (_shifted(drive, segments, agreed) for agreed in agreements),
             key=lambda agreed: agreed.unexplained,
         )
-    as_it_stands = usual.unexplained <= GOOD and abs(usual.offset_rad) <= FAR_OFF
+    as_it_stands = usual.unexplained <= ACCEPTED_SHARE and abs(usual.offset_rad) <= FAR_OFF_RAD
     if as_it_stands or best.unexplained > FAR_BETTER * usual.unexplained:
         best = usual
     return _shifted(drive, segments, best) if not best.shift_s else best
@@ -346,15 +346,19 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
         offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
         finding = frame_finding(best.reading.frame, seen, offset_rad=offset, unexplained=best.unexplained)
         findings.append(finding)
-    if abs(best.offset_rad) > FAR_OFF and best.reading.frame != "world" and best.way_unexplained < POOR:
+    if (
+        abs(best.offset_rad) > FAR_OFF_RAD
+        and best.reading.frame != "world"
+        and best.way_unexplained < NO_READING_SHARE
+    ):
         travel = Evidence("travel", {"off_deg": float(np.degrees(best.offset_rad))})
         findings.append(direction_finding(_offset(best, drive), travel, seen))
     if best.mast is not None and not best.reading.turn:
         findings.append(mast_finding(best.mast))
-    if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < POOR:
+    if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < NO_READING_SHARE:
         findings.append(_scale(best, drive, seen))
-    gains_apart = abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN
-    if not findings and best.turn_unexplained < POOR and gains_apart:
+    gains_apart = abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN_LOG
+    if not findings and best.turn_unexplained < NO_READING_SHARE and gains_apart:
         findings.append(gain_finding(best.gain, drive.turn_gain, seen))
     return findings
 
@@ -362,7 +366,7 @@ def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Find
 def _offset(best: Agreement, drive: RecordedDrive) -> float:
     """Return the forward direction: the odometry's own if similar, since that excludes drift."""
     own = -direction_of(drive.odometry, best.reading)
-    near = own and abs(wrap_angle(np.array(own - best.offset_rad))) < FAR_OFF
+    near = own and abs(wrap_angle(np.array(own - best.offset_rad))) < FAR_OFF_RAD
     return own if near else best.offset_rad
 
 

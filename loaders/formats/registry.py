@@ -19,8 +19,7 @@ from ..reading.picture_odometry import odometry_from_pictures
 from ..reading.plane import TURNED
 from ..reading.recording import Recording
 from ..reading.session import RecordedSession
-from ..reading.transforms import corrected, odometry_from_truth
-from ._frames import with_frames
+from ..reading.transforms import corrected, odometry_from_truth, with_frames
 
 MODULES = (  # in the order in which they are asked whether a file looks like theirs; each has `FORMATS`
     "..session_log.reader",

@@ -31,7 +31,6 @@ from .recording import Motion, OdometryPose, Picture, Record, Recording, checked
 
 FROM_PICTURES = "odometry from pictures"  # in the session's name: every table and picture says it
 FEWEST_STEPS = 3  # lengths that the floor has to tell, for their median to be taken
-STEP_SHARE = 0.35  # sd of the logarithm of a robot's steps, and of a length by the floor
 LEAST_TURN_RAD = 1e-9  # a turn of exactly zero would say that the pictures tell nothing
 KEPT_TURN_RAD = math.radians(
     8

@@ -103,9 +103,9 @@ LONGEST_S = 20_000.0  # of a drive
 FEWEST = 50  # moments, five seconds
 LEAST_OVERLAP = 0.6  # of the shorter one
 LEAST_WAY_M, LEAST_TURN_RAD = 0.5, 0.5  # what moves less tells nothing
-ALIKE = 0.7  # correlation from which on they are taken for one movement
-CLEARLY = 0.9  # share of it that any other offset may reach
-NEAR_S = 3.0  # offsets so near are the same one
+ONE_MOVEMENT = 0.7  # correlation from which on they are taken for one movement
+OTHER_OFFSET_SHARE = 0.9  # of it, that any other offset may reach
+SAME_OFFSET_S = 3.0  # offsets so near are the same
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +130,8 @@ def offset_between(t_s: F64, poses: F64, other_t_s: F64, other: F64) -> ClockOff
     alike = _correlations(ours / scale, theirs / scale)
     best = int(np.argmax(alike))
     lags = np.arange(len(alike)) - (len(theirs) - 1)
-    others = alike[np.abs(lags - lags[best]) * PERIOD_S > NEAR_S]
-    if alike[best] < ALIKE or (len(others) and others.max() > CLEARLY * alike[best]):
+    others = alike[np.abs(lags - lags[best]) * PERIOD_S > SAME_OFFSET_S]
+    if alike[best] < ONE_MOVEMENT or (len(others) and others.max() > OTHER_OFFSET_SHARE * alike[best]):
         return None
     return ClockOffset(float(t_s[0] - other_t_s[0] + lags[best] * PERIOD_S), float(alike[best]))
 

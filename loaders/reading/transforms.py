@@ -109,7 +109,43 @@ class _Moved:
         return True
 
 
-NEAR_M = 1.0  # a first pose so near zero is the path since the drive began
+@dataclass(frozen=True, slots=True, eq=False)
+class FramesOfReadings(RecordingWrapper):
+    """A recording of readings without pictures: a gray one goes with every row of readings.
+
+    Where names come in turn, not together, a row ends with the one that came first.
+    """
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Yield the recording's records, a gray picture after all of a time at which a row came."""
+        names: set[str] = set()  # of the first row
+        due_s = math.inf
+        for record in self.measured.records(notes):
+            if record.t_s > due_s:
+                yield gray_picture(due_s)
+                due_s = math.inf
+            if isinstance(record, Readings) and record.values:
+                names = names or set(record.values)
+                due_s = record.t_s if names & set(record.values) else due_s
+            yield record
+        if due_s < math.inf:
+            yield gray_picture(due_s)
+
+
+def with_frames(recording: Recording) -> Recording:
+    """Give a recording that has readings and no picture a gray one a row; any other stays as it is."""
+    readings = False
+    try:
+        for record in recording.records(ReadingNotes(keep_going=True)):
+            if isinstance(record, Picture):
+                return recording
+            readings = readings or isinstance(record, Readings)
+    except InputError:
+        return recording  # told where the drive is read
+    return FramesOfReadings(recording) if readings else recording
+
+
+NEAR_ZERO_M = 1.0  # a first pose so near zero is the path since the drive began
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -236,7 +272,7 @@ class _Wheels:
         if self._are == "poses":
             before, self._before = self._before, values
             if before is None:  # counted from where the drive began, unless counting began long before
-                before = np.zeros(3) if math.hypot(values[0], values[1]) < NEAR_M else values
+                before = np.zeros(3) if math.hypot(values[0], values[1]) < NEAR_ZERO_M else values
             return self._between(before, values)
         if self._are == "steps":
             heading_rad, turn = self._heading_rad, float(values[2])

@@ -17,7 +17,6 @@ from rosbags.highlevel import AnyReader
 from helpers.recordings import Given, assert_same_drive
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.export.session import Converted, convert_to_log, convert_to_mcap
-from maurice_loaders.formats._frames import with_frames
 from maurice_loaders.formats.registry import open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import (
@@ -30,6 +29,7 @@ from maurice_loaders.reading.recording import (
     TruthPose,
 )
 from maurice_loaders.reading.session import RecordedSession
+from maurice_loaders.reading.transforms import with_frames
 from maurice_loaders.session_log.header import header_to_json
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.map import Arena, Region
