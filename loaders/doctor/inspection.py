@@ -79,11 +79,15 @@ def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -
     if not pictures:
         return None
     again = RecordedSession(session.recording, session.options)
+    second = ReadingNotes(keep_going=True)  # problems are counted already
     try:
-        known = sum(glance.truth is not None for glance in again.glances(ReadingNotes(keep_going=True)))
+        known = sum(glance.truth is not None for glance in again.glances(second))
     except InputError as problem:  # the clocks disagree; the rest can still be reported
         notes.problem(problem)
         return None
+    finally:
+        for text in second.warnings:
+            notes.warning(text)
     return known / pictures
 
 

@@ -82,7 +82,7 @@ def test_warnings(write_log: WriteLog, pixel: Pixel, survey: Path) -> None:
         {"t": 0, "image": pixel}, {"t": 1, "image": "pictures/survey-00003.jpg"}, survey="gone.log"
     )
     path.write_text(path.read_text() + '{"t": 2, "ev')
-    unfinished, gone, differ = inspected(path).warnings
+    unfinished, gone, differ, *_ = inspected(path).warnings
     assert "unfinished" in unfinished
     assert "gone.log, which is not there" in gone
     assert differ == "pictures differ in format or size: JPEG 16x12, PNG 2x1"
@@ -104,3 +104,11 @@ def test_what_is_no_log_or_never_ends_is_an_error(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=told):
             inspected(path)
+
+
+def test_a_broken_line_is_counted_once_and_missing_odometry_is_told(
+    write_log: WriteLog, pixel: Pixel
+) -> None:
+    found = inspected(write_log({"t": 0, "image": pixel}, "{broken", {"t": 1, "image": pixel}))
+    assert found.problem_count == 1
+    assert any("found no odometry" in warning for warning in found.warnings)
