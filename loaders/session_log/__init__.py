@@ -1,5 +1,7 @@
-"""The session log, our own format (docs/session-log.md).
+"""The session log, our own format (docs/session-log.md): a format like those in `formats`, which we also write.
 
-* `header`: the first line; `records`: the other lines, and true poses at the pictures' times
-* `reader`: sessions and surveys; `writer`: written line by line
+* `header`: the first line; `records`: the other lines as records of `reading.recording`
+* `reader`: a log as a recording, and the pictures of a survey; `writer`: written line by line
+
+What is done with records once they are read belongs to `reading`.
 """
