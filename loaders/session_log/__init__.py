@@ -1,4 +1,4 @@
-"""The session log, our own format (docs/session-log.md): a format like those in `formats`, which we also write.
+"""The session log, our own format (docs/session-log.md): one like those in `formats`, which we also write.
 
 * `header`: the first line; `records`: the other lines as records of `reading.recording`
 * `reader`: a log as a recording, and the pictures of a survey; `writer`: written line by line
