@@ -85,6 +85,7 @@ class Chart:
     text: str  # what it means, in a sentence
     top: float | None = None  # of the y axis, where it is fixed
     from_zero: bool = True
+    is_told: bool = True  # in the words about one step
 
 
 @dataclass(frozen=True, slots=True, eq=False)

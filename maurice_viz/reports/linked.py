@@ -39,6 +39,7 @@ def linked(
             {
                 "name": drawn.chart.title.lower(),
                 "unit": drawn.chart.unit,
+                "told": drawn.chart.is_told,
                 "axes": _axes(drawn.axes),
                 "values": [_values(line.y) for line in drawn.lines],
             }

@@ -22,11 +22,11 @@ from maurice_mcl.values.session import SessionInfo
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..playback import RunResult
 from ..running.saved import Opened, open_saved
 from ..running.saved_steps import Collected, Pictures, collect, restored_together
 from ..style import RGB, RUN_COLORS, TRUTH, Scale, scale_for
-from ..text.summary import paired_rows, score_rows
+from ..text.headline import headline
+from ..text.summary import paired_rows, score_rows, short_rows
 from ..text.verdict import verdict_line
 from .charts import Chart, ChartLine, DrawnChart, Mark
 from .choosing import (
@@ -40,6 +40,7 @@ from .choosing import (
     step_ranges,
     steps_by_kind,
 )
+from .lanes import DrawnLanes
 from .linked import linked
 from .map import DrawnMap
 from .pages import page_of_template
@@ -58,7 +59,7 @@ def report(
 ) -> Path:
     """Write one self-contained HTML page about a saved run, or about all runs of a comparison.
 
-    The page needs no other file and no network: summary, linked map and traces, events with pictures,
+    The page needs no other file and no network: verdict, linked map and traces, scores, events with pictures,
     configuration. The same run makes the same page, byte for byte. Returns the file. Raises InputError when
     the run cannot be read or has no step, or when the file exists and `force` is not given.
 
@@ -98,9 +99,13 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         info=info,
         version=version("maurice-replay"),
         labels=[track.label for track in collected.tracks],
+        headline=headline(verdicts, scale).replace("`", ""),
         verdict=verdict_line(verdicts, scale).replace("`", ""),
-        summaries=[(result.label, _summary(result, scale)) for result in results],
-        scores=[(name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)],
+        scores=[(name, *cells) for name, cells in short_rows(results, units)],
+        all_scores=[
+            (name, *cells) for rows in (score_rows, paired_rows) for name, cells in rows(results, units)
+        ],
+        lanes=DrawnLanes(collected),
         map=drawn_map,
         linked=linked(drawn_map, charts, collected, scale, decisive_step(verdicts)),
         charts=charts,
@@ -127,15 +132,6 @@ def _disks(has_truth: bool, estimates: Mapping[str, RGB]) -> list[tuple[str, RGB
     return truth + [(f"estimate of {label}", color) for label, color in estimates.items()]
 
 
-def _summary(result: RunResult, scale: Scale) -> str:
-    score = result.score
-    steps = f"{score.updates} steps over {scale.say(score.distance_m)}"
-    if score.position_error_mean_m is None or score.heading_error_mean_rad is None:
-        return f"{steps}. The truth is not known, so errors are not known."
-    angle = f"{np.degrees(score.heading_error_mean_rad):.1f} deg"
-    return f"{steps}, mean error {scale.say(score.position_error_mean_m)} and {angle}."
-
-
 def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[list[DrawnChart], list[str]]:
     """Return a chart for each trace that is known, and the names of the others."""
     unit, per_m, per_rad = scale.units.name, scale.units.per_m, 180 / np.pi
@@ -148,8 +144,12 @@ def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[
         (Chart("Spread", unit, "Standard deviation of the complete cloud."), "spread_m", per_m),
         (Chart("Confidence", "share", near, top=1.0), "confidence", 1.0),
         (Chart("Knows where it is", "probability", knows, top=1.0), "knows_where_it_is", 1.0),
-        (Chart("Effective sample size", "share", "Of all particles.", top=1.0), "effective_share", 1.0),
-        (Chart("Evidence", "nats", explained, from_zero=False), "calibrated_evidence", 1.0),
+        (
+            Chart("Effective sample size", "share", "Of all particles.", top=1.0, is_told=False),
+            "effective_share",
+            1.0,
+        ),
+        (Chart("Evidence", "nats", explained, from_zero=False, is_told=False), "calibrated_evidence", 1.0),
     )
     drawn, unknown = list[DrawnChart](), list[str]()
     for chart, column, factor in kinds:

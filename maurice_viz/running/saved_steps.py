@@ -131,6 +131,7 @@ class Track:
     rows: list[tuple[float, ...]] = field(default_factory=list)  # NUMBERS
     poses: list[F64] = field(default_factory=list)  # (3, 3): POSES, each x_m, y_m, heading_rad
     events: list[RunEvent] = field(default_factory=list)
+    states: list[str] = field(default_factory=list)  # of the belief: keys of STATES
     _signal: LostSignal = field(default_factory=LostSignal)
     _odometry: F64 | None = None
 
@@ -212,6 +213,7 @@ def collect(
         for label, record in records.items():
             tracks[label].add(moment, record, runs_by_label[label].start)
             tracks[label].events.extend(detectors[label].see(moment, record))
+            tracks[label].states.append(detectors[label].state)
         for label, step in paired.items():
             tracks[label].events.extend([] if step.event is None else [step.event])
         listener.progress(moment.frame.step, runs[0].saved.manifest.pictures, "read")

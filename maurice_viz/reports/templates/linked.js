@@ -3,9 +3,11 @@
   const data = JSON.parse(document.getElementById("steps").textContent);
   const block = document.querySelector(".linked");
   const plan = block.querySelector(".plan svg"), charts = [...block.querySelectorAll(".chart svg")];
+  const lanes = block.querySelector(".lanes svg");  // as wide as the charts
   const slider = block.querySelector(".readout input");
   const words = [...block.querySelectorAll(".readout [data-run]")];
   const head = block.querySelector(".readout .when");
+  const told = data.charts.filter((chart) => chart.told);
   const last = data.steps.length - 1;
   const hasTruth = data.poses.length > words.length;
   let shown = 0;
@@ -49,6 +51,8 @@
   }
 
   function placeCursors(row) {
+    const x = across(data.charts[0].axes, data.steps[row]).toFixed(1);
+    lanes.querySelector(".now.cursor").setAttribute("transform", `translate(${x} 0)`);
     charts.forEach((svg, k) => {
       const chart = data.charts[k], x = across(chart.axes, data.steps[row]).toFixed(1);
       svg.querySelector(".now.cursor").setAttribute("transform", `translate(${x} 0)`);
@@ -71,7 +75,7 @@
     head.textContent = `Step ${data.steps[shown]}, ${data.times[shown].toFixed(1)} s${known}`;
     words.forEach((element, run) => {
       const estimate = spots[run + hasTruth];
-      const values = data.charts.map((chart) => sayValue(chart, chart.values[run][shown]));
+      const values = told.map((chart) => sayValue(chart, chart.values[run][shown]));
       element.textContent = [estimate ? `at ${sayPose(estimate)}` : "no estimate", ...values].join("; ");
     });
     slider.setAttribute("aria-valuetext", [head, ...words].map((element) => element.textContent).join(". "));
@@ -109,14 +113,14 @@
 
   // Text stays readable where a drawing is shown smaller than it was made.
   function fit() {
-    for (const svg of [plan, ...charts]) {
+    for (const svg of [plan, lanes, ...charts]) {
       const scale = svg.getScreenCTM().a || 1;
       svg.style.setProperty("--per-px", Math.max(1, 1 / scale).toFixed(3));
     }
   }
 
-  charts.forEach((svg, k) => {
-    const [low, high, , , left, , width] = data.charts[k].axes;
+  [lanes, ...charts].forEach((svg) => {
+    const [low, high, , , left, , width] = data.charts[0].axes;
     follow(svg, (x) => nearestStep(low + (x - left) / width * (high - low)));
   });
   follow(plan, nearestPlace);

@@ -17,8 +17,9 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.session import SessionInfo
+from maurice_viz.style import STATES
 
-SECTIONS = ("summary", "map", "traces", "events", "pictures", "configuration", "facts")
+SECTIONS = ("map", "summary", "traces", "events", "pictures", "configuration", "facts")
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 EVIL = "走行 <script>alert('x')</script> & \"Ärger\""
 
@@ -89,7 +90,7 @@ def test_every_section_is_there_and_filled(small_session):
     found = check(reported(small_session))
     assert found.headings[0] == "kleine Fahrt"
     labels = [value for value in found.values("svg", "aria-label") if value]
-    assert [label.split(" in ")[0] for label in labels[1:]] == [
+    assert [label.split(" in ")[0] for label in labels[2:]] == [  # after the map and the lanes
         "Position error", "Heading error", "Spread", "Confidence", "Knows where it is",
         "Effective sample size", "Evidence",
     ]  # fmt: skip
@@ -114,7 +115,9 @@ def test_a_comparison_is_one_page(small_session):
     text = " ".join(found.text)
     assert "Where the runs differ" in text
     assert "sensor.weights" in text
-    assert found.values("g", "class").count("run0") == found.values("g", "class").count("run1") == 8
+    assert (
+        found.values("g", "class").count("run0") == found.values("g", "class").count("run1") == 9
+    )  # map, lanes, charts
     assert "color: estimate" in text
     assert "estimate of color" in text  # each in its run's color, as in the traces
     assert "background:rgb(200, 132, 0)" in page
@@ -127,7 +130,7 @@ def test_without_truth_the_errors_are_left_out_and_said(tmp_path):
     found = check(page)
     assert "position error, heading error" in " ".join(found.text)
     assert "widest cloud" in " ".join(found.text)
-    assert len([label for label in found.values("svg", "aria-label") if label]) == 1 + 5
+    assert len([label for label in found.values("svg", "aria-label") if label]) == 2 + 5
 
 
 def test_without_session_and_library_it_says_so(small_session, tmp_path):
@@ -312,3 +315,30 @@ def test_text_has_at_least_11_px_and_nothing_is_cut_off(small_session, tmp_path,
         else:
             free = at_chart(page, 0.5)[1] - 0.6 * page.value(BOX)[3]
         assert 0 < page.value("document.querySelector('.board').getBoundingClientRect().bottom") <= free
+
+
+FIRST_SCREEN = """["p.verdict", ".board > svg", "#summary"].map((name) => {
+  const box = document.querySelector(name).getBoundingClientRect();
+  return [box.left, box.top, box.right, box.bottom];
+})"""
+
+
+@needs_browser
+@pytest.mark.parametrize("size", [(1280, 800), (390, 844)], ids=str)
+def test_the_first_screen_has_headline_and_map(small_session, tmp_path, size):
+    maurice("compare", small_session, "--particles", "50", "--save-run", "both", "-o", "none")
+    maurice("report", "both", "-o", "r.html")
+    with browser(tmp_path / "profile") as page:
+        page.open((tmp_path / "r.html").as_uri(), *size)
+        headline, plan, summary = page.value(FIRST_SCREEN)
+    assert headline[3] <= plan[1] < plan[3] <= size[1]
+    assert (summary[0] >= plan[2] and summary[1] < size[1] / 2) == (size[0] > 1200)  # beside it, or below
+
+
+def test_the_lanes_have_the_states_of_the_viewer(small_session):
+    page = reported(small_session)
+    states = page[page.index('<figure class="lanes">') : page.index("</figure>", page.index("lanes"))]
+    colors = set(re.findall(r'fill="rgb\((.*?)\)"', page))
+    assert colors
+    assert colors <= {", ".join(map(str, color)) for color in STATES.values()}
+    assert ">localized</text>" in states
