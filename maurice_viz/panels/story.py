@@ -14,20 +14,20 @@ from maurice_mcl.values.session import Moment
 
 from .. import entities
 from ..drawing.canvas import map_extent
-from ..entities import ERROR_UNIT, LIMITS, PHASE, SESSION, STEP, TOUR, VERDICT, Phase, phase_number
+from ..entities import ERROR_UNIT, LIMITS, TOUR, VERDICT, Phase
 from ..scene import RunView, Scene
-from ..style import STATES, font_safe
+from ..style import STATES, faint, font_safe
 from ..text.headline import headline
 from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET
-from .panel import MARKDOWN, Panel, StepUpdate, set_phase
+from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 from .traces import LINE_WIDTH, POSITION_ERROR, SPREAD
 from .views import MAP, Overrides, labeled, plane_view
 
 EVERY = 10  # updates between two points of the limit, which is a straight line
 FAINT = 0.8  # width of lines that are beside the point
-DOT = 1.5  # radius of a particle, in points of the screen
+DOT, FINE_DOT = 1.5, 1.0  # radius of a particle of a thinned and of a whole cloud, in points of the screen
 
 
 class LimitsPanel(Panel):
@@ -73,12 +73,22 @@ class VerdictDrawing:
 
     def see(self, moment: Moment, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
         """Take the next update; log the verdict of a live drive now and then: deciding it costs much."""
+        if not self._times_s:
+            set_phase(self._rec, moment, Phase.PREDICT)
+            self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(self._words)))
         self._times_s[moment.frame.step] = moment.frame.time_s
         if self._live and len(self._times_s) % EVERY == 0:
-            self.end(verdicts())
+            self._decide(verdicts())
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
-        """Log the verdict, and the step to look at."""
+        """Log the verdict, the step to look at, and where to look at each moment of the tour."""
+        self._decide(verdicts)
+        for step, page in tour_pages(tour_of(verdicts), verdicts, self._scale, self._words):
+            set_place(self._rec, step, self._times_s.get(step, 0.0), Phase.PREDICT)
+            self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(page)))
+
+    def _decide(self, verdicts: Mapping[str, RunVerdict]) -> None:
+        """Log the verdict so far."""
         step = decisive_step(verdicts)
         self._log(f"{headline(verdicts, self._scale)} Look at **step {step}**.")
         failures = {
@@ -86,16 +96,6 @@ class VerdictDrawing:
             for label, verdict in verdicts.items()
         }
         self._rec.log(VERDICT, rr.AnyValues(decisive_step=step, failures=json.dumps(failures)), static=True)
-        if not self._live:
-            self._log_tour(verdicts)
-
-    def _log_tour(self, verdicts: Mapping[str, RunVerdict]) -> None:
-        """Log where to look at each moment of the tour, from its step on."""
-        for step, page in tour_pages(tour_of(verdicts), verdicts, self._scale, self._words):
-            self._rec.set_time(STEP, sequence=step)
-            self._rec.set_time(SESSION, duration=self._times_s.get(step, 0.0))
-            self._rec.set_time(PHASE, sequence=phase_number(step, Phase.PREDICT))
-            self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(page)))
 
     def _log(self, text: str) -> None:
         document = rr.TextDocument(f"#### {font_safe(text)}", media_type=MARKDOWN)
@@ -124,8 +124,9 @@ def story_map(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     for run in runs:
         cloud = run.paths.particles if len(runs) == 1 else entities.cloud_of(run.label)
         contents += [cloud, run.paths.estimate, run.paths.ellipses, run.paths.name]
+        color, radius = (faint(run.color), FINE_DOT) if len(runs) == 1 else (run.color, DOT)
         overrides[cloud] = rr.Points2D.from_fields(
-            colors=[run.color], radii=rr.components.Radius.ui_points(DOT)
+            colors=[color], radii=rr.components.Radius.ui_points(radius)
         )
         if scene.has_truth:
             truth = entities.truth_of(run.label, run.own_drive)
