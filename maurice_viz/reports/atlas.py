@@ -26,7 +26,7 @@ MOST_FILTERS = 4  # that are named in the first line
 DARKEST_QUANTILE = 0.95  # at which the darkest color begins
 METRICS = {  # what a spot is colored by: its words, and the column
     "error": "median error",
-    "wrong": "share of wrong updates (%)",
+    "wrong": "share of wrong steps (%)",
     "rank": "median rank of the truth's reference",
     "localize": "median pictures to localize from here",
 }
@@ -80,7 +80,7 @@ def _commands(trials: TrialsFolder, runs: pl.DataFrame) -> dict[str, str]:
 
 
 def _filters(labels: list[str]) -> str:
-    return ", ".join(labels) if len(labels) <= MOST_FILTERS else f"{len(labels)} filters"
+    return ", ".join(filter(None, labels)) if len(labels) <= MOST_FILTERS else f"{len(labels)} filters"
 
 
 def _plans(trials: TrialsFolder, rows: pl.DataFrame, atlas: FailureAtlas, units: Units) -> list[ArenaPlan]:
@@ -146,5 +146,5 @@ def _bin(share: Any) -> dict[str, Any]:
         "low": share.right.low,
         "high": share.right.high,
         "words": f"confidence {share.low:.1f} to {share.high:.1f}: {100 * share.right.value:.0f} % correct "
-        f"({low:.0f} to {high:.0f}), {share.updates:,} updates",
+        f"({low:.0f} to {high:.0f}), {share.updates:,} steps",
     }

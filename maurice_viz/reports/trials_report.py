@@ -87,11 +87,13 @@ def _results(rows: pl.DataFrame, plan: dict[str, Any]) -> list[dict[str, Any]]:
         errors, rights = (grouped(of_part, by, metric) for metric in ("error_m", "right_at_end"))
         recorded = of_part["arena"].null_count() == len(of_part)
         unit, factor = ("m", 1.0) if recorded else ("in", 1 / INCH_M)
+        heads = ("Session", "Variant", "Runs", f"Position error, mean ({unit})", "Right at the end (%)")
         lines = [
             (*error.by.values(), error.runs, error.figure.text(factor, 2), right.figure.text(100, 0))
             for error, right in zip(errors, rights, strict=True)
         ]
-        tables.append({"title": part["title"], "unit": unit, "rows": lines})
+        named = [list(zip(heads, line, strict=True)) for line in lines]
+        tables.append({"title": part["title"], "heads": heads, "rows": named})
     return tables
 
 

@@ -30,7 +30,7 @@ def test_it_stands_alone(page: Path) -> None:
     assert "Where runs go wrong" in text
     assert "http" not in text.replace("http-equiv", "")
     assert 'class="wall"' in text
-    assert "2 runs of" in text
+    assert "2 runs. A square" in text  # the variant has no name
 
 
 @needs_browser
@@ -46,6 +46,11 @@ def test_a_spot_shows_its_worst_runs(page: Path, tmp_path: Path) -> None:
         assert tab.value("document.querySelector('.spot').getAttribute('fill')").startswith("#")
 
 
+SMALLEST = """Math.min(...[...document.querySelectorAll("svg text")].map(
+  (text) => parseFloat(getComputedStyle(text).fontSize) * text.ownerSVGElement.getScreenCTM().a))"""
+SCROLLED = """[...document.querySelectorAll(".wide")].filter((box) => box.scrollWidth > box.clientWidth)"""
+
+
 @needs_browser
 def test_the_page_has_no_errors_and_fits_a_phone(page: Path, tmp_path: Path) -> None:
     with browser(tmp_path) as shown:
@@ -56,6 +61,9 @@ def test_the_page_has_no_errors_and_fits_a_phone(page: Path, tmp_path: Path) -> 
             events = list(shown.events_until(time.monotonic() + 1))
             assert not [one for one in events if one["method"].startswith(("Runtime.exception", "Log.entry"))]
             assert shown.value("document.documentElement.scrollWidth") <= width
+            shown.value("document.querySelector('.spot').dispatchEvent(new MouseEvent('click'))")
+            assert shown.value(SMALLEST) >= 11
+            assert shown.value(SCROLLED) == []
 
 
 def test_trials_without_truth_have_no_atlas(tmp_path: Path) -> None:
