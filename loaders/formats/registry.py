@@ -59,6 +59,7 @@ class Format:
     in_space: bool = False  # whether it holds poses in space, whose plane `plane` says
     takes_unit: bool = False  # whether `time_unit` says in which unit its times are
     readings: bool = False  # whether it may hold readings, and so frames without pictures
+    ours: bool = False  # whether it is our own, so that opening needs no remark
     bare: bool = False  # whether it holds pictures alone, which a table may go beside
     beside: Callable[[Path], Sequence[Path]] = nothing_beside  # files outside the path that are read too
 
@@ -66,6 +67,11 @@ class Format:
     def installed(self) -> bool:
         """Whether it can be read here."""
         return self.module is None or find_spec(self.module) is not None
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to say of it when a recording is opened."""
+        return () if self.ours else (f"read as {self.name}, {self.what}",)
 
 
 @cache

@@ -75,8 +75,8 @@ class RecordedSession(HasReadingNotes):
         return tuple(text for text in self.info.notes if text not in stated)
 
     @property
-    def told(self) -> tuple[str, ...]:
-        """What is to be said when it is opened: the remarks, and what is not read."""
+    def opening_remarks(self) -> tuple[str, ...]:
+        """What to say when it is opened: the remarks, and what is not read."""
         not_read = str(getattr(self.recording, "not_read", ""))
         return (*self.remarks, *([not_read] if not_read else []))
 

@@ -176,6 +176,7 @@ FORMATS = (
         looks_like_log,
         LogRecording,
         open_unchecked=_unchecked,
+        ours=True,
         readings=True,
         takes_unit=True,
     ),

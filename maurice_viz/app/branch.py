@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure
@@ -21,7 +22,6 @@ from maurice_mcl.values.session import Moment
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..running.open import AnySession
 from ..running.run_spec import check_name, combined
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
@@ -116,7 +116,7 @@ class BranchPoint:
     """A saved run with all that it was made from."""
 
     run: SavedRun
-    session: AnySession
+    session: RecordedSession
     library: Library
     localizer: Localizer  # the run's own
 

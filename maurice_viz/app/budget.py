@@ -11,12 +11,13 @@ from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.rows import is_trials
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
-from ..running.open import AnySession, make_runs, open_library_for, open_session
+from ..running.open import make_runs, open_library_for, open_session
 from ..running.run_spec import RunSpec
 
 MOST_DRIVES = 10  # of a folder of trials
@@ -24,7 +25,7 @@ WORKING = "error budget"
 
 
 def error_budget(
-    source: str | Path | AnySession,
+    source: str | Path | RecordedSession,
     library: str | Path | Library | None = None,
     *,
     feature: str | None = None,

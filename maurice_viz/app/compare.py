@@ -13,6 +13,7 @@ from maurice_loaders.config_files import motion_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import library_hash
 from maurice_loaders.runs.store import SavedRun, is_saved
 from maurice_mcl.values.arrays import F64
@@ -25,7 +26,6 @@ from ..layouts import DETAILS
 from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
 from ..running.open import (
-    AnySession,
     make_runs,
     open_library_for,
     open_session,
@@ -45,7 +45,7 @@ MOST_RUNS = 4
 SEVERAL = "comparison"  # stem of the recording where no single session gives it a name
 KINDS = "--feature, --preset, --particles, --seed, --start, --config and --set"
 
-AnySource = str | Path | AnySession
+AnySource = str | Path | RecordedSession
 
 
 def compare(
@@ -341,7 +341,7 @@ def _same_map(arena: Arena, other: Arena) -> bool:
 
 
 def _one_library(
-    sessions: Sequence[AnySession], asked: Path | Library | None, keep_going: bool, listener: Listener
+    sessions: Sequence[RecordedSession], asked: Path | Library | None, keep_going: bool, listener: Listener
 ) -> Library:
     """Open the library that all sessions belong to. InputError if there are several."""
     if isinstance(asked, Library):

@@ -38,14 +38,14 @@ from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.writing import expect_apart
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Picture, Recording
-from maurice_loaders.reading.session import begin_of
+from maurice_loaders.reading.session import RecordedSession, begin_of
 from maurice_loaders.reading.transforms import PLACEHOLDER
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..running.open import AnySession, open_session
+from ..running.open import open_session
 from ..running.saved import session_of
 from ..running.saved_steps import Pictures
 
@@ -99,7 +99,7 @@ def convert(
     expect_apart(pictures_of(target), source)
     session = open_session(source, options, listener)
     notes = ReadingNotes(options.keep_going)
-    read: ReadingNotes | AnySession = session
+    read: ReadingNotes | RecordedSession = session
     if target.suffix == MCAP:
         steps = convert_to_mcap(session, target, camera=options.camera, kind=pictures, force=force)
     else:
@@ -116,7 +116,7 @@ def convert(
     if target.suffix == LOG:
         read = session if done.pictures else notes
     for warning in read.warnings:
-        if warning not in session.told:
+        if warning not in session.opening_remarks:
             listener.warning(warning)
     count = read.count if isinstance(read, ReadingNotes) else read.problem_count
     if count:
@@ -252,7 +252,7 @@ def _open(
     run: SavedRun,
     files: Files,
     paths: Sequence[str],
-    session: AnySession | None,
+    session: RecordedSession | None,
     force: bool,
 ) -> list[Sink]:
     channels, label, origin = run.manifest.channels, run.manifest.label, np.array(run.manifest.origin_m)
@@ -268,7 +268,7 @@ def _open(
     return [stack.enter_context(opening[name](file)) for name, file in files.items()]
 
 
-def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[AnySession | None, float]:
+def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[RecordedSession | None, float]:
     """Return the session and the time on its own clock at which it began, if it is still there."""
     try:
         session = session_of(run)
@@ -279,7 +279,7 @@ def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[AnySess
         return None, 0.0
 
 
-def _scene(run: SavedRun, session: AnySession | None) -> McapScene:
+def _scene(run: SavedRun, session: RecordedSession | None) -> McapScene:
     """Return what does not change with time; the map is the one that the run was made with."""
     if session is None:
         return McapScene(None, run.arena(), None)

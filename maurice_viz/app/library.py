@@ -32,6 +32,7 @@ from maurice_loaders.libraries.survey import (
     read_every,
 )
 from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import session_in
 from maurice_mcl.fitting.sensor import (
     Sample,
@@ -57,7 +58,6 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import (
-    AnySession,
     library_at,
     open_session,
     remark_open,
@@ -145,7 +145,7 @@ def _spacing_of(every: str | None) -> Spacing | None:
         raise OptionError(str(problem)) from None
 
 
-def _say_fit(library: Library, drive: AnySession | None) -> Iterator[str]:
+def _say_fit(library: Library, drive: RecordedSession | None) -> Iterator[str]:
     """Yield what the library's pictures show, and those of the drive that it was built from."""
     yield from say_scales(library)
     if drive is not None:

@@ -12,6 +12,7 @@ from maurice_loaders.errors import InputError, SourceError
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import Gate
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
@@ -23,7 +24,6 @@ from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
 from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..running.open import (
-    AnySession,
     library_at,
     make_runs,
     open_library_for,
@@ -37,7 +37,7 @@ from ..scene import RunView, Scene
 
 
 def replay(
-    session: str | Path | AnySession,
+    session: str | Path | RecordedSession,
     library: str | Path | Library | None = None,
     *,
     feature: str | None = None,
@@ -89,7 +89,7 @@ def replay(
 
 
 def _replayed(
-    session: str | Path | AnySession,
+    session: str | Path | RecordedSession,
     library: str | Path | Library | None,
     spec: RunSpec,
     output: OutputOptions,
@@ -138,7 +138,7 @@ def _replayed(
 
 
 def replay_session(
-    session: str | Path | AnySession,
+    session: str | Path | RecordedSession,
     library: str | Path | Library | None,
     specs: Sequence[RunSpec],
     output: OutputOptions,
@@ -175,7 +175,7 @@ def replay_session(
 
 
 def _show_alone(
-    session: AnySession, output: OutputOptions, reading: ReadingOptions, listener: Listener
+    session: RecordedSession, output: OutputOptions, reading: ReadingOptions, listener: Listener
 ) -> RunScores:
     """Show a drive for which there is no library; no run is made."""
     from ..running.drive import show_alone  # imports Rerun
@@ -185,7 +185,7 @@ def _show_alone(
 
 
 def playback_of_session(
-    session: AnySession, library: Library, runs: Sequence[FilterRun], listener: Listener
+    session: RecordedSession, library: Library, runs: Sequence[FilterRun], listener: Listener
 ) -> Playback:
     """Prepare runs of one recorded session for `play`."""
     pictures, has_truth = session.overview()

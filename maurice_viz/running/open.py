@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 
@@ -35,7 +35,6 @@ from ..text.places import say_places
 from .drive_check import drive_pictures, suited
 from .run_spec import RunSpec, Start
 
-LOG = "session-log"  # our own format, which needs no remark
 LANDMARKS = "landmarks"  # as a key of `sensor.weights`
 FARTHEST_M = 1e9  # no map reaches further
 START_WORDS = "a start is tracking, truth, global or X,Y,HEADING"
@@ -85,7 +84,6 @@ NONE_YET = (
     "If you have none, make one from a drive with true poses: "
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
 )
-AnySession: TypeAlias = RecordedSession
 
 
 class SourcedSession(Session, Protocol):
@@ -97,7 +95,9 @@ class SourcedSession(Session, Protocol):
         ...
 
 
-def open_session(source: str | Path | AnySession, reading: ReadingOptions, listener: Listener) -> AnySession:
+def open_session(
+    source: str | Path | RecordedSession, reading: ReadingOptions, listener: Listener
+) -> RecordedSession:
     """Open a session of any format, unless it is open. InputError for what is no session."""
     if not isinstance(source, (str, Path)):
         return source
@@ -109,15 +109,15 @@ def open_session(source: str | Path | AnySession, reading: ReadingOptions, liste
         raise InputError(path, f"found a saved run, expected a recording; its session is {session_path}")
     form = chosen(path, reading)
     session = open_any(path, replace(reading, format=form.name))
-    if form.name != LOG:
-        listener.remark(f"{path}: read as {form.name}, {form.what}")
-    for text in session.told:
+    for text in form.remarks:
+        listener.remark(f"{path}: {text}")
+    for text in session.opening_remarks:
         listener.remark(text)
     return session
 
 
 def open_library_for(
-    session: AnySession, library: Path | Library | None, *, keep_going: bool, listener: Listener = SILENT
+    session: RecordedSession, library: Path | Library | None, *, keep_going: bool, listener: Listener = SILENT
 ) -> Library:
     """Return the library that was asked for, or the one that the session's header names. InputError."""
     if isinstance(library, Library):
@@ -289,10 +289,10 @@ def unique_labels(names: Sequence[str]) -> list[str]:
     return labels
 
 
-def remark_skipped(session: AnySession, listener: Listener) -> None:
-    """Report what was skipped of a session, but for what was told when it was opened."""
+def remark_skipped(session: RecordedSession, listener: Listener) -> None:
+    """Report what was skipped of a session, but for what was said when it was opened."""
     for warning in session.warnings:
-        if warning not in session.told:
+        if warning not in session.opening_remarks:
             listener.warning(warning)
     if session.problem_count:
         skipped = f"skipped {session.problem_count} broken records"

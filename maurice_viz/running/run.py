@@ -14,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.writer import RunWriter
 from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.comparison import Step
@@ -24,7 +25,7 @@ from ..playback import ResultCollector, RunResult
 from ..scene import RunView, Scene, numbered
 from ..style import Scale, units_named
 from ..text.sensors import say_other_shape
-from .open import AnySession, once, remark_skipped
+from .open import once, remark_skipped
 from .output import OutputOptions, drawing
 
 if TYPE_CHECKING:
@@ -184,7 +185,7 @@ def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Ste
         yield steps
 
 
-def remark(collector: ResultCollector, session: AnySession, listener: Listener) -> None:
+def remark(collector: ResultCollector, session: RecordedSession, listener: Listener) -> None:
     """Report what was skipped of a session and what went wrong in its runs."""
     remark_skipped(session, listener)
     remark_zeros(collector, listener)

@@ -18,6 +18,7 @@ from maurice_loaders.formats.registry import chosen, nothing_beside, open_sessio
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.picture_odometry import FROM_PICTURES
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import NAMED
 from maurice_loaders.runs.manifest import (
     RunManifest,
@@ -40,7 +41,7 @@ from ..errors import SinkError
 from ..listener import SILENT, Listener, progress_of
 from ..playback import FilterRun, ResultCollector, shared
 from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
-from .open import AnySession, landmarked
+from .open import landmarked
 from .output import OutputOptions
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
@@ -61,7 +62,7 @@ def unchanged(
     return path
 
 
-def session_of(run: SavedRun) -> AnySession:
+def session_of(run: SavedRun) -> RecordedSession:
     """Open the session of a run as it was read then. InputError when it is gone or was changed."""
     reading = run.manifest.reading
     path = unchanged(
@@ -84,7 +85,7 @@ def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
     return library
 
 
-def localizer_of(run: SavedRun, session: AnySession, library: Library) -> Localizer:
+def localizer_of(run: SavedRun, session: RecordedSession, library: Library) -> Localizer:
     """Build the filter of a run again. InputError when its parameters are refused today."""
     parameters = run.configuration.parameters
     for spelled, package in run.manifest.sensors.items():
@@ -109,7 +110,7 @@ def _check_sensor(run: SavedRun, spelled: str, package: str) -> None:
         raise InputError(run.folder, what) from None
 
 
-def _localizers_of(runs: Sequence[SavedRun], session: AnySession, library: Library) -> list[Localizer]:
+def _localizers_of(runs: Sequence[SavedRun], session: RecordedSession, library: Library) -> list[Localizer]:
     return [localizer_of(run, session, library) for run in runs]
 
 
@@ -122,7 +123,7 @@ class Opened:
 
     runs: list[SavedRun]
     restored: list[Restored]
-    session: AnySession | None
+    session: RecordedSession | None
     scene: Scene  # its library has no entries where pictures or comparisons cannot be restored
     listener: Listener = SILENT
 
@@ -213,7 +214,7 @@ def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun], listener:
 class Inputs:
     """What all runs of a replay are made from."""
 
-    session: AnySession
+    session: RecordedSession
     library: Path  # a library folder or a survey log
     pictures: int
     has_truth: bool

@@ -18,7 +18,6 @@ from maurice_mcl.values.library import Library
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener
-from ...running.open import AnySession
 from ...running.run_spec import RunSpec
 from .baseline import baseline_bytes, read_baseline
 from .drive import CheckedFilter, DriveCheck, check_drive
@@ -84,7 +83,7 @@ class CheckFiles:
 
 
 def check(
-    session: str | Path | AnySession | Sequence[str | Path],
+    session: str | Path | RecordedSession | Sequence[str | Path],
     library: str | Path | Library | None = None,
     *,
     max_error_m: float | None = None,
@@ -143,7 +142,7 @@ def _path(given: str | Path | None) -> Path | None:
 
 
 def _checked(
-    asked: CheckedFilter, sessions: Sequence[str | Path | AnySession], listener: Listener
+    asked: CheckedFilter, sessions: Sequence[str | Path | RecordedSession], listener: Listener
 ) -> tuple[DriveCheck, ...]:
     if not sessions:
         raise OptionError("found no session to check")

@@ -15,6 +15,7 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.filter.batch import compared_once, run_batch
 from maurice_mcl.scoring.demands import (
@@ -32,7 +33,7 @@ from maurice_mcl.values.session import Moment
 
 from ...listener import Listener
 from ...playback import FilterRun
-from ...running.open import AnySession, make_runs, open_library_for, open_session, remark_skipped
+from ...running.open import make_runs, open_library_for, open_session, remark_skipped
 from ...running.run_spec import RunSpec
 from ...running.saved_steps import NO_PICTURE
 from ...style import Scale, scale_for
@@ -130,7 +131,7 @@ class CheckedFilter:
 
 
 def check_drive(
-    asked: CheckedFilter, source: str | Path | AnySession, taken: Sequence[str], listener: Listener
+    asked: CheckedFilter, source: str | Path | RecordedSession, taken: Sequence[str], listener: Listener
 ) -> DriveCheck:
     """Run a filter over a drive with every seed and judge it; `taken` are names of other drives.
 
@@ -163,7 +164,7 @@ def _unique(name: str, taken: Sequence[str]) -> str:
 
 
 def _run_all(
-    run: FilterRun, session: AnySession, asked: CheckedFilter, listener: Listener
+    run: FilterRun, session: RecordedSession, asked: CheckedFilter, listener: Listener
 ) -> tuple[list[Moment], tuple[RunTrack, ...]]:
     """Compare every picture once, and run the filter with every seed; pictures are not kept."""
     total, has_truth = session.overview()
@@ -188,7 +189,7 @@ def _run_all(
     return moments, tuple(RunTrack.of(trace, moments) for trace in traces)
 
 
-def _expect_long_enough(session: AnySession, moments: list[Moment], demands: Demands) -> None:
+def _expect_long_enough(session: RecordedSession, moments: list[Moment], demands: Demands) -> None:
     """Refuse a drive on which a demand cannot be judged. InputError."""
     if not moments:
         raise InputError(session.path, "found no picture, so nothing can be checked")
@@ -206,7 +207,7 @@ def _expect_long_enough(session: AnySession, moments: list[Moment], demands: Dem
 
 def _check_of(
     drive: DriveRuns,
-    session: AnySession,
+    session: RecordedSession,
     library: Library,
     moments: list[Moment],
     asked: CheckedFilter,

@@ -11,11 +11,11 @@ from typing import Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import write_whole
+from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.values.library import Library
 
 from ...listener import Listener
 from ...playback import FilterRun, run_together, shared
-from ...running.open import AnySession
 from ...running.output import OutputOptions
 from ...running.run import Playback, play
 from ...scene import Detail, RunView, Scene
@@ -30,7 +30,7 @@ DIAGNOSIS = "diagnosis"  # file, as text and as JSON
 class Replayed:
     """What is needed to make a run again, picture by picture."""
 
-    session: AnySession
+    session: RecordedSession
     library: Library
     run: FilterRun
     steps: Sequence[int]  # numbers of the updates

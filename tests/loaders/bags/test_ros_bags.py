@@ -174,7 +174,7 @@ def test_topics_of_sensors_that_are_not_read_are_named(version: int, tmp_path: P
     said += [Said("/bumps", "geometry_msgs/Point", BEGIN_NS + k, point) for k, point in enumerate(points)]
     session = open_session(write(tmp_path / "drive.bag", said), turn_scale=-1.0)
     assert isinstance(session, RecordedSession)
-    assert session.told[-1] == "also holds /bumps (3 Point), not read"
+    assert session.opening_remarks[-1] == "also holds /bumps (3 Point), not read"
     assert not any("also holds" in text for text in session.info.notes)  # no header of a copy says it
 
 
