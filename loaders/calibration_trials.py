@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, trials_of
 from maurice_mcl.values.arrays import F64, U8, Bool
-from maurice_mcl.values.geometry import INCH_M, motion_between, rotated
+from maurice_mcl.values.geometry import INCH_M, rotated
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import first_word
+from maurice_mcl.values.session import KIDNAPPED, SessionInfo, first_word
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files.pictures import decode_picture, picture_file
 from .files.text import PICTURES, number_in, read_csv, read_number_rows, show
-from .reading.recording import LeftOut, Note, TruthPose
+from .reading.recording import LeftOut, Note, OdometryPose, Record, TruthPose
 from .reading.session import RecordedSession, drive_segments
-from .reading.transforms import GATE
 from .session_log.reader import LogRecording
 
 # A CSV table of calibration trials, one row a turn or a straight, read strictly and written.
@@ -272,17 +271,27 @@ def _table(file: Path, columns: int) -> F64:
     return np.array(rows, np.float64).reshape(-1, columns)
 
 
-def segments_from_folder(folder: Path) -> list[MotionSegment]:
-    """Read a drive and cut it wherever the robot has moved as far as between two pictures."""
-    drive, found, first = read_aligned(folder), [], 0
-    jumped = jumps(drive, Cutting())
-    for last in range(1, len(drive.truth)):
-        motion = motion_between(drive.odometry[first], drive.odometry[last])
-        if GATE.open_after(motion):
-            if not jumped[first:last].any():
-                found.append(MotionSegment(drive.truth[first], (motion,), drive.truth[last]))
-            first = last
-    return found
+@dataclass(frozen=True, slots=True, eq=False)
+class OdometryFolder:
+    """The folder as a recording, a row a second; where the truth jumps, the robot counts as carried."""
+
+    path: Path
+
+    @property
+    def info(self) -> SessionInfo:
+        """The folder's name."""
+        return SessionInfo(self.path.name)
+
+    def records(self, notes: ReadingNotes) -> Iterator[Record]:
+        """Yield the truth and the odometry of each row. InputError as `read_aligned`."""
+        drive = read_aligned(self.path)
+        jumped = [False, *jumps(drive, Cutting())]
+        for row, (truth, odometry) in enumerate(zip(drive.truth, drive.odometry, strict=True)):
+            t_s = float(row)
+            if jumped[row]:
+                yield Note(t_s, KIDNAPPED)
+            yield OdometryPose(t_s, odometry)  # which tells where the drive is cut
+            yield TruthPose(t_s, truth)
 
 
 def trials_from_folder(folder: Path, cutting: Cutting | None = None) -> Trials:

@@ -10,12 +10,12 @@ from typing import Any
 
 from maurice_loaders.calibration_trials import (
     METERS,
+    OdometryFolder,
     covered_pictures,
     floor_between,
     is_odometry_folder,
     mishaps,
     read_trials,
-    segments_from_folder,
     trials_from_folder,
     trials_from_session,
 )
@@ -23,7 +23,7 @@ from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.session import drive_segments
+from maurice_loaders.reading.session import RecordedSession, drive_segments
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import read_header
 from maurice_mcl.fitting.motion import Calibration, FloorOf, MotionSegment, Trials
@@ -313,8 +313,9 @@ def _driven(
 ) -> tuple[list[MotionSegment], SessionInfo]:
     """Return the movements between true poses of a recording, or of a folder of odometry beside truth."""
     if path.is_dir() and is_odometry_folder(path):
-        return segments_from_folder(path), SessionInfo(path.name)
-    session = open_session(path, options, listener)
+        session = RecordedSession(OdometryFolder(path))
+    else:
+        session = open_session(path, options, listener)
     return list(drive_segments(session)), session.info
 
 
