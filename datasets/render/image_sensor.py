@@ -43,10 +43,10 @@ class Exposure:
     automatic: bool = False  # each picture's gain is chosen by its own light, from `gain` on
 
 
-def draw_exposure(rng: np.random.Generator, gain_sd: float = 0.05, balance_sd: float = 0.02) -> Exposure:
+def draw_exposure(rng: np.random.Generator) -> Exposure:
     """Draw the light and white balance of a camera session: some percent in all, two between colors."""
-    common = 1 + gain_sd * float(rng.standard_normal())
-    red, green, blue = common * (1 + balance_sd * rng.standard_normal(3))
+    common = 1 + 0.05 * float(rng.standard_normal())
+    red, green, blue = common * (1 + 0.02 * rng.standard_normal(3))
     return Exposure((float(red), float(green), float(blue)))
 
 

@@ -335,9 +335,9 @@ def nearest_source(world: World, face: Face) -> str:
     return min(far, key=far.__getitem__, default=(*world.sources, "")[0])
 
 
-def bake(world: World, baking: Baking | None = None) -> LitScene:
+def bake(world: World) -> LitScene:
     """Light every face of a world as the survey has it."""
-    lighting = lighting_of(world, baking)
+    lighting = lighting_of(world)
     return scene_of(tuple(lit(face, grid) for face, grid in zip(world.faces, lighting.grids(), strict=True)))
 
 

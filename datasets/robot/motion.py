@@ -198,9 +198,9 @@ class TrialPlan:
     longest_m: float = 60 * INCH_M  # ... to this: the thesis names 5 ft as a long motion
 
 
-def calibration_drive(seed: int, plan: TrialPlan | None = None, chassis: Chassis | None = None) -> Trials:
+def calibration_drive(seed: int, plan: TrialPlan | None = None) -> Trials:
     """Make the trials of one seed. Floors are those that the chassis has a drift for."""
-    plan, chassis = plan or TrialPlan(), chassis or Chassis()
+    plan, chassis = plan or TrialPlan(), Chassis()
     turns = np.array([_turn(seed, n, plan, chassis) for n in range(plan.turns)]).reshape(-1, 2)
     names = list(chassis.drifts)
     floors = tuple(names[n * len(names) // plan.straights] for n in range(plan.straights))

@@ -75,9 +75,9 @@ def accent(rng: np.random.Generator) -> Rgb:
     return near(rng, list(ACCENTS.values())[int(rng.integers(len(ACCENTS)))])
 
 
-def pale(rng: np.random.Generator, low: float = 0.42, high: float = 0.66) -> Rgb:
+def pale(rng: np.random.Generator) -> Rgb:
     """Draw a wall color: cream, gray, faint green or blue."""
-    tone = float(rng.uniform(low, high))
+    tone = float(rng.uniform(0.42, 0.66))
     return near(rng, (tone, tone, tone), 0.2)
 
 

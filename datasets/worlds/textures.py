@@ -126,11 +126,10 @@ def leaves(rng: np.random.Generator, size: Size, color: Rgb = (0.10, 0.26, 0.07)
     return tint(color, np.clip(0.85 + 0.75 * depth, 0.12, 2.4))
 
 
-def joints(size: Size, step: int, wide: int, shift: int = 0) -> Bool:
-    """Return which pixels (H, W) are joints of a square raster; every other row is shifted by `shift`."""
+def joints(size: Size, step: int, wide: int) -> Bool:
+    """Return which pixels (H, W) are joints of a square raster."""
     rows, columns = np.arange(size[0])[:, None], np.arange(size[1])[None, :]
-    across = (columns + (rows // step % 2) * shift) % step
-    return np.asarray((rows % step < wide) | (across < wide))
+    return np.asarray((rows % step < wide) | (columns % step < wide))
 
 
 def shades(rng: np.random.Generator, size: Size, high: int, wide: int, sd: float) -> F32:

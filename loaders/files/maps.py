@@ -63,7 +63,7 @@ def read_map(file: Path, unit: str, poses: F64) -> Arena:
     return arena_from_lines(file, unit, poses)
 
 
-def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -> Arena:
+def arena_from_lines(file: Path, unit: str, poses: F64) -> Arena:
     """Read `x1 y1 x2 y2` per line, in "m" or "mm". InputError names a bad line.
 
     The bounds reach a margin beyond the poses (L, 2 or 3); walls entirely outside are left out.
@@ -72,7 +72,7 @@ def arena_from_lines(file: Path, unit: str, poses: F64, margin_m: float = 1.0) -
         raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(METERS)}")
     rows = read_number_rows(file, "a map", "a map", 4, "four numbers x1 y1 x2 y2", commas=True)
     segments = np.array(rows, np.float64).reshape(-1, 4)
-    bounds = open_arena(poses, margin_m).bounds
+    bounds = open_arena(poses, 1.0).bounds
     arena = Arena(bounds, _near(segments * METERS[unit], bounds))
     check_span(file, poses, arena)
     return arena

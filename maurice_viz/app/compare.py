@@ -109,7 +109,7 @@ def _compared(
     library: str | Path | Library | None,
     given: Given,
     output: OutputOptions,
-    how: ReadingOptions,
+    reading: ReadingOptions,
     listener: Listener,
     report: Report,
 ) -> RunScores:
@@ -118,7 +118,7 @@ def _compared(
     if any(saved):
         if not all(saved):
             raise OptionError("sessions and saved runs do not mix; save the other runs first with --save-run")
-        if any(given.values()) or library is not None or output.save_run or how != ReadingOptions():
+        if any(given.values()) or library is not None or output.save_run or reading != ReadingOptions():
             raise OptionError(
                 "saved runs are compared as they were: only options of the output apply to them"
             )
@@ -131,11 +131,11 @@ def _compared(
             advice = "replay each with --save-run, then compare"
             raise OptionError(f"--save-run saves runs of one session; {advice}")
         asked = Path(library) if isinstance(library, str) else library
-        playback = _sessions_playback(sources, asked, one_filter(given), how, listener)
+        playback = _sessions_playback(sources, asked, one_filter(given), reading, listener)
         return _play(playback, output, listener, report)
     specs = specs_of(given)
     _check_count(len(specs))
-    return replay_session(sources[0], library, specs, output, how, listener, report)
+    return replay_session(sources[0], library, specs, output, reading, listener, report)
 
 
 def _play(playback: Playback, output: OutputOptions, listener: Listener, report: Report) -> RunScores:

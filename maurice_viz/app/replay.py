@@ -84,8 +84,8 @@ def replay(
     """
     spec = RunSpec.of(preset, feature, particles, seed, start, config, settings, sensors)
     output = output_of(session, output, to, save_run, layout, detail, force=force)
-    how, live = reading or ReadingOptions(), live or LiveOptions()
-    return _replayed(session, library, spec, output, how, live, as_recorded, listener, report)
+    reading, live = reading or ReadingOptions(), live or LiveOptions()
+    return _replayed(session, library, spec, output, reading, live, as_recorded, listener, report)
 
 
 def _replayed(
@@ -93,7 +93,7 @@ def _replayed(
     library: str | Path | Library | None,
     spec: RunSpec,
     output: OutputOptions,
-    how: ReadingOptions,
+    reading: ReadingOptions,
     live: LiveOptions,
     as_recorded: bool,
     listener: Listener,
@@ -102,7 +102,7 @@ def _replayed(
     """Replay what `session` names, by the one way that fits it. InputError, OptionError."""
     plain = spec == RunSpec() and library is None and output.save_run is None
     if not isinstance(session, (str, Path)):
-        return replay_session(session, library, [spec], output, how, listener, report, alone=True)
+        return replay_session(session, library, [spec], output, reading, listener, report, alone=True)
     path = Path(session)
     listened = live.follow or is_live(path)
     if path.suffix == ".rrd":
@@ -120,21 +120,21 @@ def _replayed(
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
         from ..running.drive import open_recorded, playback_of_recorded  # imports Rerun
 
-        recorded = playback_of_recorded(open_recorded(path, how), listener)
+        recorded = playback_of_recorded(open_recorded(path, reading), listener)
         return play(recorded, output.named(["as recorded"]), listener, report=report)
     if listened:
         if isinstance(library, Library):
             raise OptionError("a live source needs the path of its library, found an opened one")
         survey = None if library is None else Path(library)
-        return follow_source(path, survey, spec, output, live, how, listener, report)
+        return follow_source(path, survey, spec, output, live, reading, listener, report)
     if live != LiveOptions():
         given = "--capture, --keep-up, --every-picture and --patience need a live source"
         raise OptionError(f"{given}: -, tcp://, ws://, or a file with --follow")
     if is_saved(path):
-        if not plain or how != ReadingOptions():
+        if not plain or reading != ReadingOptions():
             raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
         return play(playback_of(open_saved(path, listener), listener), output, listener, report=report)
-    return replay_session(path, library, [spec], output, how, listener, report, alone=True)
+    return replay_session(path, library, [spec], output, reading, listener, report, alone=True)
 
 
 def replay_session(
@@ -230,7 +230,7 @@ def follow_source(
     spec: RunSpec,
     output: OutputOptions,
     live: LiveOptions,
-    opening: ReadingOptions,
+    reading: ReadingOptions,
     listener: Listener,
     report: Report,
 ) -> RunScores:
@@ -238,15 +238,15 @@ def follow_source(
     if output.save_run is not None:
         advice = "capture the drive with --capture DIR, then replay DIR/session.log with --save-run"
         raise OptionError(f"--save-run is for recorded sessions; {advice}")
-    options = [option for option in MADE_ODOMETRY if getattr(opening, option)]
-    if opening.corrections or options:
-        what = opening.corrections[0] if opening.corrections else f"--reading {options[0]}=true"
+    options = [option for option in MADE_ODOMETRY if getattr(reading, option)]
+    if reading.corrections or options:
+        what = reading.corrections[0] if reading.corrections else f"--reading {options[0]}=true"
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
         raise OptionError(f"{what} needs a recording; {advice}")
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
-    gate = Gate(opening.min_distance_m, opening.min_angle_rad)
-    listen = ListenOptions(live.keep_up, patience_of(live.patience_s), opening.camera, gate, library=library)
-    with LiveSession(live_source(source, opening), listen, recorder, listener.remark) as session:
+    gate = Gate(reading.min_distance_m, reading.min_angle_rad)
+    listen = ListenOptions(live.keep_up, patience_of(live.patience_s), reading.camera, gate, library=library)
+    with LiveSession(live_source(source, reading), listen, recorder, listener.remark) as session:
         try:
             return _localize(session, spec, replace(output, stem=STEM), listener, report)
         finally:

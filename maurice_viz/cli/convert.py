@@ -184,15 +184,15 @@ def pictures(
 
     The odometry is made from the steps between poses plus noise; the session's header notes this.
     """
-    how = reading_of(reading)
-    view_rad = None if how.camera_fov_rad == USUAL.camera_fov_rad else how.camera_fov_rad
+    read_by = reading_of(reading)
+    view_rad = None if read_by.camera_fov_rad == USUAL.camera_fov_rad else read_by.camera_fov_rad
     options = ImportOptions(
-        reading=how,
+        reading=read_by,
         map_lines=map_lines,
         map_unit=map_unit,
         camera_fov_rad=view_rad,
         session_every=every,
-        seed=how.odometry_seed,
+        seed=read_by.odometry_seed,
     )
     summary = import_pictures(folder, poses, output, options, force=force)
     if json_output:

@@ -171,25 +171,28 @@ def doctor(
     reading: opt.Reading = None,
 ) -> None:
     """Find what is wrong in a recording: signs, units, frames, clocks, cameras; and what fixes it."""
-    opening = reading_of(reading)
+    read_by = reading_of(reading)
     with listening() as listener:
         examination = diagnose(
             session,
             library,
             pictures=not no_library,
-            reading=opening,
+            reading=read_by,
             to=output,
             force=force,
             listener=listener,
         )
-    fixing = [*(fixed_options(opening, [finding]) for finding in examination.findings), examination.fixed]
-    options = [typed(fix) if fix != opening else [] for fix in fixing]
+    fixing = [
+        *(fixed_options(read_by, [finding]) for finding in examination.findings),
+        examination.fixed,
+    ]
+    options = [typed(fix) if fix != read_by else [] for fix in fixing]
     if json_output:
         print_json(_json(examination, options))
     else:
         beside = [] if library is None else ["--library", str(library)]
         results.print("\n".join(_lines(examination, options, beside)), soft_wrap=True)
-    if output is not None and examination.fixed != opening:
+    if output is not None and examination.fixed != read_by:
         words = shlex.join([str(session), "--reading", str(output)])
         note(f"{output} written; now try: maurice-replay {words}")
     elif output is not None:

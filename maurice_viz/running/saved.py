@@ -218,7 +218,7 @@ class Inputs:
     library: Path  # a library folder or a survey log
     pictures: int
     has_truth: bool
-    opening: ReadingOptions  # how the session was read
+    reading: ReadingOptions  # how the session was read
 
 
 @contextmanager
@@ -270,10 +270,10 @@ def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: boo
 
 def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
     """Return the manifest of a run before its first step: what it is made from."""
-    localizer, info, opening = run.localizer, inputs.session.info, inputs.opening
+    localizer, info, reading = run.localizer, inputs.session.info, inputs.reading
     channels, path = tuple(localizer.sensor.distances), inputs.session.path
     outside = localizer.sensor.parameters.outside
-    form = chosen(path, opening)
+    form = chosen(path, reading)
     return RunManifest(
         label=run.label,
         seed=localizer.seed,
@@ -284,7 +284,7 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         display_units=info.display_units,
         pictures=inputs.pictures,
         has_truth=inputs.has_truth,
-        keep_going=opening.keep_going,
+        keep_going=reading.keep_going,
         session=source_of(path, folder, form.beside(path)),
         library=source_of(inputs.library, folder),
         library_content=library_hash(localizer.library, channels),
@@ -292,8 +292,8 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         versions=versions_now(outside),
         sensors={spelled: package_of(spelled)[0] for spelled in outside},
         radii=localizer.radii,
-        reading=replace(opening, format=form.name),
-        table=None if opening.table is None else source_of(opening.table, folder),
+        reading=replace(reading, format=form.name),
+        table=None if reading.table is None else source_of(reading.table, folder),
     )
 
 

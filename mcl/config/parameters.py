@@ -81,9 +81,9 @@ _OTHERS: Mapping[str, Rule] = {
 RULES: Mapping[str, Rule] = rules_of(FilterParameters, "", _OTHERS)
 
 
-def of_feature(feature: str, particles: int = 2000, sharpness: float = 1.0) -> FilterParameters:
+def of_feature(feature: str, particles: int = 2000) -> FilterParameters:
     """Return the default filter with one feature: a key of FEATURES, or the name of a channel."""
-    return FilterParameters(sensor=SensorParameters(weights_of(feature), sharpness), particles=particles)
+    return FilterParameters(sensor=SensorParameters(weights_of(feature)), particles=particles)
 
 
 # Presets: complete filters by name, as layers of configuration.

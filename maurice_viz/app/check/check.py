@@ -129,8 +129,7 @@ def check(
     files.check()
     baseline = None if files.against is None else read_baseline(files.against)
     at = Path(library) if isinstance(library, str) else library
-    how = reading or ReadingOptions()
-    asked = CheckedFilter(spec, at, demands, seeds, baseline, files.artifacts, how)
+    asked = CheckedFilter(spec, at, demands, seeds, baseline, files.artifacts, reading or ReadingOptions())
     drives = [session] if isinstance(session, (str, Path, RecordedSession)) else session
     result = CheckResult(_checked(asked, drives, listener))
     files.write(result)

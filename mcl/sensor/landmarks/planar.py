@@ -17,6 +17,7 @@ from ...values.geometry import wrap
 from .camera import PinholeCamera, directions, linearize_poses, project
 
 MOST_HYPOTHESES = 400
+MOST_MODES = 4
 WIDE_PX = 4.0  # standard deviation that hypotheses are scored with, and refinement begins with
 MOST_REFINED = 8  # hypotheses that are refined: those that are at most ...
 REFINED_NATS = 20.0  # ... so far below the best
@@ -51,8 +52,8 @@ class Mode:
         return float(self.right.sum())
 
 
-def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int = 4) -> list[Mode]:
-    """Return the poses that matches agree on, best first, at most `most`."""
+def modes_of(camera: PinholeCamera, matched: Matched, area_px: float) -> list[Mode]:
+    """Return the poses that matches agree on, best first, at most `MOST_MODES`."""
     if len(matched.pixels) < 3:
         return []
     # about a local origin: what is solved for two matches has no digits left at UTM coordinates
@@ -66,7 +67,7 @@ def modes_of(camera: PinholeCamera, matched: Matched, area_px: float, most: int 
     order = order[score[order] > score.max() - REFINED_NATS]
     chosen = hypotheses[order[_apart(hypotheses[order], MOST_REFINED)]]
     modes = sorted(refined(camera, matched, chosen, area_px), key=lambda mode: -mode.score)
-    kept = _apart(np.stack([mode.pose for mode in modes]), most)
+    kept = _apart(np.stack([mode.pose for mode in modes]), MOST_MODES)
     return [replace(modes[k], pose=modes[k].pose + origin) for k in kept]
 
 
@@ -83,9 +84,9 @@ def _apart(poses: F64, most: int) -> list[int]:
     return kept
 
 
-def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = MOST_HYPOTHESES) -> F64:
+def hypotheses_of(camera: PinholeCamera, matched: Matched) -> F64:
     """Return poses (H, 3) of pairs of matches, drawn by their chance of being right; always the same."""
-    first, second = _pairs(matched.inlier, count)
+    first, second = _pairs(matched.inlier)
     angle, slope = directions(camera, matched.pixels)
     c, s = np.cos(angle - camera.yaw_rad), np.sin(angle - camera.yaw_rad)
     x, y, z = matched.points.T
@@ -105,13 +106,13 @@ def hypotheses_of(camera: PinholeCamera, matched: Matched, count: int = MOST_HYP
     return np.column_stack([ch * a - sh * b, sh * a + ch * b, wrap(heading - camera.yaw_rad)])
 
 
-def _pairs(chance: F64, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _pairs(chance: F64) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return numbers of pairs, the likeliest right first."""
     first, second = np.triu_indices(len(chance), 1)
-    if len(first) > count:
+    if len(first) > MOST_HYPOTHESES:
         rng = np.random.default_rng(0)
         weight = chance[first] * chance[second]
-        kept = rng.choice(len(first), count, replace=False, p=weight / weight.sum())
+        kept = rng.choice(len(first), MOST_HYPOTHESES, replace=False, p=weight / weight.sum())
         first, second = first[kept], second[kept]
     return first.astype(np.intp), second.astype(np.intp)
 
