@@ -32,6 +32,7 @@ EDGES = "/session/edges"
 VERDICT = "/session/verdict"  # what happened: one TextDocument, static
 TOUR = "/session/tour"  # where to look: one TextDocument per moment, from its step on
 LIMITS = "/session/limits"  # Scalars: the error above which runs count as lost
+PHASES = "/session/phases"  # the strip of phases: boxes, names, and a mark at the present one
 ERROR_UNIT = "/session/error-unit"  # TextDocument: what is plotted there, and its unit
 TRUTH = "/session/truth"  # as an estimate: disk, arrow and trail
 CARRIED = f"{TRUTH}/carried"  # Arrows2D: from where to where a kidnapped robot was carried
@@ -97,27 +98,16 @@ class RunPaths:
 
     @property
     def mode_rings(self) -> str:
-        """Where the modes are: LineStrips2D, each in the color of its band over time."""
+        """Where the modes are: LineStrips2D, each in a color that it keeps."""
         return self.at("belief", "modes")
 
-    @property
-    def fresh(self) -> str:
-        """Particles drawn anew, for maps with a thinned or pale cloud: Points2D, on the phase timeline."""
-        return self.at("fresh")
-
-    @property
-    def moves(self) -> str:
-        """How particles moved in this update: LineStrips2D, on the phase timeline only."""
-        return self.at("belief", "moves")
-
-    @property
-    def families(self) -> str:
-        """The paths of a few survivors' ancestors: LineStrips2D, on the phase timeline only."""
-        return self.at("belief", "families")
+    def inside(self, *parts: str) -> str:
+        """What the inside of an update shows: "before" and "after", the answer, words, bars."""
+        return self.at("inside", *parts)
 
     @property
     def closeup(self) -> str:
-        """The frame of the view that follows the cloud: one Transform3D, with key and bar under it."""
+        """The frame of the view that follows the cloud: one Transform3D, with a bar under it."""
         return self.at("closeup")
 
     def sensor(self, name: str, *parts: str) -> str:
@@ -129,15 +119,6 @@ class RunPaths:
         return self.at("key", name)
 
     @property
-    def phase_keys(self) -> str:
-        """All keys that change with the phase: one Transform3D, which moves those of one phase to the map."""
-        return self.at("key", "phase")
-
-    def phase_key(self, name: str) -> str:
-        """The keys of one map: under it a number a phase, one EncodedImage each."""
-        return self.at("key", "phase", name)
-
-    @property
     def line_key(self) -> str:
         """The key of the plot of evidence: one EncodedImage."""
         return self.at("key", "evidence")
@@ -146,11 +127,6 @@ class RunPaths:
     def headings(self) -> str:
         """The heading histogram: LineStrips2D of the sectors, Arrows2D of truth and estimate."""
         return self.at("rose")
-
-    @property
-    def modes(self) -> str:
-        """Masses of the modes over the last updates: EncodedImages of the bands and their frame."""
-        return self.at("river")
 
     @property
     def circles(self) -> str:

@@ -43,11 +43,11 @@ MISSING: RGB = (48, 50, 56)
 EMPTY: RGB = (30, 32, 37)  # of the map, and of a drawing where there is nothing
 PALE: RGB = (170, 174, 184)
 RULER: RGB = (96, 100, 110)  # frames and spokes of small drawings
-MOVED: RGB = CLOUD  # paths of particles in one update
-FAMILY: RGB = (240, 228, 66)  # paths of a few survivors' ancestors
+WEIGHT: RGB = (240, 228, 66)  # bars of weight
 DEAD: RGB = (150, 72, 72)  # particles that left no copy
 CARRIED: RGB = (240, 240, 240)  # the way of a kidnapping: of the truth, as its disk
-SETTLED: RGB = (120, 124, 134)  # all other particles, while the fresh ones are shown
+SETTLED: RGB = (120, 124, 134)  # particles of little weight
+PHASE_MARK: RGB = (84, 99, 109)  # the present phase in the strip
 FRESH: RGB = (250, 76, 196)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = CLOUD
 # of estimates, their trails, ellipses and traces, by run:
@@ -175,7 +175,7 @@ MEANINGS: dict[str, RGB] = {
     "particles": CLOUD,
     "fresh particles": FRESH,
     "dead particles": DEAD,
-    "ancestors": FAMILY,
+    "weight": WEIGHT,
     "references": CIRCLE,
     "best references": RANK,
     **{f"run {number}": color for number, color in enumerate(RUN_COLORS, 1)},
@@ -210,11 +210,6 @@ def weight_colors(log_weights: F64, of: int | None = None) -> U32:
     """
     octaves = (log_weights + np.log(of or len(log_weights))) / np.log(2)
     return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
-
-
-def copy_colors(copies: NDArray[Any]) -> U32:
-    """Return a color for each survivor (N,) by its number of copies: the same scale, 1 is average."""
-    return shade(0.5 + np.log2(np.maximum(copies, 1)) / (2 * WEIGHT_OCTAVES))
 
 
 COLOR_WORDS = ("orange", "sky blue", "violet", "green")  # of RUN_COLORS, in order

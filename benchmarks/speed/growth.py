@@ -33,8 +33,8 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.cli.main import COLLECT_AFTER
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.playback import FilterRun, run_together
+from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail, RunView, Scene
 from maurice_viz.viewer import sinks
 

@@ -20,8 +20,8 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import RerunObserver
 from maurice_viz.panels.panel import Panel
+from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail, RunView, Scene
 from maurice_viz.viewer import sinks
 

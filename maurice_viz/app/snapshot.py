@@ -13,7 +13,7 @@ from maurice_loaders.runs.store import open_runs
 from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
 from ..errors import OptionError
 from ..listener import SILENT, Listener
-from ..panels.observer import SceneObserver
+from ..running.observer import SceneObserver
 from ..running.output import layout_of
 from ..running.run import collector_of, step_through
 from ..running.saved import open_saved, playback_of

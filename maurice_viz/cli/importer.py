@@ -135,7 +135,7 @@ def _usual_run(log: RecordedSession) -> Playback:
 
 def _play(playback: Playback, recording_id: str | None) -> None:
     """Draw runs as they go, so that the viewer shows the first steps at once."""
-    from ..panels.observer import SceneObserver
+    from ..running.observer import SceneObserver
     from ..running.output import layout_of
     from ..running.run import collector_of, step_through
     from ..viewer.sinks import recording

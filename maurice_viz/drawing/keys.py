@@ -17,7 +17,6 @@ from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.map import Arena
 
 from .. import style
-from ..entities import Phase
 from ..style import RGB, U32, Scale
 from .canvas import MAP_MARGINS, Extent, ascii_of, long_side, map_extent, put_text, text_size
 
@@ -26,8 +25,6 @@ TEXT_PX = 24.0
 GAP_PX = 18
 INSET_PX = 70
 ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
-# phases in which a map can look different; in the last one, `estimate`, it is as before
-PHASES = (Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT, Phase.RESAMPLE, Phase.RESEED)
 # the keys of a run, by name: what is above its maps
 WEIGHTS, MATCHES, LIKELIHOOD, EXPLAINED = "weights", "matches", "likelihood", "explained"
 COMPARED = "compared"  # above its map beside others, like WEIGHTS
@@ -92,10 +89,6 @@ def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
     return [_disk(style.TRUTH, 13), _text(text)] if has_truth else []
 
 
-def _fresh() -> list[U8]:
-    return [_disk(style.FRESH, 8), _text("fresh  ")]
-
-
 def explain_key(has_truth: bool, color: RGB = style.RUN_COLORS[0]) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
     truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
@@ -116,10 +109,10 @@ def _circles() -> list[U8]:
 
 
 @lru_cache
-def circle_key(has_fresh: bool) -> U8:
-    """Draw the match map's key: circles, ranks, the cloud and fresh particles."""
+def circle_key() -> U8:
+    """Draw the match map's key: circles, ranks and the cloud."""
     best, cloud = [_disk(style.RANK, 13), _text("best five  ")], [_disk(style.CLOUD, 6), _text("particles  ")]
-    return _kept(_rows(_joined(*_circles()), _joined(*best, *cloud, *(_fresh() if has_fresh else []))))
+    return _kept(_rows(_joined(*_circles()), _joined(*best, *cloud)))
 
 
 def _kept(key: U8) -> U8:
@@ -165,7 +158,6 @@ class KeyMark(Enum):
     RING = "ring"
     LINE = "line"
     SCALE = "scale"  # all colors of a scale
-    UPPER = "upper"  # its upper half
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +171,7 @@ class Item:
     @property
     def wide(self) -> float:
         """Width of the mark, in heights of capitals."""
-        widths = {KeyMark.LINE: LONG_PX, KeyMark.SCALE: RAMP_PX, KeyMark.UPPER: RAMP_PX}
+        widths = {KeyMark.LINE: LONG_PX, KeyMark.SCALE: RAMP_PX}
         return widths.get(self.mark, 2 * DISK_PX)
 
 
@@ -188,14 +180,13 @@ def _text_px(runs: int) -> float:
     return NARROW_TEXT_PX if runs >= NARROW_FROM else WIDE_TEXT_PX
 
 
-def runs_key(labels: Sequence[str], has_truth: bool, has_fresh: bool) -> U8:
+def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
     """Draw the key of the map that all runs share: a color a run, and the truth."""
     items = [
         Item(_drawable(label, k), color)
         for k, (label, color) in enumerate(zip(labels, style.RUN_COLORS, strict=False))
     ]
     items += [*_truth(has_truth), Item("2 sigma", style.PALE, KeyMark.RING)]
-    items += [Item("fresh", style.FRESH)] if has_fresh else []
     return _wrapped(items, SMALLER_MAP * _text_px(len(labels)))
 
 
@@ -204,59 +195,29 @@ def _drawable(label: str, number: int) -> str:
     return style.COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
 
 
-def phase_keys(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, list[U8]]:
-    """Draw the keys of one run's maps by name, each once for every phase of `PHASES`.
-
-    A key has what its map shows in that phase. Another localizer's run has one key for all phases.
-    """
-    belief = belief_keys(has_truth, color, is_recorded)
+def keys_of(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, U8]:
+    """Draw the keys of one run's maps, by name; another localizer's run has one map."""
+    belief = belief_key(has_truth, color)
     if is_recorded:
         return {WEIGHTS: belief}
-    return {
-        WEIGHTS: belief,
-        MATCHES: [circle_key(phase is Phase.RESEED) for phase in PHASES],
-        LIKELIHOOD: [_wrapped(likelihood_items(phase, has_truth, color), LIKELIHOOD_PX) for phase in PHASES],
-    }
+    likelihood = _wrapped(likelihood_items(has_truth, color), LIKELIHOOD_PX)
+    return {WEIGHTS: belief, MATCHES: circle_key(), LIKELIHOOD: likelihood}
 
 
-def belief_keys(has_truth: bool, color: RGB, is_recorded: bool, runs: int = 1) -> list[U8]:
-    """Draw the keys of the map of a run's cloud, one a phase; those of several runs have larger words."""
-    phases = (Phase.WEIGHT,) if is_recorded else PHASES
-    text = BELIEF_PX if runs == 1 else _text_px(runs)
-    return [_wrapped(belief_items(phase, has_truth, color), text) for phase in phases]
+def belief_key(has_truth: bool, color: RGB, runs: int = 1) -> U8:
+    """Draw the key of the map of a run's cloud; those of several runs have larger words."""
+    items = [*_truth(has_truth), *_estimate(color), Item("weight, 1/8 to 8 x average", mark=KeyMark.SCALE)]
+    return _wrapped(items, BELIEF_PX if runs == 1 else _text_px(runs))
 
 
-def highest(keys: Sequence[U8]) -> U8:
-    """Return the key with most rows, for which a view needs room."""
-    return max(keys, key=len)
+def likelihood_items(has_truth: bool, color: RGB) -> list[Item]:
+    """Return what a map of the likelihood shows."""
+    scale = Item(f"{style.DEEPEST:g} nats below the best, to best", mark=KeyMark.SCALE)
+    return [scale, Item("particles", style.CLOUD), *_truth(has_truth), *_estimate(color)]
 
 
-def belief_items(phase: Phase, has_truth: bool, color: RGB) -> list[Item]:
-    """Return what the map of a run's cloud shows in a phase."""
-    weights = Item("weight, 1/8 to 8 x average", mark=KeyMark.SCALE)
-    estimate = [Item("estimate", color), Item("2 sigma", color, KeyMark.RING)]
-    shown = {
-        Phase.PREDICT: [weights, Item("moved", style.MOVED, KeyMark.LINE)],
-        Phase.MEASURE: [weights],
-        Phase.WEIGHT: [*estimate, weights],
-        Phase.RESAMPLE: [
-            *estimate,
-            Item("copies, 1 to 8", mark=KeyMark.UPPER),
-            Item("no copy", style.DEAD),
-            Item("ancestors", style.FAMILY, KeyMark.LINE),
-        ],
-        Phase.RESEED: [*estimate, Item("fresh", style.FRESH), Item("not fresh", style.SETTLED)],
-    }
-    return [*_truth(has_truth), *shown[phase]]
-
-
-def likelihood_items(phase: Phase, has_truth: bool, color: RGB) -> list[Item]:
-    """Return what a map of the likelihood shows in a phase: the estimate only once there is one."""
-    items = [Item(f"{style.DEEPEST:g} nats below the best, to best", mark=KeyMark.SCALE)]
-    items += [Item("particles", style.CLOUD), *_truth(has_truth)]
-    if phase >= Phase.WEIGHT:
-        items += [Item("estimate", color), Item("2 sigma", color, KeyMark.RING)]
-    return [*items, *([Item("fresh", style.FRESH)] if phase is Phase.RESEED else [])]
+def _estimate(color: RGB) -> list[Item]:
+    return [Item("estimate", color), Item("2 sigma", color, KeyMark.RING)]
 
 
 def _truth(has_truth: bool) -> list[Item]:
@@ -306,9 +267,8 @@ def _put(key: U8, item: Item, left: int, middle: float, text: float) -> None:
     width, row = round(item.wide * text), round(middle)
     if item.mark is KeyMark.LINE:
         cv2.line(key, (left, row), (left + width, row), item.color, max(2, round(text / 6)), cv2.LINE_AA)
-    elif item.mark in (KeyMark.SCALE, KeyMark.UPPER):
-        first = 0 if item.mark is KeyMark.SCALE else len(style.LUT) // 2
-        colors = style.LUT[np.linspace(first, len(style.LUT) - 1, width).astype(int)]
+    elif item.mark is KeyMark.SCALE:
+        colors = style.LUT[np.linspace(0, len(style.LUT) - 1, width).astype(int)]
         key[round(middle - text / 2) : round(middle + text / 2), left : left + width] = _rgb(colors)
     else:
         thick = max(2, width // 7) if item.mark is KeyMark.RING else -1

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import rerun.blueprint as rrb
 
+from .. import entities
 from ..drawing.canvas import map_extent
 from ..panels.belief import belief_view, closeup_view
-from ..panels.camera import camera_view, difference_views, edges_view, histogram_views
-from ..panels.events import words_view
+from ..panels.camera import camera_view, difference_views, edges_view, histogram_views, named_view
+from ..panels.events import lanes_px, words_view
 from ..panels.explanation import (
     CAMERA_CARD,
     column_view,
@@ -17,7 +18,8 @@ from ..panels.explanation import (
     references_map_view,
     sentence_view,
 )
-from ..panels.population import ancestry_plot, headings_view, modes_view
+from ..panels.inside import AFTER, BEFORE, STRIP_PX, inside_words_view, phases_view, side_view
+from ..panels.population import headings_view, weight_bars_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
 from ..panels.sensors import (
     in_space,
@@ -26,10 +28,12 @@ from ..panels.sensors import (
     sensor_space_view,
     sensor_words_view,
 )
-from ..panels.traces import evidence_key, evidence_plot, key_share, single_plots
+from ..panels.traces import single_plots
+from ..panels.views import untitled
 from ..scene import RunView, Scene
-from .story import over_events
+from .story import HEIGHT_PX, OWN_LANES, over_events
 
+INSIDE_WORDS_PX = 78  # two lines
 SENSOR_WORDS, SENSOR_PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
 LEFT_SHARE = 1.45  # how much higher than the figures a square map is
 
@@ -45,7 +49,7 @@ def overview(run: RunView, scene: Scene) -> rrb.Vertical:
         row_shares=[2.2, 0.95, 0.9],
     )
     middle = rrb.Vertical(
-        circles_view(paths, scene),
+        rrb.Tabs(circles_view(paths, scene), *likelihood_views(paths, run.channels, scene), active_tab=0),
         rrb.Tabs(*histogram_views(paths, run.channels), active_tab=0),
         rrb.Tabs(*difference_views(paths, run.channels), active_tab=0),
         row_shares=[1.85, 1, 1],
@@ -61,29 +65,17 @@ def overview(run: RunView, scene: Scene) -> rrb.Vertical:
 
 
 def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
-    """Lay out the cloud large; likelihoods, headings, ancestors and evidence beside it."""
+    """Lay out the phases over two sentences; the cloud before and after, and the picture over the weights."""
     paths = run.paths
-    cloud = rrb.Vertical(
-        closeup_view(paths, scene),
-        words_view(paths),
-        row_shares=[2.65, 1.0],
+    seen = named_view("The robot sees", entities.CAMERA) if run.channels else headings_view(paths)
+    beside = rrb.Vertical(seen, weight_bars_view(paths), row_shares=[52, 48])
+    close_ups = [side_view(paths, side, scene) for side in (BEFORE, AFTER)]
+    clouds = rrb.Horizontal(*close_ups, beside, column_shares=[445, 445, 390])
+    middle = HEIGHT_PX - lanes_px(OWN_LANES) - STRIP_PX - INSIDE_WORDS_PX
+    body = rrb.Vertical(
+        phases_view(), inside_words_view(paths), clouds, row_shares=[STRIP_PX, INSIDE_WORDS_PX, middle]
     )
-    maps = likelihood_views(paths, run.channels, scene)
-    maps += [circles_view(paths, scene)] if run.channels else []
-    middle = rrb.Vertical(
-        rrb.Tabs(*maps, active_tab=0),
-        rrb.Horizontal(headings_view(paths), *([camera_view()] if run.channels else [])),
-        ancestry_plot(paths),
-        row_shares=[2, 1.25, 1],
-    )
-    right = rrb.Vertical(
-        modes_view(paths),
-        evidence_plot(paths),
-        evidence_key(paths),
-        row_shares=[0.85, 1.1, key_share(run)],
-    )
-    body = rrb.Horizontal(cloud, middle, right, column_shares=[1.25, 1, 1.1])
-    return over_events(body, [run], noticed=True)
+    return untitled(over_events(body, [run], noticed=True))
 
 
 def explain(run: RunView, scene: Scene) -> rrb.Vertical:
@@ -127,7 +119,7 @@ def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out another localizer's clouds: the arena and the words left, the close-up, traces right."""
     paths = run.paths
     left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[2.2, 0.95])
-    middle = rrb.Vertical(closeup_view(paths, scene), modes_view(paths), row_shares=[1.85, 1])
+    middle = rrb.Vertical(closeup_view(paths, scene))
     seen = rrb.Horizontal(*([camera_view()] if scene.has_pictures else []), headings_view(paths))
     plots = single_plots(paths, scene)
     right = rrb.Vertical(seen, *plots, row_shares=[1.3] + [2.8 / len(plots)] * len(plots))

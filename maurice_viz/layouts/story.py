@@ -23,6 +23,7 @@ from ..scene import RunView, Scene
 WIDTH_PX, HEIGHT_PX = 1280, 702  # what is left of 1280 x 800 below the tabs and above the time panel
 HEADLINE_PX, ERRORS_PX = 92, 124
 PICTURES, WORDS = 5, 3  # shares of the height beside the map
+OWN_LANES = 3  # of one run: the log's, its status, what was noticed in it
 MOST_IN_A_ROW = 3  # pictures beside the map
 AXIS_PX, DIGIT_PX = 10, 7  # left of a plot: around the labels of its axis, and each of their digits
 DIGITS = 3  # of a label where the largest error is not known yet
@@ -30,7 +31,7 @@ DIGITS = 3  # of a label where the largest error is not known yet
 
 def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = False) -> rrb.Vertical:
     """Return a screen over the lanes of events, full width; `noticed`: with what the first run noticed."""
-    path, count = (own_path(runs[0].paths), 3) if noticed else (SHARED, 1 + len(runs))
+    path, count = (own_path(runs[0].paths), OWN_LANES) if noticed else (SHARED, 1 + len(runs))
     height = lanes_px(count)
     return rrb.Vertical(body, lanes_view(path), row_shares=[HEIGHT_PX - height, height])
 
@@ -38,7 +39,7 @@ def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = Fa
 def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Lay out the verdict, one map beside what was seen, the lanes of the runs over their errors."""
     is_one = len(runs) == 1
-    lanes = lanes_px(3 if is_one else 1 + len(runs))
+    lanes = lanes_px(OWN_LANES if is_one else 1 + len(runs))
     middle = HEIGHT_PX - HEADLINE_PX - lanes - ERRORS_PX
     extent = map_extent(scene.arena, scene.scale)
     wide = float(np.clip(extent.width / extent.height * middle / WIDTH_PX, 0.3, 0.6))

@@ -5,12 +5,12 @@ chart is painted (`drawing`), what sentences say (`text`), and anything that is 
 
 panel        what a panel is: it gets a run and its scene (`scene.py`), then each update
 registry     the list of all panels of a run
-observer     draws runs update by update, each by its panels; how much of each update is drawn
 views        kinds of views: maps, pictures, bar charts, plots, and the window
 
 world        the map with its walls, its library nodes and its keys
 belief       the cloud, the close-up, the estimate and the truth
-population   the cloud's headings, its modes, and the ancestors of its survivors
+inside       the cloud before and after each phase of an update, and the strip of phases
+population   the cloud's headings, its modes, its ancestors, and its weights as bars
 camera       the picture, its edges, and its descriptors over its best match's
 references   match circles, the five best references, likelihood maps
 traces       one number per update, over the session

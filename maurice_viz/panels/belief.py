@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,38 +13,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from maurice_mcl.values.arrays import F32, F64, I32, U8
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.records import Belief, StepRecord
+from maurice_mcl.values.records import Belief
 
 from .. import entities
 from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_points_of
 from ..drawing.canvas import Extent, long_side
-from ..drawing.keys import WEIGHTS, highest, phase_keys
+from ..drawing.keys import WEIGHTS, keys_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import (
-    DEAD,
-    FRESH,
     PALE,
     RGB,
     RUN_COLORS,
-    SETTLED,
     TRUTH,
     Scale,
-    copy_colors,
     faint,
     font_safe,
     heading_vector,
-    packed,
     weight_colors,
 )
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import MAP, map_view, plane_view
 
 PARTICLE_PT = 1.75  # radius in points of the screen
-ONE_COPY_PT = 0.9  # radius of a survivor with one copy; the area grows with the copies
-LARGEST_COPY_PT = 9.0
-DEAD_PT = 0.9
-FRESH_PT = 2.5
 FEW_PARTICLES = 300  # particles drawn in updates with less detail
 TRAIL_POSES = 25  # of a trail, that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW_SHARE = 0.055  # length of a heading arrow, as a share of the arena's long side
@@ -53,16 +45,18 @@ BAR_LENGTHS: dict[str, tuple[float, ...]] = {  # lengths of the bar, by unit
     "in": (1.0, 2.0, 3.0, 6.0, *(12.0 * 2**k for k in range(10))),
     "m": (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0),
 }
-BARS_WIDE = 4.0  # the frame reaches so many bars from its middle
+BAR_SHARE = 0.6  # of half the frame
 SAMPLED_PARTICLES = 400  # particles, by weight, from which the extent of the cloud is estimated
-EXTENT_MARGIN = 1.3  # of the view, over what it must hold
-FOLLOW_SHARE = 0.2  # of the frame: the frame follows a cloud farther from its middle
-SHRINK_SHARE = 0.35  # of the frame: a smaller cloud makes the frame smaller
+EXTENT_MARGIN = 1.25  # of the view, over what it must hold
+FOLLOW_SHARE = 0.15  # of half the frame: the frame follows a cloud farther from its middle
+SHRINK_SHARE = 0.6  # of the frame: a smaller cloud makes the frame smaller
+TRUTH_TIMES = 2.5  # times the cloud: a truth that needs more is pointed to
+LEAST_SIDE_M = 0.05  # of what is shown
 BAR_LEFT, BAR_BOTTOM = -0.96, 0.93
 
 
 class CloudPanel(Panel):
-    """Draws the particles: moved, weighted, resampled, reseeded."""
+    """Draws the particles: moved, then weighted; what else happens to them is in `inside`."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         prepare_cloud(rec, self._paths.particles)
@@ -75,12 +69,6 @@ class CloudPanel(Panel):
             return
         set_phase(rec, moment, Phase.WEIGHT)  # only colors: positions are most of a recording's size
         rec.log(path, row_of(rr.Points2D, colors=colors_of(weight_colors(record.weighted.log_weights))))
-        if record.parents is not None:
-            set_phase_only(rec, moment, Phase.RESAMPLE)
-            rec.log(path, resampled_points(record))
-        if update.is_reseeded:
-            set_phase_only(rec, moment, Phase.RESEED)
-            rec.log(path, reseeded_points(record, self._scale))
 
 
 def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
@@ -104,52 +92,6 @@ def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale)
     )
 
 
-def resampled_points(record: StepRecord) -> Row:
-    """Return sizes and colors of the weighted particles by their copies, the dead small and red."""
-    copies = copies_of(record.parents, record.weighted.size)
-    gone = copies == 0
-    radii = np.where(gone, DEAD_PT, np.minimum(ONE_COPY_PT * np.sqrt(copies), LARGEST_COPY_PT))
-    colors = np.where(gone, np.uint32(packed(DEAD)), copy_colors(copies))
-    return row_of(rr.Points2D, colors=colors_of(colors), radii=ui_points_of(radii))
-
-
-def reseeded_points(record: StepRecord, scale: Scale) -> Row:
-    """Return what the next step starts from: fresh particles stand out, all others are dim."""
-    fresh = np.zeros(record.belief.size, bool) if record.injected is None else record.injected
-    return row_of(
-        rr.Points2D,
-        positions=points_of(positions(record.belief, scale)),
-        colors=colors_of(np.where(fresh, packed(FRESH), packed(SETTLED))),
-        radii=ui_points_of(np.where(fresh, FRESH_PT, PARTICLE_PT)),
-    )
-
-
-class FreshPanel(Panel):
-    """Draws the fresh particles by themselves: for maps that show few particles, or all of them pale."""
-
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        self._path, self._is_shown = run.paths.fresh, False
-
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        radius = rr.components.Radius.ui_points(PARTICLE_PT)
-        rec.log(
-            self._path, rr.Points2D.from_fields(colors=[FRESH], radii=radius, draw_order=22.0), static=True
-        )
-
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        if self._is_shown:
-            self._log(rec, update, Phase.PREDICT, np.zeros((0, 2), np.float32))
-        injected = update.record.injected
-        self._is_shown = update.whole and injected is not None
-        if self._is_shown:
-            self._log(rec, update, Phase.RESEED, positions(update.record.belief, self._scale)[injected])
-
-    def _log(self, rec: rr.RecordingStream, update: StepUpdate, phase: Phase, places: F32) -> None:
-        set_phase_only(rec, update.moment, phase)
-        rec.log(self._path, row_of(rr.Points2D, positions=points_of(places)))
-
-
 def few_of(belief: Belief) -> Belief:
     """Return a few hundred particles, spread evenly over the numbering, with their weights."""
     size = belief.size
@@ -171,7 +113,7 @@ def copies_of(parents: I32 | None, size: int) -> NDArray[np.int64]:
 
 @dataclass(slots=True)
 class PoseMarker:
-    """One pose that moves: a disk, an arrow, the trail of its last `TRAIL` poses, broken where it jumps."""
+    """One pose that moves: a disk, an arrow, a trail of its last poses, broken where it jumps."""
 
     path: str
     color: RGB
@@ -266,7 +208,7 @@ ELLIPSE_ANGLES = np.linspace(0, 2 * np.pi, 33)
 
 
 class EllipsesPanel(Panel):
-    """Draws the covariance of the weighted cloud; of a recorded localizer along its last `TRAIL` poses."""
+    """Draws the covariance of the weighted cloud; of a recorded localizer along its last poses."""
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
@@ -300,77 +242,123 @@ def ellipse_of(belief: Belief, scale: Scale) -> F32:
 
 
 class CloseupPanel(Panel):
-    """Moves the frame of a view that follows the cloud, with a scale bar."""
+    """Moves the frame of a view that follows the cloud, with a scale bar; it points to a truth outside."""
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
-        self._path = run.paths.closeup
-        # the bar with the whole map in view
-        self._widest = long_side(scene.arena, scene.scale) / BARS_WIDE
-        self._bar = 0.0
-        self._at = np.zeros(2, np.float32)  # middle of the frame, as drawn
+        self._frame = CloseupFrame(run.paths.closeup, scene)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        radius = rr.components.Radius.ui_points
-        end = BAR_LEFT + 1 / BARS_WIDE
-        bar = np.array(
-            [
-                [BAR_LEFT, BAR_BOTTOM - 0.02],
-                [BAR_LEFT, BAR_BOTTOM],
-                [end, BAR_BOTTOM],
-                [end, BAR_BOTTOM - 0.02],
-            ]
-        )
-        lines = rr.LineStrips2D([bar], colors=[PALE], radii=radius(1.25), draw_order=70.0)
-        rec.log(f"{self._path}/bar", lines, static=True)
-        middle = [(BAR_LEFT + end) / 2, BAR_BOTTOM - 0.1]
-        # no labels yet: static ones would hide all later ones
-        style = rr.Points2D([middle], colors=[PALE], radii=radius(0.1), show_labels=True, draw_order=70.0)
-        rec.log(f"{self._path}/length", style, static=True)
+        self._frame.prepare(rec)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        middle, reach_m = seen_whole(update.record.weighted, update.moment.truth)
-        needed = self._scale.length(reach_m) / BARS_WIDE
-        resized = not SHRINK_SHARE * self._bar < needed <= self._bar
-        at = self._scale.screen(middle[None])[0]
-        if not resized and np.abs(at - self._at).max() < FOLLOW_SHARE * self._bar * BARS_WIDE:
-            return  # a still view is easier to read and costs nothing
+        record, truth = update.record, update.moment.truth
+        clouds = [sample(record.predicted), sample(record.weighted)]
+        if record.injected is not None:
+            clouds.append(record.belief.poses[record.injected, :2] + record.belief.origin)
         set_phase(rec, update.moment, Phase.PREDICT)
-        if resized:
-            unit = self._scale.units.name
-            self._bar = bar_for(min(needed, self._widest), unit)
-            rec.log(f"{self._path}/length", rr.Points2D.from_fields(labels=[f"{self._bar:g} {unit}"]))
-        self._at = at
-        frame = rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=[self._bar * BARS_WIDE] * 3)
-        rec.log(self._path, frame)
+        self._frame.draw(rec, clouds, [] if truth is None else [truth])
 
 
-def seen_whole(belief: Belief, truth: F64 | None) -> tuple[F64, float]:
-    """Return middle (2,) and half the side of a square that holds 95 % of the weight, and the truth."""
+class CloseupFrame:
+    """The frame of a close-up: 2 wide and 2 high, moved to what is to be seen."""
+
+    def __init__(self, path: str, scene: Scene) -> None:
+        self._path, self._scale = path, scene.scale
+        self._widest = EXTENT_MARGIN * long_side(scene.arena, scene.scale) / 2
+        self._half = 0.0  # of its side, in display units
+        self._at = np.zeros(2, np.float32)  # its middle, as drawn
+        self._points = False  # whether it points to a truth
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        """Log what does not change."""
+        radius = rr.components.Radius.ui_points
+        lines = rr.LineStrips2D.from_fields(colors=[PALE], radii=radius(1.25), draw_order=70.0)
+        rec.log(f"{self._path}/bar", lines, static=True)
+        # no labels yet: static ones would hide all later ones
+        style = rr.Points2D.from_fields(colors=[PALE], radii=radius(0.0), show_labels=True, draw_order=70.0)
+        rec.log(f"{self._path}/length", style, static=True)
+        away = rr.Arrows2D.from_fields(colors=[TRUTH], radii=radius(1.75), show_labels=True, draw_order=80.0)
+        rec.log(f"{self._path}/away", away, static=True)
+
+    def draw(self, rec: rr.RecordingStream, clouds: Sequence[F64], truths: Sequence[F64]) -> None:
+        """Log where the frame is to hold the clouds (K, 2), and poses (3,) that are not far from them."""
+        middle, reach_m = seen_whole(clouds, truths)
+        needed, at = min(self._scale.length(reach_m), self._widest), self._scale.screen(middle[None])[0]
+        resized = not SHRINK_SHARE * self._half < needed <= self._half
+        # a still view is easier to read and costs nothing
+        if resized or np.abs(at - self._at).max() > FOLLOW_SHARE * self._half:
+            self._half, self._at = needed if resized else self._half, at
+            size = [self._half] * 3
+            rec.log(self._path, rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=size))
+            if resized:
+                self._draw_bar(rec)
+        self._draw_away(rec, truths)
+
+    def _draw_bar(self, rec: rr.RecordingStream) -> None:
+        unit = self._scale.units.name
+        length = bar_for(self._half * BAR_SHARE, unit)
+        end = BAR_LEFT + length / self._half
+        bar = [
+            [BAR_LEFT, BAR_BOTTOM - 0.02],
+            [BAR_LEFT, BAR_BOTTOM],
+            [end, BAR_BOTTOM],
+            [end, BAR_BOTTOM - 0.02],
+        ]
+        rec.log(f"{self._path}/bar", rr.LineStrips2D.from_fields(strips=[np.array(bar)]))
+        at = [[max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - 0.13]]
+        rec.log(f"{self._path}/length", rr.Points2D.from_fields(positions=at, labels=[f"{length:g} {unit}"]))
+
+    def _draw_away(self, rec: rr.RecordingStream, truths: Sequence[F64]) -> None:
+        """Point to a truth outside of the frame, with its distance from the frame's middle."""
+        ways = [self._scale.screen(truth[None, :2])[0] - self._at for truth in truths]
+        outside = [way for way in ways if np.abs(way).max() > self._half]
+        if not outside and not self._points:
+            return
+        self._points = bool(outside)
+        along = np.array([way / np.abs(way).max() for way in outside]).reshape(-1, 2)
+        unit = self._scale.units
+        labels = [f"truth: {np.hypot(*way):.{unit.digits}f} {unit.name} away" for way in outside]
+        arrows = rr.Arrows2D.from_fields(origins=0.6 * along, vectors=0.25 * along, labels=labels)
+        rec.log(f"{self._path}/away", arrows)
+
+
+def sample(belief: Belief) -> F64:
+    """Return places (K, 2) of particles by weight, heavy ones several times."""
     ends = np.cumsum(belief.weights)
-    # heavy particles are chosen several times
     chosen = np.searchsorted(ends, (np.arange(SAMPLED_PARTICLES) + 0.5) / SAMPLED_PARTICLES * ends[-1])
-    some = belief.poses[chosen, :2] + belief.origin
-    low, high = np.quantile(some, [0.025, 0.975], axis=0)
-    if truth is not None:
-        low, high = np.minimum(low, truth[:2]), np.maximum(high, truth[:2])
-    return (low + high) / 2, EXTENT_MARGIN * float((high - low).max()) / 2
+    return np.asarray(belief.poses[chosen, :2] + belief.origin, np.float64)
 
 
-def bar_for(needed: float, unit: str) -> float:
-    """Return the shortest round length of a bar that is at least what is needed, else the longest."""
+def seen_whole(clouds: Sequence[F64], truths: Sequence[F64]) -> tuple[F64, float]:
+    """Return middle (2,) and half the side of a square that holds nearly all of each cloud (K, 2).
+
+    It also holds poses (3,) that would not make it more than `TRUTH_TIMES` times as large.
+    """
+    ends = [np.quantile(cloud, [0.01, 0.99], axis=0) for cloud in clouds if len(cloud)]
+    low, high = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
+    size = max(float((high - low).max()), LEAST_SIDE_M)
+    for truth in truths:
+        lower, upper = np.minimum(low, truth[:2]), np.maximum(high, truth[:2])
+        if float((upper - lower).max()) <= TRUTH_TIMES * size:
+            low, high = lower, upper
+    return (low + high) / 2, EXTENT_MARGIN * max(float((high - low).max()), LEAST_SIDE_M) / 2
+
+
+def bar_for(room: float, unit: str) -> float:
+    """Return the longest round length of a bar that is at most what there is room for, else the shortest."""
     lengths = BAR_LENGTHS[unit]
-    return next((length for length in lengths if length >= needed), lengths[-1])
+    return next((length for length in reversed(lengths) if length <= room), lengths[0])
 
 
 def run_key(name: str, has_truth: bool) -> U8:
-    """Return the highest key of a map, in any run's color."""
-    return highest(phase_keys(has_truth, RUN_COLORS[0], False)[name])
+    """Return the key of a map, in any run's color."""
+    return keys_of(has_truth, RUN_COLORS[0], False)[name]
 
 
 def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the map with the weighted cloud, the estimate and the truth."""
-    contents = [*MAP, entities.NODES, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
+    contents = [*MAP, entities.NODES, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     name = f"Belief: particles by weight, rings: modes ({scene.scale.units.name})"
     return map_view(name, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
@@ -378,6 +366,11 @@ def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
 
 def closeup_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the close-up of the cloud."""
-    contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", f"{paths.closeup}/**"]
+    contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", *frame_marks(paths.closeup)]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return plane_view("Cloud close up", contents, Extent(-1, 1, -1, 1), origin=paths.closeup)
+
+
+def frame_marks(path: str) -> list[str]:
+    """Return what stands in the frame of a close-up: scale bar, and where the truth is."""
+    return [f"{path}/bar", f"{path}/length", f"{path}/away"]

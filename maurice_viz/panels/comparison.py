@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
@@ -14,8 +14,8 @@ from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from .. import entities
-from ..drawing.canvas import jpeg, long_side
-from ..drawing.keys import COMPARED, belief_keys, extent_with, highest, runs_key
+from ..drawing.canvas import jpeg
+from ..drawing.keys import COMPARED, belief_key, extent_with, runs_key
 from ..entities import Phase
 from ..playback import RunResult
 from ..scene import RunView, Scene
@@ -24,10 +24,10 @@ from ..text.summary import NOT_YET, StepWords, result
 from .belief import truth_marker
 from .camera import SEES, camera_view, draw_jpeg, draw_name, edges_view, prepare_jpeg
 from .events import EventLines, line_names
-from .panel import MARKDOWN, set_phase, set_phase_only
+from .panel import MARKDOWN, set_phase
 from .traces import LINE_WIDTH
 from .views import MAP, picture_view, plane_view, plot
-from .world import KEY_DISTANCE, draw_keys, show_key
+from .world import draw_key
 
 LABEL_LETTERS = 12  # letters of a label in a title of the shared column
 TITLE_LETTERS = 30  # letters for which a small map has room
@@ -41,9 +41,7 @@ class ComparisonDrawing:
     Of runs that replay another drive than the first one, camera and truth are drawn here.
     """
 
-    def __init__(
-        self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene, draws_fresh: bool = True
-    ) -> None:
+    def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._runs, self._scale = rec, tuple(runs), scene.scale
         self._labels = tuple(run.label for run in runs)
         self._clouds = {label: entities.cloud_of(label) for label in self._labels}
@@ -53,9 +51,6 @@ class ComparisonDrawing:
             if run.own_drive
         }
         self._words = StepWords(self._labels, scene.scale, scene.has_truth)
-        self._draws_fresh = draws_fresh and not all(run.is_recorded for run in runs)
-        self._far = KEY_DISTANCE * long_side(scene.arena, scene.scale)  # between the keys of all runs
-        self._key = -1  # the one that is shown
         self._events = EventLines()
         self._named = set[str]()  # runs whose cameras have their names
         self._extents: dict[str, tuple[float, float]] = {}  # least and largest value, by plot
@@ -70,7 +65,6 @@ class ComparisonDrawing:
     def see(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> None:
         """Log one update of all runs."""
         moment, _ = steps[self._labels[0]]
-        self._show_key(moment, (record for _, record in steps.values()))
         set_phase(self._rec, moment, Phase.WEIGHT)
         for label, (own, record) in steps.items():
             self._rec.log(self._clouds[label], rr.Points2D.from_fields(positions=self._dots(record)))
@@ -94,23 +88,11 @@ class ComparisonDrawing:
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _draw_keys(self, scene: Scene) -> None:
-        keys_of_all = _keys_of_all(self._runs, scene.has_truth)
-        draw_keys(self._rec, entities.RUNS_KEY, keys_of_all, scene.arena, scene.scale)
+        key = _key_of_all(self._runs, scene.has_truth)
+        draw_key(self._rec, entities.RUNS_KEY, key, scene.arena, scene.scale)
         for run in self._runs:
-            keys = belief_keys(scene.has_truth, run.color, run.is_recorded, len(self._runs))
-            draw_keys(self._rec, run.paths.phase_key(COMPARED), keys, scene.arena, scene.scale)
-
-    def _show_key(self, moment: Moment, records: Iterable[StepRecord]) -> None:
-        """Show the key with fresh particles in the phase in which some run draws them."""
-        if not self._draws_fresh:
-            return
-        if self._key != 0:
-            (set_phase if self._key < 0 else set_phase_only)(self._rec, moment, Phase.PREDICT)
-            show_key(self._rec, entities.RUNS_KEY, 0, self._far)
-        self._key = int(any(record.injected is not None for record in records))
-        if self._key:
-            set_phase_only(self._rec, moment, Phase.RESEED)
-            show_key(self._rec, entities.RUNS_KEY, 1, self._far)
+            own = belief_key(scene.has_truth, run.color, len(self._runs))
+            draw_key(self._rec, run.paths.key(COMPARED), own, scene.arena, scene.scale)
 
     def _prepare_run(self, run: RunView) -> None:
         label, points = run.label, rr.components.Radius.ui_points
@@ -170,10 +152,8 @@ class ComparisonDrawing:
         return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS_A_CLOUD), :2] + cloud.origin)
 
 
-def _keys_of_all(runs: Sequence[RunView], has_truth: bool) -> list[U8]:
-    """Return the keys without and, unless all runs are recorded, with fresh particles."""
-    labels, recorded = [run.label for run in runs], all(run.is_recorded for run in runs)
-    return [runs_key(labels, has_truth, has_fresh) for has_fresh in (False, True)[: 1 if recorded else 2]]
+def _key_of_all(runs: Sequence[RunView], has_truth: bool) -> U8:
+    return runs_key([run.label for run in runs], has_truth)
 
 
 def by_weight(weights: F64, count: int) -> I32:
@@ -200,24 +180,24 @@ def first_label(runs: Sequence[RunView]) -> str:
 def run_belief_view(run: RunView, count: int, scene: Scene) -> rrb.Spatial2DView:
     """Show the cloud of one of `count` runs; the title names the run's color in shared panels."""
     paths = run.paths
-    contents = [*MAP, entities.NODES, f"{paths.phase_key(COMPARED)}/**", f"{paths.at('belief')}/**"]
+    contents = [*MAP, entities.NODES, paths.key(COMPARED), f"{paths.at('belief')}/**"]
     contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
     unit = scene.scale.units.name
     name = f"{run.label}, {run.color_word}: belief ({unit})"
     if len(name) > TITLE_LETTERS:
         name = f"{run.label}, {run.color_word} ({unit})"
-    key = highest(belief_keys(scene.has_truth, run.color, run.is_recorded, count))
+    key = belief_key(scene.has_truth, run.color, count)
     return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
 
 
 def all_runs_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     """Show all clouds on one map, each with its estimate in the run's color."""
-    contents = [*MAP, entities.NODES, f"{entities.RUNS_KEY}/**"]
+    contents = [*MAP, entities.NODES, entities.RUNS_KEY]
     for run in runs:
         paths = run.paths
-        contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses, paths.fresh]
+        contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses]
         contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
-    key = highest(_keys_of_all(runs, scene.has_truth))
+    key = _key_of_all(runs, scene.has_truth)
     name = f"All runs on one map ({scene.scale.units.name})"
     return plane_view(name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale))
 

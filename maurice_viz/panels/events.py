@@ -29,32 +29,22 @@ from ..scene import RunView, Scene
 from ..style import FRESH, GROUND, LOST, PALE, RGB, STATES, font_safe, packed
 from ..text import narration
 from ..text.what_if import BRANCH
-from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_phase_only, set_place
+from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 
 PARTLY = " · only partly drawn, see `--detail`"
 
 
 class WordsPanel(Panel):
-    """Logs a text for every phase, and a summary at the end of the step."""
+    """Logs a text about every step."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         rec.log(self._paths.text, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        moment, record = update.moment, update.record
-        if update.whole:
-            for phase in (Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT):
-                set_phase(rec, moment, phase)
-                self._log(rec, narration.phase(moment, record, phase, self._scale))
-            for phase in (Phase.RESAMPLE, Phase.RESEED):
-                set_phase_only(rec, moment, phase)
-                self._log(rec, narration.phase(moment, record, phase, self._scale))
-        set_phase(rec, moment, Phase.ESTIMATE)
-        title, rest = narration.summary(moment, record, self._scale).split("\n\n", 1)
-        self._log(rec, f"{title}{'' if update.whole else PARTLY}\n\n{rest}")
-
-    def _log(self, rec: rr.RecordingStream, text: str) -> None:
-        rec.log(self._paths.text, row_of(rr.TextDocument, text=text_of(font_safe(text))))
+        set_phase(rec, update.moment, Phase.PREDICT)
+        title, rest = narration.summary(update.moment, update.record, self._scale).split("\n\n", 1)
+        text = text_of(font_safe(f"{title}{'' if update.whole else PARTLY}\n\n{rest}"))
+        rec.log(self._paths.text, row_of(rr.TextDocument, text=text))
 
 
 def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDocumentView:

@@ -88,6 +88,12 @@ def set_phase_only(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> Non
     rec.disable_timeline(SESSION)
 
 
+def set_step_only(rec: rr.RecordingStream, moment: Moment) -> None:
+    """Set the timelines without phases alone, to an update."""
+    set_phase(rec, moment, Phase.ESTIMATE)
+    rec.disable_timeline(PHASE)
+
+
 def place_drawing(
     rec: rr.RecordingStream, path: str, image: U8, corner: tuple[float, float], scale: float, order: float
 ) -> None:

@@ -1,14 +1,14 @@
-"""What the cloud is made of: its headings, its modes over time, and the ancestors of its survivors."""
+"""What the cloud is made of: its headings, its modes, how few particles it descends from, its weights."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
 from maurice_mcl.scoring.modes import Ancestry, TrackedMode
 from maurice_mcl.values.arrays import F32, F64, U8
@@ -23,7 +23,7 @@ from ..scene import RunView, Scene
 from ..style import Scale, heading_vector
 from .belief import copies_of
 from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
-from .views import plane_view, plot
+from .views import plane_view
 
 # Headings: a histogram of all directions at once, area by weight.
 
@@ -116,54 +116,28 @@ def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
     return plane_view("Headings (deg)", f"{paths.headings}/**", extent)
 
 
-# Modes over time: each keeps its color. They are stacked by age, the oldest at the bottom, so that a band
-# does not jump when another overtakes it. Weight in no mode stays empty at the top.
+# Modes: a ring around each on the map, in a color that it keeps.
 
-UPDATES_SEEN = 60  # updates that are shown, one column each
-BAND_ROWS = 24  # rows for the whole weight
-TIME_LABELS = (
-    (0.0, f"{UPDATES_SEEN} steps ago"),
-    (UPDATES_SEEN / 2, f"{UPDATES_SEEN // 2}"),
-    (UPDATES_SEEN, "now"),
-)
-MODES_MARGIN = (9.0, 4.0, 2.0, 5.5)  # left, right, top, bottom of the drawing, in columns
-FRAME_PX = 16  # pixels a column of the frame's drawing
-MODES_TEXT_PX = 29.0
 RING_PT = 1.0
-CIRCLE_ANGLES = np.linspace(0, 2 * np.pi, 49)
-LEAST_RINGED = 0.1  # share of the weight; smaller modes are in the bands only
-BANDS = IndexedColors()
-NO_MODE = BANDS.flat(style.EMPTY)
-MODE_INKS = {color: BANDS.flat(color) for color in style.MODE_COLORS}
-CIRCLE = np.column_stack([np.cos(CIRCLE_ANGLES), np.sin(CIRCLE_ANGLES)])
+AROUND = np.linspace(0, 2 * np.pi, 49)
+LEAST_RINGED = 0.1  # share of the weight; smaller modes have no ring
+CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 
 
 class ModesPanel(Panel):
-    """Draws the bands of one run, and a ring of the same color around each mode on the map."""
-
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        self._bands = np.full((BAND_ROWS, UPDATES_SEEN), NO_MODE, np.uint8)  # the latest update at the right
+    """Draws a ring around each mode of one run on the map."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        left, _, top, _ = MODES_MARGIN
-        place_drawing(rec, f"{self._paths.modes}/frame", frame(), (-left, -top), 1 / FRAME_PX, -20.0)
-        kind = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
-        rec.log(f"{self._paths.modes}/bands", kind, static=True)
         width = rr.components.Radius.ui_points(RING_PT)
         rings = rr.LineStrips2D.from_fields(radii=width, draw_order=44.0, show_labels=True)
         rec.log(self._paths.mode_rings, rings, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        self._bands[:, :-1] = self._bands[:, 1:]
-        self._bands[:, -1] = column(update.modes)
         if update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
             rec.log(self._paths.mode_rings, rings_of((), self._scale))
         set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale))
-        picture = row_of(rr.EncodedImage, blob=blob_of(BANDS.png(self._bands)))
-        rec.log(f"{self._paths.modes}/bands", picture)
 
 
 def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
@@ -180,117 +154,25 @@ def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
     )
 
 
-def frame() -> U8:
-    """Draw the frame (H, W, 3) RGB with labels below and beside it."""
-    left, right, top, bottom = MODES_MARGIN
-    size = round((top + BAND_ROWS + bottom) * FRAME_PX), round((left + UPDATES_SEEN + right) * FRAME_PX)
-    image = np.full((*size, 3), style.GROUND, np.uint8)
-    corner = np.array([left, top]) * FRAME_PX
-    far = corner + np.array([UPDATES_SEEN, BAND_ROWS]) * FRAME_PX
-    image[round(corner[1]) - 2 : round(far[1]) + 2, round(corner[0]) - 2 : round(far[0]) + 2] = style.RULER
-    for column, text in TIME_LABELS:
-        at = corner[0] + column * FRAME_PX - text_size(text, MODES_TEXT_PX)[0] / 2
-        put_text(image, text, max(at, 4), far[1] + 2 * MODES_TEXT_PX, MODES_TEXT_PX, style.PALE)
-    for row, text in ((0.0, "100 %"), (BAND_ROWS / 2, "50 %"), (float(BAND_ROWS), "0 %")):
-        width, height = text_size(text, MODES_TEXT_PX)
-        put_text(
-            image,
-            text,
-            corner[0] - width - 12,
-            corner[1] + row * FRAME_PX + height / 2,
-            MODES_TEXT_PX,
-            style.PALE,
-        )
-    return image
+# Ancestry: how few particles the cloud descends from.
 
-
-def column(modes: Sequence[TrackedMode]) -> U8:
-    """Draw one update's part of the bands (ROWS,), in colors of `BANDS`."""
-    image, mass = np.full(BAND_ROWS, NO_MODE, np.uint8), 0.0
-    for mode in sorted(modes, key=lambda mode: mode.identity):
-        base, mass = mass, mass + mode.estimate.mass
-        rows = slice(BAND_ROWS - round(mass * BAND_ROWS), BAND_ROWS - round(base * BAND_ROWS))
-        image[rows] = MODE_INKS[style.mode_color(mode.identity)]
-    return image
-
-
-def modes_view(paths: RunPaths) -> rrb.Spatial2DView:
-    """Show how the weight was shared among the modes of the last updates."""
-    left, right, top, bottom = MODES_MARGIN
-    extent = Extent(-left, UPDATES_SEEN + right, -top, BAND_ROWS + bottom)
-    return plane_view("Modes: share of the weight (%), rings on the map", f"{paths.modes}/**", extent)
-
-
-# Ancestry: a copy stands where its parent stood, so lines from parents to children are drawn where they can
-# be seen: in the phase `predict` to where each copy has moved, in `resample` along ancestors of survivors.
-
-MOST_MOVES = 150  # lines of moved particles; more cannot be distinguished
-MOST_FAMILIES = 15
-LINE_PT = 0.6  # radius in points of the screen
 SURVIVORS = "survivors"
 ANCESTORS = "ancestors"
 
-_NO_LINES = row_of(rr.LineStrips2D, strips=strips_of([]))
-
 
 class AncestryPanel(Panel):
-    """Draws the lines of one run, and logs the shares of survivors and ancestors."""
+    """Logs the shares of survivors and ancestors of one run."""
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
         self._ancestry = Ancestry()
-        self._before: Belief | None = None  # what the last update passed on
-
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        radius = rr.components.Radius.ui_points
-        for path, color, order in (
-            (self._paths.moves, style.MOVED, 15.0),
-            (self._paths.families, style.FAMILY, 16.0),
-        ):
-            lines = rr.LineStrips2D.from_fields(colors=[color], radii=radius(LINE_PT), draw_order=order)
-            rec.log(path, lines, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log moves and ancestors in the phases in which they can be seen, and the shares at the end."""
-        if update.whole:
-            self._draw_moves(rec, update)
         record = update.record
         self._ancestry.see(record)
-        self._before = record.belief
-        if update.whole and record.parents is not None:
-            self._draw_ancestors(rec, update)
-        if update.whole and update.is_reseeded:  # so that particles drawn anew can be seen
-            set_phase_only(rec, update.moment, Phase.RESEED)
-            rec.log(self._paths.families, _NO_LINES)
         set_phase(rec, update.moment, Phase.ESTIMATE)
         rec.log(self._paths.trace(SURVIVORS), scalars(survivors(record)))
         rec.log(self._paths.trace(ANCESTORS), scalars(self._ancestry.distinct() / record.belief.size))
-
-    def clear(self, rec: rr.RecordingStream) -> None:
-        for path in (self._paths.moves, self._paths.families):
-            rec.log(path, rr.Clear(recursive=True))
-
-    def _draw_moves(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log lines from where some particles were to where the motion model put them, in one phase."""
-        before, after = self._before, update.record.predicted
-        set_phase_only(rec, update.moment, Phase.PREDICT)
-        rec.log(self._paths.families, _NO_LINES)
-        if before is not None and before.size == after.size:  # else particles have no single parent
-            some = spread_over(after.size, MOST_MOVES)
-            ends = np.stack([self._scale.screen(b.poses[some, :2] + b.origin) for b in (before, after)], 1)
-            rec.log(self._paths.moves, row_of(rr.LineStrips2D, strips=strips_of(ends)))
-        set_phase_only(rec, update.moment, Phase.MEASURE)
-        rec.log(self._paths.moves, _NO_LINES)
-
-    def _draw_ancestors(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        set_phase_only(rec, update.moment, Phase.RESAMPLE)
-        lines = [self._scale.screen(line) for line in self._ancestry.lines(MOST_FAMILIES) if len(line) > 1]
-        rec.log(self._paths.families, row_of(rr.LineStrips2D, strips=strips_of(lines)))
-
-
-def spread_over(count: int, most: int) -> NDArray[np.int64]:
-    """Return at most `most` indices, spread evenly over `count` items."""
-    return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64) if count else np.zeros(0, int)
 
 
 def survivors(record: StepRecord) -> float:
@@ -298,7 +180,130 @@ def survivors(record: StepRecord) -> float:
     return float((copies_of(record.parents, record.weighted.size) > 0).mean())
 
 
-def ancestry_plot(paths: RunPaths) -> rrb.TimeSeriesView:
-    """Plot the shares of particles that survive, and of ancestors from which the cloud descends."""
-    lines = [paths.trace(SURVIVORS), paths.trace(ANCESTORS)]
-    return plot("Survivors violet, ancestors 10 steps back green (share)", lines, top=1.1)
+# Weights against particles, as bars: how many weigh so much, and how much weight they hold. After a
+# resampling, in the same places, how many copies they left: the copies expected are the weight in averages.
+
+BINS_PX, HEIGHT_PX = 64, 104  # of a pair of bars, as large as on a screen of 1280 x 800
+COLUMN_PX, FIRST_PX, SECOND_PX = 25, 4, 31  # width of a bar, and where in a pair the two begin
+AXIS_PX = 2
+VALUE_ABOVE, NAME_BELOW, UNDER = 23, 3, 23  # labels hang a little below their points
+KEY_ABOVE = 50
+LEAST_SAID = 0.005  # share of a bar whose value is written
+
+# from which weight, in averages, or which number of copies, and how that is written
+WEIGHTS = (
+    (0.0, "< 1/8"),
+    (1 / 8, "1/8-1/2"),
+    (1 / 2, "1/2-2"),
+    (2.0, "2-8"),
+    (8.0, "8-32"),
+    (32.0, "> 32"),
+)
+COPIES = ((0.0, "0"), (1.0, "1"), (2.0, "2-3"), (4.0, "4-7"), (8.0, "8-15"), (16.0, "> 15"))
+
+BARS = IndexedColors()
+GROUND_INK, DOTS_INK, WEIGHT_INK, AXIS_INK = (
+    BARS.flat(color) for color in (style.GROUND, style.CLOUD, style.WEIGHT, style.RULER)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What bars are of."""
+
+    bins: tuple[tuple[float, str], ...]
+    under: str  # what the bins count
+    held: str  # what the second bars are of
+
+
+BY_WEIGHT = Kind(WEIGHTS, "times the average weight", "% of the weight")
+BY_COPIES = Kind(COPIES, "copies of a dot", "% of the copies")
+
+
+class WeightBarsPanel(Panel):
+    """Draws the bars of the moved, the weighted and the resampled cloud."""
+
+    def prepare(self, rec: rr.RecordingStream) -> None:
+        bars = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-5.0)
+        rec.log(self._paths.inside("bars"), bars, rr.Transform3D(translation=[0, -HEIGHT_PX, 0]), static=True)
+        labels = rr.Points2D.from_fields(radii=rr.components.Radius.ui_points(0.0), show_labels=True)
+        rec.log(self._paths.inside("values"), labels, static=True)
+
+    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
+        if not update.whole:
+            return
+        record = update.record
+        set_phase_only(rec, update.moment, Phase.PREDICT)
+        self._log(rec, record.predicted.weights * record.predicted.size, BY_WEIGHT)
+        set_phase(rec, update.moment, Phase.WEIGHT)
+        self._log(rec, record.weighted.weights * record.weighted.size, BY_WEIGHT)
+        if record.parents is not None:
+            set_phase_only(rec, update.moment, Phase.RESAMPLE)
+            copies = copies_of(record.parents, record.weighted.size)
+            self._log(rec, copies.astype(np.float64), BY_COPIES)
+
+    def clear(self, rec: rr.RecordingStream) -> None:
+        rec.log(
+            self._paths.inside("bars"),
+            row_of(rr.EncodedImage, blob=blob_of(bars_of(np.zeros(0), np.zeros(0)))),
+        )
+        nothing = row_of(rr.Points2D, positions=points_of(np.zeros((0, 2))), labels=texts_of([]))
+        rec.log(self._paths.inside("values"), nothing)
+
+    def _log(self, rec: rr.RecordingStream, times: F64, kind: Kind) -> None:
+        dots, held = shares_of(times, kind)
+        rec.log(self._paths.inside("bars"), row_of(rr.EncodedImage, blob=blob_of(bars_of(dots, held))))
+        labels: list[tuple[float, float, str, int]] = []  # x, y, text, color
+        dots_color, weight_color, pale = (
+            style.packed(style.CLOUD),
+            style.packed(style.WEIGHT),
+            style.packed(style.PALE),
+        )
+        for values, left, color in ((dots, FIRST_PX, dots_color), (held, SECOND_PX, weight_color)):
+            labels += [
+                (
+                    BINS_PX * k + left + COLUMN_PX / 2,
+                    -HEIGHT_PX * value - VALUE_ABOVE,
+                    f"{100 * value:.0f}",
+                    color,
+                )
+                for k, value in enumerate(values)
+                if value >= LEAST_SAID
+            ]
+        labels += [(BINS_PX * (k + 0.48), NAME_BELOW, name, pale) for k, (_, name) in enumerate(kind.bins)]
+        width = BINS_PX * len(kind.bins)
+        labels.append((width / 2, UNDER, kind.under, pale))
+        labels.append((width / 4, -HEIGHT_PX - KEY_ABOVE, "% of the dots", dots_color))
+        labels.append((3 * width / 4, -HEIGHT_PX - KEY_ABOVE, kind.held, weight_color))
+        row = row_of(
+            rr.Points2D,
+            positions=points_of([label[:2] for label in labels]),
+            labels=texts_of([label[2] for label in labels]),
+            colors=colors_of([label[3] for label in labels]),
+        )
+        rec.log(self._paths.inside("values"), row)
+
+
+def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:
+    """Return the shares (K,) of particles in each bin, and of all their weight or copies `times` (N,)."""
+    ends = [*(least for least, _ in kind.bins), np.inf]
+    dots = np.histogram(times, ends)[0] / max(len(times), 1)
+    held = np.histogram(times, ends, weights=times)[0] / max(float(times.sum()), 1e-12)
+    return dots, held
+
+
+def bars_of(dots: F64, held: F64) -> bytes:
+    """Draw two shares (K,) a bin as bars, over their axis, as a PNG."""
+    image = np.full((HEIGHT_PX + AXIS_PX, BINS_PX * len(WEIGHTS)), GROUND_INK, np.uint8)
+    image[HEIGHT_PX:] = AXIS_INK
+    for values, first, ink in ((dots, FIRST_PX, DOTS_INK), (held, SECOND_PX, WEIGHT_INK)):
+        for number, value in enumerate(values):
+            left = BINS_PX * number + first
+            image[HEIGHT_PX - round(HEIGHT_PX * float(value)) : HEIGHT_PX, left : left + COLUMN_PX] = ink
+    return BARS.png(image)
+
+
+def weight_bars_view(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show the bars."""
+    extent = Extent(-4, BINS_PX * len(WEIGHTS) + 4, -HEIGHT_PX - KEY_ABOVE - 2, 50)
+    return plane_view("Weights", [paths.inside("bars"), paths.inside("values")], extent)

@@ -233,7 +233,7 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 
 def circles_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
-    contents = [*MAP, f"{paths.phase_key(MATCHES)}/**", *_circles_of(paths)]
+    contents = [*MAP, paths.key(MATCHES), *_circles_of(paths)]
     name = f"Match circles ({scene.scale.units.name})"
     return map_view(name, contents, scene, paths.particles, run_key(MATCHES, scene.has_truth))
 
@@ -243,7 +243,6 @@ def _circles_of(paths: RunPaths) -> list[str]:
         f"{paths.at('match')}/**",
         f"- {paths.contact_sheet}/**",
         paths.particles,
-        paths.fresh,
     ]
 
 
@@ -264,8 +263,8 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: Scene) -> 
     """Show the likelihood over the map under the cloud, for all channels together and for each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
-        contents = [*BARE_MAP, f"{paths.phase_key(LIKELIHOOD)}/**", paths.likelihood(channel)]
-        contents += [paths.particles, paths.fresh]
+        contents = [*BARE_MAP, paths.key(LIKELIHOOD), paths.likelihood(channel)]
+        contents += [paths.particles]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else f"Likelihood ({scene.scale.units.name})"  # of all channels together
         views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene.has_truth)))

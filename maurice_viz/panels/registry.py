@@ -5,12 +5,13 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from ..scene import RunView, Scene
-from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel, FreshPanel
+from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel
 from .camera import CameraPanel, HistogramsPanel
 from .events import WordsPanel
 from .explanation import ExplanationPanel
+from .inside import InsidePanel, PhasesPanel
 from .panel import Panel
-from .population import AncestryPanel, HeadingsPanel, ModesPanel
+from .population import AncestryPanel, HeadingsPanel, ModesPanel, WeightBarsPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .sensors import SensorsPanel
 from .story import LimitsPanel
@@ -22,12 +23,14 @@ OF_THE_SCENE: tuple[type[Panel], ...] = (
     TruthPanel,
     CameraPanel,
     LimitsPanel,
+    PhasesPanel,
 )  # once for all runs
 OF_A_RUN: tuple[type[Panel], ...] = (
     KeysPanel,
     CloudPanel,
-    FreshPanel,
     CloseupPanel,
+    InsidePanel,
+    WeightBarsPanel,
     AncestryPanel,
     MatchCirclesPanel,
     BestReferencesPanel,
@@ -47,14 +50,15 @@ OF_REFERENCES: tuple[type[Panel], ...] = (LikelihoodPanel,)  # where the library
 OF_CHANNELS: frozenset[type[Panel]] = frozenset(
     (MatchCirclesPanel, BestReferencesPanel, HistogramsPanel, ExplanationPanel)
 )  # which a robot without a camera has not
+OF_FILTERS: frozenset[type[Panel]] = frozenset((InsidePanel, WeightBarsPanel))  # not of recorded runs
 
 
 def panels_of(run: RunView, scene: Scene) -> list[Panel]:
     """Return the panels of a run; the first run has those of the scene, too."""
     kinds = [*(OF_THE_SCENE if run.number == 0 else ()), *OF_A_RUN]
     kinds += OF_REFERENCES if scene.library.size else ()
-    blind = bool(run.sensors) and not run.channels
-    return [kind(run, scene) for kind in kinds if not (blind and kind in OF_CHANNELS)]
+    left_out = OF_CHANNELS if run.sensors and not run.channels else OF_FILTERS if run.is_recorded else ()
+    return [kind(run, scene) for kind in kinds if kind not in left_out]
 
 
 def views_of(run: RunView, scene: Scene) -> list[rrb.View]:

@@ -238,7 +238,7 @@ def titles_of(sensor: PoseSensor) -> tuple[str, ...]:
 
 def sensor_map_view(paths: RunPaths, scene: Scene, names: tuple[str, ...]) -> rrb.Spatial2DView:
     """Show the map with the cloud, and what the sensors mark on it."""
-    contents = [*MAP, f"{paths.phase_key(WEIGHTS)}/**", f"{paths.at('belief')}/**"]
+    contents = [*MAP, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
     contents += [f"{paths.sensor(name, ON_MAP)}/**" for name in names]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     title = f"Map with marks of {' and '.join(names)} ({scene.scale.units.name})"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import rerun as rr
 
@@ -14,16 +12,12 @@ from maurice_mcl.values.map import Arena
 
 from .. import entities
 from ..drawing import keys
-from ..drawing.arrow import places_of, row_of
 from ..drawing.canvas import draw_ground, long_side, map_extent
 from ..entities import Phase
 from ..scene import RunView, Scene
 from ..style import CARRIED, NODE, WALL, Scale
 from .belief import truth_marker
-from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
-
-KEY_DISTANCE = 1000.0  # between the keys of two phases: times the map's long side, or the close-up's half
-CLOSEUP_LEFT, CLOSEUP_TOP, CLOSEUP_WIDTH = -0.96, -0.98, 1.92  # of the key in the close-up, from -1 to 1
+from .panel import Panel, StepUpdate, place_drawing, set_phase
 
 
 class WorldPanel(Panel):
@@ -34,70 +28,15 @@ class WorldPanel(Panel):
 
 
 class KeysPanel(Panel):
-    """Draws the keys above the maps of one run: in each phase of what the map shows then.
-
-    All keys of a run are drawn once, those of a phase `FAR` below those of the phase before; one transform
-    moves those of the current phase to their maps.
-    """
-
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        self._far = KEY_DISTANCE * long_side(scene.arena, scene.scale)
-        self._shown: Phase | None = None  # on the timeline `phase`
+    """Draws the keys above the maps of one run."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         run, arena, scale, has_truth = self._run, self._library.arena, self._scale, self._scene.has_truth
-        by_phase = keys.phase_keys(has_truth, run.color, run.is_recorded)
-        for name, drawn in by_phase.items():
-            draw_keys(rec, self._paths.phase_key(name), drawn, arena, scale)
-        for number, key in enumerate(by_phase[keys.WEIGHTS]):
-            corner = CLOSEUP_LEFT, CLOSEUP_TOP + number * KEY_DISTANCE
-            path = f"{self._paths.closeup}/key/{number}"
-            place_drawing(rec, path, key, corner, CLOSEUP_WIDTH / key.shape[1], 60.0)
+        drawn = keys.keys_of(has_truth, run.color, run.is_recorded)
         if not run.is_recorded:
-            explained = keys.explain_key(has_truth, run.color)
-            draw_key(rec, self._paths.key(keys.EXPLAINED), explained, arena, scale)
-
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        if self._run.is_recorded:
-            return
-        if update.is_first:  # on the other timelines for good
-            set_phase(rec, update.moment, Phase.PREDICT)
-            self._show(rec, Phase.WEIGHT)
-        for phase in phases_of(update):
-            set_phase_only(rec, update.moment, phase)
-            self._show(rec, phase if update.whole else Phase.WEIGHT)
-
-    def _show(self, rec: rr.RecordingStream, phase: Phase) -> None:
-        if phase is self._shown:
-            return
-        self._shown = phase
-        number = keys.PHASES.index(phase)
-        for path, far in ((self._paths.phase_keys, self._far), (f"{self._paths.closeup}/key", KEY_DISTANCE)):
-            show_key(rec, path, number, far)
-
-
-def draw_keys(rec: rr.RecordingStream, path: str, drawn: Sequence[U8], arena: Arena, scale: Scale) -> None:
-    """Log keys (H, W, 3), static: the first above the map, each of the others `FAR` below the one before."""
-    far = KEY_DISTANCE * long_side(arena, scale)
-    for number, key in enumerate(drawn):
-        extent = keys.key_extent(key, arena, scale)
-        corner = extent.left, extent.top + number * far
-        place_drawing(rec, f"{path}/{number}", key, corner, extent.width / key.shape[1], -10.0)
-
-
-def show_key(rec: rr.RecordingStream, path: str, number: int, far: float) -> None:
-    """Log the transform that moves the key of this number, and all others with it."""
-    rec.log(path, row_of(rr.Transform3D, translation=places_of([0.0, -number * far, 0.0])))
-
-
-def phases_of(update: StepUpdate) -> list[Phase]:
-    """Return the phases of an update in which its maps change."""
-    if not update.whole:
-        return [Phase.PREDICT]
-    resampled = [Phase.RESAMPLE] if update.record.parents is not None else []
-    reseeded = [Phase.RESEED] if update.is_reseeded else []
-    return [Phase.PREDICT, Phase.MEASURE, Phase.WEIGHT, *resampled, *reseeded]
+            drawn[keys.EXPLAINED] = keys.explain_key(has_truth, run.color)
+        for name, key in drawn.items():
+            draw_key(rec, self._paths.key(name), key, arena, scale)
 
 
 # of the arena's long side: where the arrow to the truth ends, or its disk would hide it

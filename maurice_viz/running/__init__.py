@@ -7,7 +7,7 @@ The walk of a replay, from the command to a dot on the screen:
 3. `playback.py` (of the package) steps all filters through the session; `run.py` goes through these
    updates: it scores each, saves it (`saved.py`), and has it drawn.
 4. `output.py` opens a file, a viewer or a browser's page to draw to (`viewer/`), laid out by `layouts/`.
-5. `panels/observer.py` gives each update to the panels of its run, in the order of `panels/registry.py`.
+5. `observer.py` gives each update to the panels of its run, in the order of `panels/registry.py`.
 6. A panel, such as that of the cloud in `panels/belief.py`, logs rows: `style.py` scales meters to the
    screen, `entities.py` says under which path they stand and on which timeline, `drawing/arrow.py` makes
    Arrow data of them.

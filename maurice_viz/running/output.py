@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
 
-    from ..panels.observer import SceneObserver
     from ..viewer.web import WebViewer
+    from .observer import SceneObserver
 
 
 def layout_of(
@@ -143,7 +143,7 @@ def drawing(
     if output.no_recording:
         yield drawn
         return
-    from ..panels.observer import SceneObserver
+    from .observer import SceneObserver
 
     detail = Detail(output.detail)
     layout = layout_of(runs, scene, output.layout, light=detail is Detail.LIGHT)
@@ -312,7 +312,7 @@ def _remark_size(
     runs: Sequence[RunView], scene: Scene, detail: Detail, listener: Listener, path: Path
 ) -> None:
     """Report how large the file will be, approximately, where that is known and it is large."""
-    from ..panels.observer import expected_bytes
+    from .observer import expected_bytes
 
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
     if (total := sum(parts)) >= LARGE_BYTES:

@@ -29,7 +29,7 @@ from .open import once, remark_skipped
 from .output import OutputOptions, drawing
 
 if TYPE_CHECKING:
-    from ..panels.observer import SceneObserver
+    from .observer import SceneObserver
 
 COMPLETE_SO_FAR = "the recording and the scores are complete up to that point"
 

@@ -128,22 +128,6 @@ class Ancestry:
             some = np.flatnonzero(alive)
         return fresh + len(some)
 
-    def lines(self, count: int) -> list[F64]:
-        """Return paths (U, 2), latest first, of some particles' ancestors back to where each was drawn."""
-        if not self._past:
-            return []
-        size = self._size()
-        current = np.linspace(0, size - 1, min(count, size)).round().astype(np.int32)
-        points, lengths = [], np.zeros(len(current), np.int64)
-        for generation in reversed(self._past):
-            if (parents := generation.parents) is not None:
-                older = parents[np.maximum(current, 0)]
-                current = np.where(current < 0, np.int32(-1), older).astype(np.int32)
-            points.append(generation.poses[np.maximum(current, 0), :2] + generation.origin)
-            lengths += current >= 0
-        along = np.stack(points, axis=1)
-        return [path[:length] for path, length in zip(along, lengths, strict=True) if length]
-
     def _size(self) -> int:
         last = self._past[-1]
         return len(last.poses) if last.parents is None else len(last.parents)

@@ -20,7 +20,7 @@ from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment, SessionInfo
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.events import LanesDrawing
-from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.viewer import sinks
 

@@ -81,7 +81,6 @@ def test_colors_follow_weights_and_copies():
     brightness = [sum(int(c) >> shift & 255 for shift in (24, 16, 8)) for c in colors]
     assert brightness == sorted(brightness)
     assert colors[0] == colors[1] == style.LUT[0]
-    assert style.copy_colors(np.array([1, 8])).tolist() == [style.LUT[127], style.LUT[255]]
 
 
 def test_phases_and_paths_follow_the_label():

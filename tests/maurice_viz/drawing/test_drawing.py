@@ -27,13 +27,8 @@ from maurice_viz.drawing.canvas import (
 )
 from maurice_viz.drawing.indexed import INK_LEVELS, IndexedColors, write
 from maurice_viz.drawing.reference_chart import TEXT_SHARE
-from maurice_viz.entities import Phase
 from maurice_viz.style import (
-    DEAD,
-    FAMILY,
-    FRESH,
     GROUND,
-    MOVED,
     OBSTACLE,
     PALE,
     RUN_COLORS,
@@ -88,30 +83,21 @@ def has_color(image, color) -> bool:
 
 
 @pytest.mark.parametrize("color", RUN_COLORS)
-def test_keys_show_the_estimate_in_its_runs_color_and_fresh_particles_where_they_are_drawn(color):
-    drawn = keys.phase_keys(True, color, is_recorded=False)
+def test_keys_show_the_estimate_in_its_runs_color(color):
+    drawn = keys.keys_of(True, color, is_recorded=False)
     assert has_color(keys.explain_key(True, color), color)
-    for name, by_phase in drawn.items():
-        assert [has_color(key, FRESH) for key in by_phase] == [phase is Phase.RESEED for phase in keys.PHASES]
-        estimated = [phase >= Phase.WEIGHT for phase in keys.PHASES]
-        assert name == keys.MATCHES or [has_color(key, color) for key in by_phase] == estimated
-    for mark, phase in ((MOVED, Phase.PREDICT), (DEAD, Phase.RESAMPLE), (FAMILY, Phase.RESAMPLE)):
-        shown = [has_color(key, mark) for key in drawn[keys.WEIGHTS]]
-        assert shown == [other is phase for other in keys.PHASES]
-    ((recorded,),) = keys.phase_keys(True, color, is_recorded=True).values()
+    assert all(has_color(key, color) for name, key in drawn.items() if name != keys.MATCHES)
+    (recorded,) = keys.keys_of(True, color, is_recorded=True).values()
     assert has_color(recorded, color)
-    assert not has_color(recorded, FRESH)
-    assert not has_color(keys.runs_key(["amcl", "nav2"], True, has_fresh=False), FRESH)
 
 
 def test_a_key_is_drawn_once_and_stays_as_it_was():
     """Every layout of every run asks for all of them."""
-    first, again = (keys.phase_keys(True, RUN_COLORS[0], is_recorded=False) for _ in range(2))
-    for name, drawn in first.items():
-        for key, same in zip(drawn, again[name], strict=True):
-            assert key is same
-            with pytest.raises(ValueError, match="read-only"):
-                key[0, 0] = 0
+    first, again = (keys.keys_of(True, RUN_COLORS[0], is_recorded=False) for _ in range(2))
+    for name, key in first.items():
+        assert key is again[name]
+        with pytest.raises(ValueError, match="read-only"):
+            key[0, 0] = 0
 
 
 def test_keys_and_tensors():

@@ -21,12 +21,15 @@ from maurice_mcl.values.records import PICTURE
 from maurice_mcl.values.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
-from maurice_viz.panels.belief import positions
+from maurice_viz.panels.belief import copies_of, positions
 from maurice_viz.panels.events import LINE_COLORS, own_path, word_of
-from maurice_viz.panels.population import MODE_INKS, column, outline
+from maurice_viz.panels.inside import AFTER, BEFORE, DOT
+from maurice_viz.panels.population import outline
 from maurice_viz.playback import ResultCollector
-from maurice_viz.style import STATES, mode_color, packed, scale_for, weight_colors
+from maurice_viz.scene import DRAWS_WHERE_LIKELY
+from maurice_viz.style import DEAD, FRESH, STATES, mode_color, packed, scale_for, weight_colors
 from maurice_viz.text import narration
+from maurice_viz.text.phases import phase_words, reseeded
 
 RUN, STEPS, CARRIED = RunPaths("robust"), 16, 8
 COMPONENTS = {
@@ -100,13 +103,7 @@ def test_cloud_estimate_and_headings_are_those_of_each_phase(drive):
         base = PHASES_PER_STEP * moment.frame.step
         for phase in Phase:
             number = base + phase
-            belief = (
-                record.belief if phase >= Phase.RESEED and record.injected is not None else record.predicted
-            )
-            if phase == Phase.ESTIMATE:
-                belief = None  # the phase timeline keeps what the last phase left
-            if belief is not None:
-                assert np.asarray(cloud[number]) == pytest.approx(positions(belief, scale), abs=1e-3)
+            assert np.asarray(cloud[number]) == pytest.approx(positions(record.predicted, scale), abs=1e-3)
             weighed = phase >= Phase.WEIGHT
             expected = [scale.screen(record.estimate.pose[None, :2])[0].tolist()] if weighed else []
             assert np.asarray(estimate[number]) == pytest.approx(np.asarray(expected), abs=1e-3)
@@ -117,14 +114,53 @@ def test_cloud_estimate_and_headings_are_those_of_each_phase(drive):
 def test_texts_are_those_of_each_phase(drive):
     played, path, scale = drive
     texts = shown(path, RUN.text, COMPONENTS[RUN.text])
+    headlines = shown(path, RUN.inside("words"), COMPONENTS[RUN.text])
     for moment, record in played:
         for phase in Phase:
-            (text,) = texts[PHASES_PER_STEP * moment.frame.step + phase]
-            if phase == Phase.ESTIMATE:
-                assert text == narration.summary(moment, record, scale)
-            else:
-                assert text == narration.phase(moment, record, phase, scale)
-                assert f"Phase {phase + 1} of {PHASES_PER_STEP}: {phase.name.lower()}" in text
+            number = PHASES_PER_STEP * moment.frame.step + phase
+            assert texts[number] == [narration.summary(moment, record, scale)]
+            words = phase_words(moment, record, phase, scale, DRAWS_WHERE_LIKELY)
+            assert headlines[number] == [f"#### {words}"]
+            assert words.startswith(f"Step {moment.frame.step}, {phase + 1} {phase.name.lower()}: ")
+
+
+def test_before_and_after_are_the_clouds_of_each_phase(drive):
+    """After a phase is before the next one; the answer is there in the last one alone."""
+    played, path, scale = drive
+    sides = {}
+    for side in (BEFORE, AFTER):
+        parts = ("positions", "radii", "colors")
+        sides[side] = [shown(path, RUN.inside(side), f"Points2D:{part}") for part in parts]
+    answer = shown(path, RUN.inside("answer"), "Points2D:positions")
+    truths = shown(path, RUN.inside(BEFORE, "truth"), "Points2D:positions")
+    reseeded, last = 0, None
+    for moment, record in played:
+        numbers = [PHASES_PER_STEP * moment.frame.step + phase for phase in Phase]
+        before, after = (
+            [[np.asarray(part[number]) for part in sides[side]] for number in numbers] for side in sides
+        )
+        for phase in Phase:
+            assert np.asarray(answer[numbers[phase]]).size == (2 if phase is Phase.ESTIMATE else 0)
+            if phase is not Phase.PREDICT:
+                for part, same in zip(before[phase], after[phase - 1], strict=True):
+                    assert np.array_equal(part, same), (moment.frame.step, phase)
+        alike = np.argsort(record.weighted.weights, kind="stable")
+        for number, belief in ((Phase.PREDICT, record.predicted), (Phase.WEIGHT, record.weighted)):
+            places, radii, _ = after[number]
+            assert places == pytest.approx(positions(belief, scale)[alike], abs=1e-3)
+            areas = np.square(radii / DOT)
+            times = belief.weights[alike] * belief.size
+            assert areas == pytest.approx(times, rel=0.2, abs=0.35)
+        if record.parents is not None:
+            dead = after[Phase.RESAMPLE][2] == packed(DEAD)
+            assert np.array_equal(dead, copies_of(record.parents, 150)[alike] == 0)
+        fresh = after[Phase.RESEED][2] == packed(FRESH)
+        assert fresh.sum() == (0 if record.injected is None else record.injected.sum())
+        reseeded += fresh.any()
+        if last is not None:
+            assert truths[numbers[0]][0] == pytest.approx(scale.screen(last[None, :2])[0], abs=1e-3)
+        last = moment.truth
+    assert reseeded
 
 
 @pytest.mark.parametrize("strategy", ["threshold", "sensor", "augmented", "expansion"])
@@ -141,23 +177,18 @@ def test_texts_of_recovery_have_the_numbers_of_the_record(strategy):
     first = next(iter(session.moments()))
     acted = 0
     for moment, record in run(localizer.of_session(session), session, first.truth):
-        text = narration.reseeded(record)
-        numbers = [float(number) for number in re.findall(r"-?\d+\.\d+", text)]
+        text = narration.summary(moment, record, scale_for("in", library.arena))
         test = record.recovery_test
-        if test is not None:
-            assert numbers == pytest.approx([test.threshold, test.found], abs=0.05)
-            picture = test.compared == PICTURE
-            assert not picture or test.found == record.calibrated_evidence
-            assert ("this picture" in text) == picture
         fresh = 0 if record.injected is None else int(record.injected.sum())
-        assert (f"**{fresh} fresh** of {record.belief.size}" in text) == (fresh > 0)
-        if fresh:
-            assert test is None or numbers[1] < numbers[0]
-            assert text.removeprefix("Reseeded: ").split(":")[0][1:] in narration.summary(
-                moment, record, scale_for("in", library.arena)
-            )
-            acted += 1
-        acted += text.startswith("Expanded")
+        assert (f"**{fresh} fresh** particles" in text) == (fresh > 0)
+        if fresh and test is not None:
+            numbers = [float(number) for number in re.findall(r"-?\d+\.\d+", text.split("esampled. ")[1])]
+            assert numbers == pytest.approx([test.threshold, test.found], abs=0.05)
+            assert numbers[1] < numbers[0]
+            assert ("this picture" in text) == (test.compared == PICTURE)
+        said = reseeded(record)
+        assert (f"{fresh} of {record.belief.size} dots are new" in said) == (fresh > 0)
+        acted += fresh > 0 or "moved at random" in said
     assert acted
 
 
@@ -216,14 +247,13 @@ def test_the_way_of_a_kidnapping_is_that_of_the_truth(drive):
             assert not arrows.get(number)
 
 
-def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
+def test_ellipse_and_rings_are_those_of_each_phase(drive):
     played, path, scale = drive
     ellipses = shown(path, RUN.ellipses, "LineStrips2D:strips")
     rings = shown(path, RUN.mode_rings, "LineStrips2D:strips")
     colors = shown(path, RUN.mode_rings, "LineStrips2D:colors")
     labels = shown(path, RUN.mode_rings, "LineStrips2D:labels")
-    fresh = shown(path, RUN.fresh, "Points2D:positions")
-    detector, seen = EventDetector(scale.say), 0
+    detector = EventDetector(scale.say)
     for moment, record in played:
         detector.see(moment, record)
         modes = [mode for mode in detector.modes if mode.estimate.mass >= 0.1]
@@ -232,10 +262,6 @@ def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
             number, weighed = PHASES_PER_STEP * moment.frame.step + phase, phase >= Phase.WEIGHT
             assert len(ellipses[number]) == weighed
             assert len(rings[number]) == len(colors[number]) == (len(modes) if weighed else 0)
-            is_fresh = record.injected is not None and phase >= Phase.RESEED
-            expected = positions(record.belief, scale)[record.injected] if is_fresh else np.zeros((0, 2))
-            assert np.asarray(fresh[number] or []).reshape(-1, 2) == pytest.approx(expected, abs=1e-3)
-            seen += is_fresh
         (ellipse,) = ellipses[PHASES_PER_STEP * moment.frame.step + Phase.WEIGHT]
         wide, high = np.ptp(np.array(ellipse), axis=0)
         sd = np.array([scale.length(one) for one in record.mean_estimate.sd_m])
@@ -246,9 +272,6 @@ def test_ellipse_rings_and_fresh_particles_are_those_of_each_phase(drive):
             assert middle == pytest.approx(scale.screen(mode.estimate.pose[None])[0], abs=0.05)
             assert color == packed(mode_color(mode.identity))
         assert labels[number] == [f"{100 * mode.estimate.mass:.0f} %" for mode in modes]
-        inks = set(column(detector.modes).tolist())
-        assert {MODE_INKS[mode_color(mode.identity)] for mode in modes} <= inks
-    assert seen > 0
 
 
 def test_band_and_lines_of_events_are_those_of_the_records(drive):

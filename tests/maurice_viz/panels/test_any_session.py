@@ -26,7 +26,7 @@ from maurice_mcl.values.session import Moment
 from maurice_viz import entities
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail, RunView
 from maurice_viz.style import font_safe
 from maurice_viz.viewer import sinks

@@ -19,7 +19,7 @@ from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.values.geometry import INCH_M
 from maurice_viz import entities
 from maurice_viz import entities as paths
-from maurice_viz.drawing.keys import belief_keys, key_extent, runs_key
+from maurice_viz.drawing.keys import belief_key, key_extent, runs_key
 from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS_A_CLOUD, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
@@ -192,16 +192,16 @@ def test_titles_and_labels_are_short():
     runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
     wide = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
     assert "Error minus the first's (in)" in wide
-    assert np.array_equal(runs_key(["ひと", "b"], False, True), runs_key(["orange", "b"], False, True))
-    assert np.array_equal(runs_key(["é", "b"], False, True), runs_key(["e", "b"], False, True))
+    assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
+    assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))
 
 
 @pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
 def test_keys_stand_above_the_map_and_hold_every_label(labels):
     where = shown()
-    for key in (runs_key(labels, True, True), *belief_keys(True, RUN_COLORS[1], False, len(labels))):
+    for key in (runs_key(labels, True), belief_key(True, RUN_COLORS[1], len(labels))):
         extent = key_extent(key, where.arena, where.scale)
         assert extent.bottom <= 0 - where.scale.length(where.arena.bounds[3]) + 1e-6  # y points down
         assert (key.max(axis=2) > 100).any()
     long = [f"{label}, with many words" for label in labels]
-    assert runs_key(long * 2, True, True).shape[0] > runs_key(["a"], True, True).shape[0]
+    assert runs_key(long * 2, True).shape[0] > runs_key(["a"], True).shape[0]

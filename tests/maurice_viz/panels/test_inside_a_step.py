@@ -12,16 +12,15 @@ from PIL import Image
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
-from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.scoring.events import RunEvent
-from maurice_mcl.scoring.modes import Ancestry, TrackedMode
+from maurice_mcl.scoring.modes import Ancestry
 from maurice_mcl.values.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
-from maurice_viz.panels.belief import seen_whole
-from maurice_viz.panels.observer import UPDATES_AROUND, DetailFilter, expected_bytes
+from maurice_viz.panels.belief import sample, seen_whole
+from maurice_viz.panels.inside import BOX_PX, DOTS, HEAVIEST, radii_of, some_of
 from maurice_viz.panels.panel import StepUpdate
-from maurice_viz.panels.population import ANCESTORS, BAND_ROWS, BANDS, MOST_FAMILIES, column, outline, shares
+from maurice_viz.panels.population import ANCESTORS, BY_COPIES, BY_WEIGHT, outline, shares, shares_of
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
     EVIDENCE,
@@ -32,8 +31,8 @@ from maurice_viz.panels.traces import (
     round_top,
     top_path,
 )
+from maurice_viz.running.observer import UPDATES_AROUND, DetailFilter, expected_bytes
 from maurice_viz.scene import Detail
-from maurice_viz.style import EMPTY, MODE_COLORS
 
 RUN = RunPaths("blended")
 STEPS = 9
@@ -45,32 +44,6 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, recordings.Pl
     session = fakes.make_session(fakes.make_library(folder), STEPS)
     (played,) = recordings.draw(folder / "run.rrd", session, ["blended"])
     return folder / "run.rrd", played, session.library
-
-
-def test_moves_go_from_where_particles_were_to_where_they_are(drawn):
-    path, played, _ = drawn
-    found = recordings.rows(path, RUN.moves)
-    assert {row.step for row in found} == {None}, "on the phase timeline alone"
-    for step in range(2, STEPS + 1):
-        (row,) = (r for r in found if r.phase == entities.phase_number(step, Phase.PREDICT))
-        lines = np.array(row.values["LineStrips2D:strips"])
-        before, now = played[step - 2][1].belief, played[step - 1][1].predicted
-        for end, belief in ((0, before), (1, now)):
-            expected = belief.world_poses[:, :2] / 0.0254 * (1, -1)
-            np.testing.assert_allclose(lines[:, end], expected, atol=0.05)
-        cleared = next(r for r in found if r.phase == entities.phase_number(step, Phase.MEASURE))
-        assert cleared.values["LineStrips2D:strips"] == []
-
-
-def test_families_are_the_ancestors_ways(drawn):
-    path, played, _ = drawn
-    tree = Ancestry()
-    for step, (_, record) in enumerate(played, start=1):
-        tree.see(record)
-        at = entities.phase_number(step, Phase.RESAMPLE)
-        ways = [way for way in tree.lines(MOST_FAMILIES) if len(way) > 1]
-        found = [r for r in recordings.rows(path, RUN.families) if r.phase == at]
-        assert [len(strip) for strip in found[0].values["LineStrips2D:strips"]] == [len(w) for w in ways]
 
 
 def test_headings_have_a_histogram():
@@ -103,25 +76,42 @@ def test_likelihood_maps_are_brightest_at_the_likeliest_reference(drawn):
         assert image[line, column].astype(int).sum() == image.reshape(-1, 3).astype(int).sum(axis=1).max()
 
 
-def _mode(identity: int, mass: float) -> TrackedMode:
-    cloud = Belief(np.zeros((1, 3), np.float32), uniform_log_weights(1), np.zeros(2))
-    return TrackedMode(identity, fakes.changed(weighted_mean(cloud), mass=mass))
-
-
-def test_modes_are_stacked_and_detail_needs_room():
-    one, two = column((_mode(1, 1.0),)), column((_mode(2, 0.5), _mode(1, 0.25)))
-    assert one.shape == two.shape == (BAND_ROWS,)
-    drawn = BANDS.colors[two]
-    assert (BANDS.colors[one] == MODE_COLORS[1]).all()
-    assert (drawn[-BAND_ROWS // 4 :] == MODE_COLORS[1]).all()
-    assert (drawn[BAND_ROWS // 4 : -BAND_ROWS // 4] == MODE_COLORS[2]).all()
-    assert (drawn[: BAND_ROWS // 4] == EMPTY).all()
+def test_detail_needs_room():
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
     lines = evidence_lines(tuple("abcdefghijkl"))
     assert len({(color, width) for _, color, width in lines}) == len(lines) == 13
     assert map_names(("color",)) == ("all",)
+
+
+def test_bars_hold_all_dots_and_all_weight():
+    times = np.array([0.0, 0.1, 0.5, 1.0, 2.0, 40.0])
+    for kind in (BY_WEIGHT, BY_COPIES):
+        dots, held = shares_of(times, kind)
+        assert dots.sum() == pytest.approx(1)
+        assert held.sum() == pytest.approx(1)
+        assert (dots[-1], held[-1]) == pytest.approx((1 / 6, 40 / 43.6))
+    assert shares_of(np.zeros(3), BY_COPIES)[1].sum() == 0
+
+
+def test_the_heaviest_dots_are_drawn_and_drawn_last():
+    weights = np.random.default_rng(1).random(5000) ** 8
+    some = some_of(weights)
+    assert len(some) <= DOTS
+    assert (np.diff(weights[some]) >= 0).all()
+    assert set(np.argsort(weights)[-HEAVIEST:]) <= set(some.tolist())
+    assert np.array_equal(np.sort(some_of(weights[:300])), np.arange(300))
+    assert np.square(radii_of(np.array([4.0])) / radii_of(np.array([1.0]))) == pytest.approx(4, rel=0.15)
+
+
+def test_the_mark_is_at_each_phase_and_nowhere_on_other_timelines(drawn):
+    path, _, _ = drawn
+    rows = recordings.rows(path, f"{entities.PHASES}/mark")
+    lefts = {row.phase: row.values["Transform3D:translation"][0][0] for row in rows if row.phase}
+    for step in range(1, STEPS + 1):
+        at = [lefts[entities.phase_number(step, phase)] for phase in Phase]
+        assert np.diff(at) == pytest.approx([BOX_PX] * 5)
 
 
 def test_the_truths_rank_and_ratio(drawn):
@@ -193,9 +183,15 @@ def test_the_close_view_holds_the_truth_and_nearly_all_weight():
     poses = np.column_stack([rng.normal(size=(500, 2)) * (0.1, 0.4), np.zeros(500)]).astype(np.float32)
     weights = rng.random(500)
     belief = Belief(poses, np.log(weights / weights.sum()), np.array([10.0, 20.0]))
-    for truth in (None, np.array([10.0, 20.0, 0.0]), np.array([14.0, 20.0, 0.0])):
-        middle, reach = seen_whole(belief, truth)
+    for truth in (
+        None,
+        np.array([10.0, 20.0, 0.0]),
+        np.array([14.0, 20.0, 0.0]),
+        np.array([70.0, 20.0, 0.0]),
+    ):
+        middle, reach = seen_whole([sample(belief)], [] if truth is None else [truth])
         off = np.abs(belief.world_poses[:, :2] - middle).max(axis=1)
         assert belief.weights @ (off <= reach) > 0.93
-        assert truth is None or np.abs(truth[:2] - middle).max() < reach
-        assert reach < (1.1 if truth is None or truth[0] == 10 else 3.5)
+        is_far = truth is not None and truth[0] == 70  # it would make the cloud too small, and is pointed to
+        assert truth is None or (np.abs(truth[:2] - middle).max() < reach) != is_far
+        assert reach < (3.5 if truth is not None and truth[0] == 14 else 1.6)

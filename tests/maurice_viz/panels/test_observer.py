@@ -17,11 +17,11 @@ from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.sensor.distances import contributions
 from maurice_mcl.values.library import Library
 from maurice_viz import entities
-from maurice_viz.drawing.keys import MATCHES, PHASES, WEIGHTS
+from maurice_viz.drawing.keys import MATCHES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.belief import DEAD_PT, PARTICLE_PT, PoseMarker
-from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.panels.belief import PoseMarker
+from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
 from maurice_viz.text import narration as narrate
@@ -29,7 +29,6 @@ from maurice_viz.viewer import sinks
 from maurice_viz.viewer.sinks import recording
 
 STEPS = 4
-MOVED = "Transform3D:translation"
 RUN = RunPaths("blended")
 
 
@@ -53,8 +52,8 @@ def test_every_entity_is_on_three_timelines(drawn):
         entities.FLOORS,
         entities.WALLS,
         entities.NODES,
-        f"{RUN.phase_key(WEIGHTS)}/0",
-        f"{RUN.phase_key(MATCHES)}/4",
+        RUN.key(WEIGHTS),
+        RUN.key(MATCHES),
     }
     expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
     expected |= {RUN.circles, RUN.best, RUN.match(1)} | charts | world | {RUN.trace(t) for t in traces}
@@ -68,32 +67,25 @@ def test_every_entity_is_on_three_timelines(drawn):
 def test_particles_walk_through_the_phases(drawn, library):
     path, played = drawn
     found = recordings.rows(path, RUN.particles)
-    slots = (Phase.PREDICT, Phase.WEIGHT, Phase.RESAMPLE)
+    slots = (Phase.PREDICT, Phase.WEIGHT)
     steps = [m.frame.step for m, _ in played]
     assert [row.phase for row in found] == [entities.phase_number(s, slot) for s in steps for slot in slots]
     scale = scale_for("in", library.arena)
     for k, (moment, record) in enumerate(played):
-        predict, weight, resample = found[3 * k : 3 * k + 3]
+        predict, weight = found[2 * k : 2 * k + 2]
         expected = (record.predicted.world_poses[:, :2] / 0.0254) * (1, -1)
         np.testing.assert_allclose(recordings.positions(predict), expected, atol=scale.units.fine)
         assert weight.values["Points2D:colors"] == weight_colors(record.weighted.log_weights).tolist()
         carried = weight_colors(record.predicted.log_weights).tolist()
         assert predict.values["Points2D:colors"] in (carried, carried[:1])
-        copies = np.bincount(record.parents, minlength=record.weighted.size)
-        radii = np.abs(resample.values["Points2D:radii"])
-        assert ((radii == np.float32(DEAD_PT)) >= (copies == 0)).all()
-        assert np.diff(radii[np.argsort(copies)])[(copies == 0).sum() :].min(initial=0) >= 0
         for row in (predict, weight):
             assert row.step == moment.frame.step
             assert row.session_s == pytest.approx(moment.frame.time_s)
 
 
 def test_phases_log_what_changes(drawn):
-    for row in recordings.rows(drawn[0], RUN.particles)[1::3]:
+    for row in recordings.rows(drawn[0], RUN.particles)[1::2]:
         assert set(row.values) == {"Points2D:colors"}
-    for row in recordings.rows(drawn[0], RUN.particles)[2::3]:
-        assert row.step is None
-        assert row.session_s is None
     found = [row for row in recordings.rows(drawn[0], RUN.estimate) if row.step is not None]
     so_far = [row.values["Points2D:positions"][0] for row in found]
     assert [place for strip in found[-1].values["LineStrips2D:strips"] for place in strip] == so_far
@@ -210,15 +202,13 @@ def test_circles_grow_with_likelihood(drawn):
         assert (np.diff(radii[order]) >= 0).all()
 
 
-def test_the_last_words_on_a_step_are_the_summary(drawn, library):
+def test_the_words_on_a_step_are_the_summary(drawn, library):
     path, played = drawn
     words = recordings.rows(path, RUN.text)
-    assert len(words) == PHASES_PER_STEP * STEPS
+    assert len(words) == STEPS
     scale = scale_for("in", library.arena)
     for k, (moment, record) in enumerate(played):
-        assert words[PHASES_PER_STEP * k + 5].values["TextDocument:text"] == [
-            narrate.summary(moment, record, scale)
-        ]
+        assert words[k].values["TextDocument:text"] == [narrate.summary(moment, record, scale)]
 
 
 def test_two_runs_share_world_camera_and_truth(library, tmp_path):
@@ -264,8 +254,9 @@ def test_a_step_that_was_not_resampled_leaves_the_cloud(library, tmp_path):
     rec.disconnect()
     slots = [row.phase - 6 for row in recordings.rows(tmp_path / "kept.rrd", RunPaths("color").particles)]
     assert slots == [Phase.PREDICT, Phase.WEIGHT]
-    words = recordings.rows(tmp_path / "kept.rrd", RunPaths("color").text)
-    assert "Not resampled" in words[Phase.RESAMPLE].values["TextDocument:text"][0]
+    words = recordings.rows(tmp_path / "kept.rrd", RunPaths("color").inside("words"))
+    words = [row for row in words if row.step is None]
+    assert "not resampled" in words[Phase.RESAMPLE].values["TextDocument:text"][0]
 
 
 SHARE = 0.25
@@ -294,44 +285,6 @@ def test_an_estimate_has_its_runs_color_everywhere(tmp_path, library):
         assert recordings.static(path, paths.ellipses)["LineStrips2D:colors"] == shade
         arrows = recordings.having(recordings.rows(path, paths.headings), "Arrows2D:colors")
         assert arrows[-1].values["Arrows2D:colors"][:1] == shade
-
-
-def test_fresh_particles_stand_out_in_their_own_phase(tmp_path):
-    session = fakes.make_session(fakes.make_library(), 3)
-    library, played = session.library, _records(session)
-    path = tmp_path / "reseeded.rrd"
-    view, scene = recordings.run_of(session), recordings.scene_with(library)
-    with sinks.to_file(path, "x", runs_blueprint([view], scene)) as rec:
-        recordings.observe(RerunObserver(rec, view, scene), played)
-    rows = recordings.rows(path, RunPaths("color").particles)
-    for step, (_, record) in enumerate(played, start=1):
-        at = {slot: entities.phase_number(step, slot) for slot in Phase}
-        survivors = next(row for row in rows if row.phase == at[Phase.RESAMPLE])
-        everyone = next(row for row in rows if row.phase == at[Phase.RESEED])
-        assert len(survivors.values["Points2D:radii"]) == 40
-        assert "Points2D:positions" not in survivors.values
-        assert len(everyone.values["Points2D:positions"]) == 40
-        radii = np.array(everyone.values["Points2D:radii"])
-        assert (np.abs(radii) > PARTICLE_PT).sum() == record.injected.sum() == 40 * SHARE
-        said = narrate.phase(played[step - 1][0], record, Phase.RESEED, scale_for("in", library.arena))
-        assert "**10 fresh** of 40 particles" in said
-
-
-def test_each_phase_shows_its_own_key(tmp_path):
-    session = fakes.make_session(fakes.make_library(), 2)
-    played, path = _records(session), tmp_path / "keys.rrd"
-    recordings.draw_run(path, session, "color", build_localizer(session.library, session), played)
-    moves = recordings.rows(path, RunPaths("color").phase_keys)
-    measured = entities.phase_number(1, Phase.MEASURE)
-    far = -next(row for row in moves if row.phase == measured).values[MOVED][0][1]
-    assert far > 100 * max(session.library.arena.size_m)
-    for step in (1, 2):
-        for number, phase in enumerate(PHASES):
-            at = [row for row in moves if row.phase == entities.phase_number(step, phase)]
-            assert at[-1].step is None
-            assert at[-1].values[MOVED][0][1] == pytest.approx(-number * far)
-    (elsewhere,) = [row for row in moves if row.step is not None]  # a step is seen weighted
-    assert elsewhere.values[MOVED][0][1] == pytest.approx(-PHASES.index(Phase.WEIGHT) * far)
 
 
 def test_with_little_detail_the_best_match_is_drawn(tmp_path, library):

@@ -14,7 +14,7 @@ from maurice_loaders.files.pictures import decode_picture
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.pose_sensor import BESIDE_GAP_PX, EXACT, Beside, MovedThing, Shown, ShownMarks
 from maurice_viz.layouts.registry import runs_blueprint
-from maurice_viz.panels.observer import RerunObserver
+from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import RunView
 from maurice_viz.style import AGREES, DISAGREES, RUN_COLORS, TRUTH, packed, scale_for
 from maurice_viz.text.sensors import say_moved, thing_at

@@ -17,8 +17,10 @@ from maurice_mcl.values.records import PICTURE, Belief, Estimate, RecoveryTest, 
 from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
 from maurice_viz.playback import RunResult
+from maurice_viz.scene import DRAWS_EVENLY, DRAWS_NEVER
 from maurice_viz.style import UNITS, Scale, units_named
 from maurice_viz.text import narration as narrate
+from maurice_viz.text import phases
 from maurice_viz.text.score_json import to_json
 
 INCHES = Scale(UNITS["in"])
@@ -57,18 +59,14 @@ def test_spread_errors_and_reseeding_by_hand():
     assert "error 5.0 in, 2 deg" in text
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     fresh = np.array([0, 0, 0, 0, 1, 1], bool)
-    said = narrate.reseeded(fakes.changed(record, injected=fresh, calibrated_evidence=-np.inf))
-    assert said.startswith("Reseeded: **2 fresh** of 6 particles.")
-    assert "free space" in said
-    assert "inf " not in said
+    said = phases.reseeded(fakes.changed(record, injected=fresh), DRAWS_EVENLY)
+    assert said.startswith("2 of 6 dots are new (pink), drawn anywhere on the map.")
+    assert "never draws" in phases.reseeded(record, DRAWS_NEVER)
     test = RecoveryTest(PICTURE, -9.14, -10.73)
-    reseeded = fakes.changed(record, injected=fresh, recovery_test=test)
-    why = "threshold -9.1 nats, this picture -10.7"
-    assert narrate.reseeded(reseeded) == f"Reseeded: {why}: **2 fresh** of 6 particles."
     kept = fakes.changed(record, recovery_test=test)
-    assert narrate.reseeded(kept) == f"Not reseeded: {why}."
+    assert "no new dots" in phases.reseeded(kept, DRAWS_EVENLY)
     moved = fakes.changed(kept, events=("expanded",))
-    assert narrate.reseeded(moved) == f"Expanded: {why}. Every particle was moved at random."
+    assert "every dot is moved at random" in phases.reseeded(moved)
 
 
 def test_summaries_have_units_and_no_unknown_error():
@@ -91,29 +89,18 @@ def test_summaries_have_units_and_no_unknown_error():
 def test_events_and_phases_are_told():
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     copied = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
-    said = narrate.resampled(copied)
-    assert said.startswith("Resampled: 3 of 6 particles survive, at most in 3 copies.")
-    assert "all weights zero" in narrate.weighted(fakes.changed(record, events=("all weights zero",)), INCHES)
-    for slot, title in ((Phase.PREDICT, "Phase 1 of 6: predict"), (Phase.RESAMPLE, "Phase 4 of 6: resample")):
-        assert title in narrate.phase(moment, record, slot, INCHES).splitlines()[0]
-    library = fakes.make_library(columns=1, rows=1, headings=1)
-    ((_, record),) = fakes.play(fakes.make_session(library, 1), "color", 6)
-    assert "then entry" not in narrate.measured(record)
-    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
-    same = fakes.changed(record, weighted=record.predicted)
-    assert narrate.gains(same, INCHES) == ""
-
-
-def test_who_gained_and_who_lost_is_told_with_places():
-    ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 4)
-    poses = np.array([[1, 1, 0], [1, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32) * np.float32(INCH)
-    before = Belief(poses, uniform_log_weights(4), np.zeros(2))
-    after = Belief(poses, np.log([0.6, 0.25, 0.1, 0.05]), np.zeros(2))
-    sighting = fakes.changed(record.sighting, entries=np.array([7, 7, 3, 3], np.int32))
-    said = narrate.gains(fakes.changed(record, predicted=before, weighted=after, sighting=sighting), INCHES)
-    quality = record.sighting.comparison.quality
-    expect_facts(said, "1 particle", "(1.0, 1.0) in", "entry 7", f"{quality[7]:.3f}", "doubled")
-    expect_facts(said, "2 particles", "(-0.5, 0.0) in", "entry 3", f"{quality[3]:.3f}", "lost")
+    said = phases.resampled(copied)
+    assert said.startswith("3 of 6 dots survive, the heaviest with 3 copies; 3 die.")
+    assert "none can be weighed" in phases.weighted(fakes.changed(record, events=("all weights zero",)))
+    heavy = Belief(record.weighted.poses, np.log([0.5, 0.3, 0.05, 0.05, 0.05, 0.05]), np.zeros(2))
+    said = phases.weighted(fakes.changed(record, weighted=heavy, effective_sample_size=2.9))
+    assert said.startswith("1 of 6 dots now hold half of the weight; 4 weigh less than half the average.")
+    assert "3.0 times the average" in said
+    for slot in Phase:
+        words = phases.phase_words(moment, record, slot, INCHES)
+        assert words.startswith(f"Step 1, {slot + 1} {slot.name.lower()}: ")
+        assert len(words) < 260
+    assert phases.step_words(moment, record, INCHES).startswith("Step 1: odometry says")
 
 
 ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")

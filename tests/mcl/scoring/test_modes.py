@@ -151,17 +151,4 @@ def test_ancestors_by_hand():
     for _ in range(2):
         tree.see(_record([0, 1, 2, 3], [0, 1, 2, 3]))
     assert tree.distinct() == 4
-
-
-def test_lines_go_back_through_the_parents():
-    tree = Ancestry()
-    tree.see(_record([1.0, 2.0], [1, 1]))
-    tree.see(_record([3.0, 4.0], [1, -1]))
-    (first,) = (line for line in tree.lines(10))
-    assert first == pytest.approx(np.array([[14.0, 20.0], [12.0, 20.0]]))
-    tree = Ancestry()
-    tree.see(_record(np.arange(100.0)))
-    assert len(tree.lines(7)) == 7
-    assert len(tree.lines(1000)) == 100
     assert Ancestry().distinct() == 0
-    assert Ancestry().lines(5) == []

@@ -16,13 +16,13 @@ from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from ..entities import Phase
+from ..panels.comparison import ComparisonDrawing
+from ..panels.events import LanesDrawing
+from ..panels.panel import StepUpdate, set_phase
+from ..panels.registry import panels_of
+from ..panels.story import VerdictDrawing
 from ..playback import RunResult
 from ..scene import Detail, RunView, Scene
-from .comparison import ComparisonDrawing
-from .events import LanesDrawing
-from .panel import StepUpdate, set_phase
-from .registry import panels_of
-from .story import VerdictDrawing
 
 UPDATES_AROUND = 2  # updates before and after an event that are drawn in full
 
@@ -125,7 +125,7 @@ class SceneObserver:
         self._runs = {run.label: RerunObserver(rec, run, scene, detail) for run in runs}
         self._comparison: ComparisonDrawing | None = None
         if len(runs) > 1:
-            self._comparison = ComparisonDrawing(rec, runs, scene, draws_fresh=detail is not Detail.LIGHT)
+            self._comparison = ComparisonDrawing(rec, runs, scene)
         self.most_m = 0.0  # the largest position error so far
         self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 

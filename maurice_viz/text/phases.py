@@ -1,0 +1,158 @@
+"""What one phase of an update did, in two plain sentences with its numbers: the headline of inside-a-step.
+
+A particle is a "dot", as on the first screen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from maurice_mcl.filter.estimate import weighted_mean
+from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER
+from maurice_mcl.reasons.explanation import offset
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
+
+from ..entities import Phase
+from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
+from ..style import Scale
+from .narration import NOT_COMPARED, motion, spread
+
+# what each phase does, below its name in the strip
+DOES = {
+    Phase.PREDICT: "move every dot",
+    Phase.MEASURE: "compare pictures",
+    Phase.WEIGHT: "weigh every dot",
+    Phase.RESAMPLE: "copy heavy, drop light",
+    Phase.RESEED: "add new dots if lost",
+    Phase.ESTIMATE: "one answer",
+}
+LIGHT = 0.5  # times the average weight
+HALF = 0.5 - 1e-9  # of all weight
+NOTHING_WEIGHED = {
+    NO_NUMBER: "The likelihoods are no numbers: a channel or the library holds NaN.",
+    ALL_ZERO: "No dot is in free space, so that none can be weighed.",
+    LEFT_MAP: "Every dot drove out of free space: the cloud stays where it was.",
+}
+
+
+def phase_words(
+    moment: Moment, record: StepRecord, phase: Phase, scale: Scale, draws_new: str | None = None
+) -> str:
+    """Return two sentences about a phase, after its step and its name; `draws_new` is the run's."""
+    sentences = {
+        Phase.PREDICT: lambda: predicted(record, scale),
+        Phase.MEASURE: lambda: measured(moment, record, scale),
+        Phase.WEIGHT: lambda: weighted(record),
+        Phase.RESAMPLE: lambda: resampled(record),
+        Phase.RESEED: lambda: reseeded(record, draws_new),
+        Phase.ESTIMATE: lambda: estimated(moment, record, scale),
+    }
+    return f"Step {moment.frame.step}, {phase + 1} {phase.name.lower()}: {sentences[phase]()}"
+
+
+def step_words(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    """Return two sentences about a whole update, for timelines without phases."""
+    survive = f"{_survivors(record):,} survive" if record.parents is not None else "all stay"
+    fresh = "" if record.injected is None else f", {int(record.injected.sum()):,} are new"
+    moved, size = motion(record.frame.motions, scale), record.weighted.size
+    return (
+        f"Step {moment.frame.step}: odometry says {moved} (left), then the picture weighs {size:,} dots "
+        f"(right): {survive}{fresh}. {_answer(moment, record, scale)}"
+    )
+
+
+def predicted(record: StepRecord, scale: Scale) -> str:
+    """Describe how the cloud moved."""
+    toward = ", some toward where a sensor sees the robot" if GUIDED in record.events else ""
+    wide = spread(weighted_mean(record.predicted), scale)
+    return (
+        f"odometry says {motion(record.frame.motions, scale)}, and every dot moves so, with an error of its "
+        f"own{toward}. The cloud now spreads over {wide}: nothing has been seen yet."
+    )
+
+
+def measured(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    """Describe what the picture was compared with, and where the best match was taken."""
+    seen = record.sighting.comparison
+    by = [*seen.channels, *(sensed.name for sensed in seen.sensed)]
+    if not by:
+        return NOT_COMPARED
+    what = "picture" if seen.channels else "frame"
+    if not len(seen.quality):
+        return f"the {what} is compared by {' and '.join(by)}. No dot moves."
+    return (
+        f"the {what} is compared with {len(seen.quality):,} references by {' and '.join(by)}. No dot moves."
+    )
+
+
+def weighted(record: StepRecord) -> str:
+    """Describe the new weights: how few hold how much, and what that leaves of the cloud."""
+    for event, text in NOTHING_WEIGHED.items():
+        if event in record.events:
+            return text
+    size, weights = record.weighted.size, record.weighted.weights
+    times = weights * size
+    half = int((np.cumsum(np.sort(weights)[::-1]) < HALF).sum()) + 1
+    return (
+        f"{half:,} of {size:,} dots now hold half of the weight; "
+        f"{int((times < LIGHT).sum()):,} weigh less than half the average. The heaviest weighs "
+        f"{times.max():.1f} times the average; the cloud is worth {_worth(record)} equal dots."
+    )
+
+
+def _worth(record: StepRecord) -> str:
+    return f"{record.effective_sample_size:,.0f}"
+
+
+def _survivors(record: StepRecord) -> int:
+    parents = record.parents
+    return record.weighted.size if parents is None else len(np.unique(parents[parents >= 0]))
+
+
+def resampled(record: StepRecord) -> str:
+    """Describe how weight became number."""
+    size = record.weighted.size
+    if record.parents is None:
+        worth = f"{_worth(record)} of {size:,} equal dots"
+        return f"not resampled, as the cloud is worth {worth}. All keep their weights."
+    alive = _survivors(record)
+    most = int(np.bincount(record.parents[record.parents >= 0], minlength=1).max())
+    copies = f"{most:,} {'copy' if most == 1 else 'copies'}"
+    return (
+        f"{alive:,} of {size:,} dots survive, the heaviest with {copies}; "
+        f"{size - alive:,} die. All weigh the same again: weight has become number."
+    )
+
+
+def reseeded(record: StepRecord, draws_new: str | None = None) -> str:
+    """Describe how many particles were drawn anew, or why none."""
+    if EXPANDED in record.events:
+        return "the picture fits the cloud badly, so that every dot is moved at random. None is new."
+    if record.injected is not None:
+        fresh, size = int(record.injected.sum()), record.belief.size
+        where = "where they may be right" if draws_new is None else DRAWN.get(draws_new, "")
+        return f"{fresh:,} of {size:,} dots are new (pink), drawn {where}. The picture fits the others badly."
+    if draws_new == DRAWS_NEVER:
+        return "no new dots: this filter never draws any. Once lost, only luck brings it back."
+    return (
+        "no new dots: the cloud explains the picture well enough. Dots are drawn anew only when it does not."
+    )
+
+
+DRAWN = {DRAWS_EVENLY: "anywhere on the map", DRAWS_WHERE_LIKELY: "where the picture fits"}
+
+
+def estimated(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    """Describe the answer."""
+    return f"{_answer(moment, record, scale)} The oval holds most of that group's dots."
+
+
+def _answer(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    estimate = record.estimate
+    text = f"the heaviest group, with {estimate.mass:.0%} of the weight, says {scale.say_pose(estimate.pose)}"
+    if moment.truth is None:
+        return f"{text[:1].upper()}{text[1:]}."
+    off = offset(estimate.pose, moment.truth)
+    text = f"{text}: {scale.say(off.apart_m)} and {np.degrees(off.turned_rad):.0f} deg off the truth."
+    return f"{text[:1].upper()}{text[1:]}"
