@@ -27,6 +27,7 @@ OWN_LANES = 3  # of one run: the log's, its status, what was noticed in it
 MOST_IN_A_ROW = 3  # pictures beside the map
 AXIS_PX, DIGIT_PX = 10, 7  # left of a plot: around the labels of its axis, and each of their digits
 DIGITS = 3  # of a label where the largest error is not known yet
+ABOVE_ERRORS, LABELS_APART = 1.05, 0.19  # top of the axis, largest error = 1; least distance, of the axis
 
 
 def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = False) -> rrb.Vertical:
@@ -77,9 +78,13 @@ def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
 
 
 def _axis_px(runs: Sequence[RunView], scene: Scene) -> float:
-    """Return the width of the labels of the error axis, which the viewer does not let us set."""
-    digits = DIGITS
-    if scene.ending is not None and scene.has_truth:
-        most_m = max(scene.ending.most_m, runs[0].radii.lost_m)
-        digits = len(f"{scene.scale.length(most_m):.0f}")
-    return AXIS_PX + DIGIT_PX * digits
+    """Return the width of the labels of the error axis, which the viewer does not let us set.
+
+    It labels steps of a power of ten, where they are far enough apart.
+    """
+    if scene.ending is None or not scene.has_truth:
+        return AXIS_PX + DIGIT_PX * DIGITS
+    top = ABOVE_ERRORS * scene.scale.length(max(scene.ending.most_m, runs[0].radii.lost_m))
+    step = 10.0 ** np.ceil(np.log10(LABELS_APART * top))
+    last = step * np.floor(top / step)
+    return AXIS_PX + DIGIT_PX * len(f"{last:g}")

@@ -90,7 +90,7 @@ class VerdictDrawing:
     def _decide(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict so far."""
         step = decisive_step(verdicts)
-        self._log(f"{headline(verdicts, self._scale)} Look at **step {step}**.")
+        self._log(f"{headline(verdicts, self._scale)} Look at **step {step}.**")
         failures = {
             label: [failure_json(failure, self._scale) for failure in verdict.failures]
             for label, verdict in verdicts.items()

@@ -68,10 +68,13 @@ def _happened(runs: Sequence[RunVerdict]) -> str:
     if carried:
         more = f" and {len(carried) - 1} more time{'s' * (len(carried) > 2)}" if len(carried) > 1 else ""
         return f"Kidnapped at step {carried[0]}{more}"
-    if not shared:
-        return ""
-    title = shared[0].about.title
-    return f"{title[:1].upper()}{title[1:]} at step {shared[0].step}"
+    if shared:
+        title = shared[0].about.title
+        return f"{title[:1].upper()}{title[1:]} at step {shared[0].step}"
+    divided = [run.telling for run in runs]
+    step = None if divided[0] is None else divided[0].step
+    same = step is not None and all(places is not None and places.step == step for places in divided)
+    return f"Two places looked alike at step {step}" if same else ""
 
 
 def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
@@ -115,8 +118,10 @@ def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale)
 
 
 def _why(verdict: RunVerdict) -> str:
-    """Return the cause of the first failure that no incident explains, in a word or two."""
+    """Return the cause of the first failure in a word or two, where no incident was told before."""
     failure = verdict.unexplained
+    if any(map(verdict.has_loud_incident, verdict.episodes)):
+        return ""
     return "" if failure is None or failure.kind == UNKNOWN else CAUSES[failure.kind].title
 
 

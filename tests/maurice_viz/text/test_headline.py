@@ -8,7 +8,7 @@ import pytest
 
 from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, Failure
 from maurice_mcl.reasons.incidents import Incident
-from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
 from maurice_mcl.scoring.comparison import ErrorDifference
 from maurice_mcl.scoring.dead_reckoning import OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
@@ -28,6 +28,7 @@ def wrong(*episodes, end=OFF, **more):
     return replace(GOOD, episodes=episodes, incidents=carried, end=end, **more)
 
 
+TWINS = Ambiguity(step=3, first=2, last=4, shares=(0.5, 0.4), apart_m=1.6, truth_in=2)
 ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
 
 
@@ -46,7 +47,19 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         (RunVerdict(updates=3, has_truth=True, end=OFF), ["never localized", "78.7 in off at the end"]),
         (
             wrong(STAYS, STAYS, end=NEAR, failures=(Failure(AMBIGUITY, 61, STAYS),)),
-            ["Kidnapped at step 61 and 1 more time", "was not localized again", "places look alike"],
+            ["Kidnapped at step 61 and 1 more time", "was not localized again"],
+        ),
+        (
+            wrong(Episode("lost", 70, 90, 70, lost=73), failures=(Failure(AMBIGUITY, 70, STAYS),)),
+            ["The filter stayed lost", "places look alike"],
+        ),
+        (
+            replace(
+                GOOD,
+                localized=9,
+                ambiguity=Ambiguity(step=3, first=2, last=4, shares=(0.5, 0.4), apart_m=1.6, truth_in=2),
+            ),
+            ["Two places looked alike at step 3: the filter found itself", "step 9"],
         ),
         (
             replace(GOOD, incidents=(Incident(DARK, 30, 40),)),
