@@ -5,7 +5,7 @@ The front page is three functions of the simulator and five of trials; the chapt
 * `sessions`, `surveys`: sessions and surveys as files; `live`: a robot that speaks over a socket
 * `simulation`, `tasks`: what a session is made from, and which seeds may be tested on
 * `worlds`: plans, furniture, surfaces; `render`: light, camera, people; `robot`: motion, behaviors, drives
-* `folders`: complete folders and their cache
+* `folders`, `demos`: complete folders and their cache; the demo's drives
 * `trials`: plans of many runs, the engine that makes them, rows, statistics
 
 Axes in docstrings, besides those of `maurice_mcl.values.arrays`: K points or poses, F faces, S sources of

@@ -25,6 +25,15 @@
 Each takes plain arguments, returns values and raises `maurice_loaders.InputError` for bad input. None prints
 or exits; remarks, warnings and progress go to the `Listener` that the caller may pass. Each is imported when
 it is first used.
+
+The chapters, from the ground up:
+
+* `errors`, `listener`, `style`: errors of options and outputs; who hears of progress; units and colors
+* `entities`, `scene`: where things are logged, and what panels know of runs; `playback`: runs side by side
+* `drawing`, `text`: images and sentences about runs; `plots`: figures for print
+* `panels`, `layouts`: what is drawn of a run, and where it stands on a screen; `viewer`: the way there
+* `running`: from what a user names to runs; its front page tells the walk from a command to a dot
+* `app`: the functions above, a file for each command; `reports`, `notebook`; `cli`: the command line
 """
 
 from __future__ import annotations

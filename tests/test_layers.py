@@ -176,6 +176,20 @@ def test_no_cycle_between_modules():
     assert cycle({name: set(targets) for name, targets in graph().items()}) == []
 
 
+FRONT_PAGES = [  # of folders whose files no registry lists
+    page
+    for _, page in SOURCES
+    if page.name == "__init__.py" and not {*page.parent.glob("registry.py"), *page.parent.glob("app.py")}
+]
+
+
+@pytest.mark.parametrize("page", FRONT_PAGES, ids=lambda page: str(page.parent.relative_to(ROOT)))
+def test_a_front_page_names_every_room(page):
+    rooms = {file.stem for file in page.parent.glob("*.py")} - {"__init__"}
+    rooms |= {inner.parent.name for inner in page.parent.glob("*/__init__.py")}
+    assert rooms - set(re.findall(r"\w+", ast.get_docstring(tree(page)) or "")) == set()
+
+
 @pytest.mark.parametrize("package", ROOMS)
 def test_rooms_import_one_way(package):
     floor = {name: number for number, row in enumerate(ROOMS[package]) for name in row}

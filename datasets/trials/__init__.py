@@ -3,6 +3,7 @@
 * `plan`: what is to be run, as TOML; `plans/` come along
 * `drives`, `runs`: one drive, all filters on it, a row for each run
 * `rows`, `engine`: rows on disk; runs on the cores of one machine, or on many machines
+* `tally`, `truths`: what a row tells of a run, and of a drive; `controls`: filters given something wrong
 * `statistics`, `table`: intervals, survival curves, grouped figures, paired differences
 * `folder`: the run behind a row; `atlas`, `budget`: where runs go wrong, and what each part costs
 

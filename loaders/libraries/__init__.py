@@ -1,5 +1,6 @@
 """Libraries of reference pictures.
 
 * `store`: built from a survey, opened, cached; `files`: the folder on disk
-* `survey`: a survey log, or a selection of a drive's pictures
+* `survey`: a survey log, or a selection of a drive's pictures; `landmarks`: found in a library's pictures
+* `remembered`, `measured`: what was computed from files, and descriptors of pictures, in the user's cache
 """

@@ -3,5 +3,6 @@
 - `motion`: motion constants from turns and straights, and those from a drive with truth
 - `odometry`: motion models to first order; `odometry_fit`: their constants, from any drives with truth
 - `sensor`: the camera's noise floor (covered lens), and scales and weights of channels, by log score
+- `belief`: how often the regions of a cloud hold the truth, and the exponent that makes them
 - `statistics`: means, standard deviations and slopes with their confidence intervals
 """
