@@ -3,6 +3,7 @@
 Words and tables only: what they tell is computed in `maurice_mcl`.
 
 narration          what each step did
+phases             what one phase of a step did, in two sentences
 verdict, headline  what happened to one run, or to several: with all numbers, and in two lines
 causes             causes of failures and incidents as clauses, and the evidence that decided
 tour               where to look, moment by moment
