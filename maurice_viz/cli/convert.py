@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from maurice_loaders.export.tables import PATHS
-from maurice_loaders.importing import ImportOptions, ImportSummary, import_pictures
+from maurice_loaders.importing import ImportSummary, import_pictures
 
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
 from .shared.errors import status_of
 from .shared.options import argument, option
-from .shared.values import USUAL, reading_of
+from .shared.values import reading_of
 
 if TYPE_CHECKING:
     from maurice_loaders.live.session import LiveSession
@@ -26,7 +26,6 @@ KINDS_OF_FILES = (
     ".mcap: ROS 2 messages, with maurice-replay[ros]",
     ".zip: position errors as `evo_ape --save_results` has them",
 )
-DEFAULTS = ImportOptions()
 
 
 def record(
@@ -173,10 +172,10 @@ def pictures(
     output: Annotated[Path, opt.writes("DIR", "The folder to write.")],
     reading: opt.Reading = None,
     map_lines: opt.MapFile = None,
-    map_unit: opt.MapUnit = DEFAULTS.map_unit,
+    map_unit: opt.MapUnit = "mm",
     every: Annotated[
         int, option("--every", "Put one in this many runs of equal poses into the session.", min=2)
-    ] = DEFAULTS.session_every,
+    ] = 10,
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
@@ -184,17 +183,16 @@ def pictures(
 
     The odometry is made from the steps between poses plus noise; the session's header notes this.
     """
-    read_by = reading_of(reading)
-    view_rad = None if read_by.camera_fov_rad == USUAL.camera_fov_rad else read_by.camera_fov_rad
-    options = ImportOptions(
-        reading=read_by,
+    summary = import_pictures(
+        folder,
+        poses,
+        output,
+        reading_of(reading),
         map_lines=map_lines,
         map_unit=map_unit,
-        camera_fov_rad=view_rad,
-        session_every=every,
-        seed=read_by.odometry_seed,
+        every=every,
+        force=force,
     )
-    summary = import_pictures(folder, poses, output, options, force=force)
     if json_output:
         print_json(asdict(summary))
     else:

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.maps import arena_from_lines
 from maurice_loaders.formats.picture_folder import open_table
-from maurice_loaders.importing import PoseRow, pose_runs, read_rows
+from maurice_loaders.importing import PoseRow, import_pictures, read_rows
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.recording import Picture
 
-NO_PICTURE = Picture(0.0, lambda: np.zeros((1, 1, 3), np.uint8), "")
 HEAD = "image,x_m,y_m,heading_deg"
 
 
@@ -35,7 +30,7 @@ def read(path: Path, **columns: str) -> list[PoseRow]:
 
 def test_rows_in_order_with_headings_in_radians_and_other_columns(tmp_path: Path) -> None:
     first, second = read(table(tmp_path, "a.jpg,1,2,90", "b.jpg,-1.5,0,-180"))
-    assert (first.number, first.key) == (0, (0.0, "a.jpg"))
+    assert (first.picture.t_s, first.picture.name) == (0.0, "a.jpg")
     assert first.pose == pytest.approx([1, 2, math.pi / 2])
     assert second.pose == pytest.approx([-1.5, 0, -math.pi])
     path = tmp_path / "p.csv"
@@ -122,16 +117,7 @@ def test_columns_that_are_not_there_are_named(
 ) -> None:
     path = table(tmp_path, "a.jpg,1,5,2", head=head)
     with pytest.raises(InputError, match=rf"poses\.csv(:1)?: {told}"):
-        read(path, **columns)
-
-
-@given(st.lists(st.integers(0, 2), min_size=1))
-def test_runs_are_maximal_and_lose_nothing(places: list[int]) -> None:
-    rows = [PoseRow(k, NO_PICTURE, np.array([p, 0.0, 0.0])) for k, p in enumerate(places)]
-    runs = pose_runs(rows)
-    assert [row for run in runs for row in run] == rows
-    assert all(row.pose[0] == run[0].pose[0] for run in runs for row in run)
-    assert all(a[0].pose[0] != b[0].pose[0] for a, b in itertools.pairwise(runs))
+        import_pictures(tmp_path, path, tmp_path / "out", ReadingOptions(columns=columns))
 
 
 POSES = np.array([[1.0, 2.0, 0.0], [4.0, 3.0, 0.0]])
