@@ -7,7 +7,7 @@
 | `show` | shows a run, a recording or a session in a notebook's widget |
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
 | `diagnose` | why a filter was lost: one cause for each time |
-| `explain` | explains one update of a saved run |
+| `explain` | explains one step of a saved run |
 | `check` | whether a filter does on drives what is demanded of it, with many seeds |
 | `error_budget` | which part of a filter costs most accuracy |
 | `what_if`, `remedies` | branches a saved run with something changed; ranks what would have helped |

@@ -175,13 +175,13 @@ def export(
     """Export estimate, truth and odometry of a saved run; nothing is filtered again.
 
     `to` is a file or several, at most one of each kind, told by its ending: .tum and .kitti (paths), .csv and
-    .parquet (a row per update), .mcap (ROS 2 messages), .zip (position errors for evo). TUM and KITTI get one
+    .parquet (a row per step), .mcap (ROS 2 messages), .zip (position errors for evo). TUM and KITTI get one
     file per path, or just the path `only` ("estimate", "truth" or "odometry"). `scored` leaves out the first
-    three updates, as the table of scores does. Lengths are in meters, headings in radians; all files appear
+    three steps, as the table of scores does. Lengths are in meters, headings in radians; all files appear
     together at the end.
 
     Raises OptionError for arguments that contradict each other and InputError for a folder that holds no such
-    run, no truth that `only` asks for, no update, or for files that exist (unless `force`).
+    run, no truth that `only` asks for, no step, or for files that exist (unless `force`).
 
         >>> import maurice_viz as mv
         >>> exported = mv.export("my-run", "my-run.tum", only="estimate")

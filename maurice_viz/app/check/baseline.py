@@ -54,7 +54,7 @@ class BaselineRuns:
         lengths = {len(track.off_m) for track in tracks.values()}
         if lengths != {updates}:
             was = ", ".join(map(str, sorted(lengths)))
-            what = f"found runs of {session!r} with {was} updates, and it has {updates} now"
+            what = f"found runs of {session!r} with {was} steps, and it has {updates} now"
             raise InputError(self.file, f"{what}: another drive; save a new baseline")
         return tracks
 

@@ -109,8 +109,8 @@ def check(
     """Test whether a filter does on a drive, or on several, what is demanded of it, with seeds 0, 1, 2, ...
 
     Each demand holds where at least the share `min_localized` of the runs meets it: to be localized within
-    `localized_by` updates and not lost after that, to be off by at most `max_error_m` in the mean, or to have
-    converged within `converged_by` updates, which needs no true poses. `against` is a baseline that a call
+    `localized_by` steps and not lost after that, to be off by at most `max_error_m` in the mean, or to have
+    converged within `converged_by` steps, which needs no true poses. `against` is a baseline that a call
     wrote to `save_baseline` (.parquet) earlier: fails where errors grew or rates fell, by paired seeds.
     `junit` is an XML file to write, `artifacts` a folder for why a run failed and a recording of it. The
     filter is chosen as in `replay`.

@@ -122,7 +122,7 @@ def demand_results(runs: Sequence[RunJudgement], demands: Demands, scale: Scale)
 
 
 def title_of(kind: str, demands: Demands, scale: Scale) -> str:
-    """Return a demand in a few words: "localized by update 20"."""
+    """Return a demand in a few words: "localized by step 20"."""
     if kind == LOCALIZED:
         return f"localized by step {demands.localized_by}"
     if kind == CONVERGED:
