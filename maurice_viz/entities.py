@@ -129,6 +129,11 @@ class RunPaths:
         return self.at("rose")
 
     @property
+    def says_nothing(self) -> str:
+        """Words on the map while the picture hardly tells places apart: one Points2D."""
+        return self.at("match", "says_nothing")
+
+    @property
     def circles(self) -> str:
         """Match circles (thesis fig. 34): Points2D, one per library entry."""
         return self.at("match", "circles")

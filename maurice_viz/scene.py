@@ -100,6 +100,7 @@ class RunView:
     own_drive: bool = False  # compared with runs of another drive, so that truth and camera are its own
     start: F64 | None = None  # (3,) in the map's frame, where it is known to begin
     number: int = 0  # among the runs of the recording; the first draws what all share (see `numbered`)
+    all_channels: tuple[str, ...] = ()  # of all runs of the recording, for the key that they share
 
     @property
     def is_recorded(self) -> bool:
@@ -147,8 +148,10 @@ class RunView:
 
 
 def numbered(runs: Iterable[RunView]) -> list[RunView]:
-    """Return runs with their numbers, in order: each has its own color."""
-    return [replace(run, number=number) for number, run in enumerate(runs)]
+    """Return runs with their numbers, in order: each has its own color; and with what others measure."""
+    views = list(runs)
+    channels = tuple(dict.fromkeys(channel for run in views for channel in run.channels))
+    return [replace(run, number=number, all_channels=channels) for number, run in enumerate(views)]
 
 
 def _draws_new(localizer: Localizer) -> str | None:

@@ -33,8 +33,8 @@ RGBA = tuple[int, int, int, int]
 GROUND: RGB = (16, 17, 20)
 TRUTH: RGB = (255, 255, 255)  # and nothing else is white
 CLOUD: RGB = (164, 214, 240)  # particles where their weight is not shown
-LOST: RGB = (255, 92, 51)  # lost, kidnapped, off the map: lanes, and lines in plots
-CIRCLE: RGB = (96, 140, 30)  # references, by size
+LOST: RGB = (192, 57, 43)  # lost, kidnapped, off the map: lanes, and lines in plots
+CIRCLE: RGB = (66, 116, 20)  # references, by size
 RANK: RGB = (255, 208, 92)
 WALL: RGB = (196, 198, 204)
 OBSTACLE: RGB = (92, 94, 102)
@@ -48,12 +48,27 @@ DEAD: RGB = (150, 72, 72)  # particles that left no copy
 CARRIED: RGB = (240, 240, 240)  # the way of a kidnapping: of the truth, as its disk
 SETTLED: RGB = (120, 124, 134)  # particles of little weight
 PHASE_MARK: RGB = (84, 99, 109)  # the present phase in the strip
-FRESH: RGB = (250, 76, 196)  # particles drawn anew in this step, on every map; and such steps in plots
+FRESH: RGB = (255, 80, 220)  # particles drawn anew in this step, on every map; and such steps in plots
 HEADINGS: RGB = CLOUD
 # of estimates, their trails, ellipses and traces, by run:
 # Okabe and Ito's orange, sky blue and green, the first two darker, or they would be faint on white; violet in
 # place of their pink, which is that of fresh particles
 RUN_COLORS: tuple[RGB, ...] = ((200, 132, 0), (56, 150, 210), (148, 100, 240), (0, 158, 115))
+# of sensor channels in the order of their registry, the same in every run and on every view
+CHANNEL_COLORS: tuple[RGB, ...] = (
+    (240, 105, 120),
+    (15, 90, 195),
+    (165, 0, 255),
+    (0, 105, 120),
+    (120, 75, 165),
+    (180, 30, 120),
+    (75, 105, 30),
+    (150, 120, 165),
+    (165, 0, 195),
+)
+PICTURE: RGB = (135, 135, 240)  # of histograms: what the robot saw
+REFERENCE: RGB = (150, 120, 75)  # of histograms: the reference that it is compared with
+ODOMETRY: RGB = (255, 45, 75)  # of a drive by itself: the path by odometry alone
 AGREES: RGB = (80, 230, 160)  # in pictures: marks that agree with the estimate
 DISAGREES: RGB = (255, 120, 90)  # and those that do not
 STATES: dict[str, RGB] = {  # of lanes: dark green-gray, gray, magenta, red
@@ -62,8 +77,8 @@ STATES: dict[str, RGB] = {  # of lanes: dark green-gray, gray, magenta, red
     "searching": (116, 116, 106),
     "spread": (116, 116, 106),
     "wrong and confident": (168, 50, 126),
-    "lost": (192, 57, 43),
-    "probably-lost": (192, 57, 43),
+    "lost": LOST,
+    "probably-lost": LOST,
 }
 BAR: RGB = (136, 140, 150)  # bars and lines that are of no run and no channel
 RED_GREEN_BLUE: tuple[RGBA, RGBA, RGBA] = ((200, 60, 50, 64), (50, 160, 80, 64), (60, 110, 230, 64))
@@ -214,6 +229,7 @@ def weight_colors(log_weights: F64, of: int | None = None) -> U32:
 
 COLOR_WORDS = ("orange", "sky blue", "violet", "green")  # of RUN_COLORS, in order
 DEEPEST = 8.0  # nats below the best place that still have a color
+SAYS_NOTHING = 2.0  # nats from best to worst, below which a picture hardly tells places apart
 
 
 # Texts that the viewer can show: what its font has no sign for is written as a code.

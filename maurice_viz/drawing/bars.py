@@ -13,19 +13,23 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from maurice_mcl.sensor.descriptors.histograms import BINS
-from maurice_mcl.sensor.distances import DISTANCES, contributions
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.library import ChannelIndex
 
-from ..style import PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
+from ..style import CHANNEL_COLORS, PLAIN, RED_GREEN_BLUE, RGB, RGBA
 
 PLANES = 3  # red, green, blue: equal thirds of a descriptor
-REFERENCE, SAMPLE = RUN_COLORS[:2]
 USUAL_PERCENTILE = (
     99.5  # percentile of all library bins that the bands reach up to; a higher bar makes the chart grow
 )
 LEAST_HEIGHT = 1e-6  # a band of no height could not be seen
-COMPARED_REFERENCES = 100  # references from which the usual height of differences is taken
 REFERENCE_BAR, SAMPLE_BAR = (0.0, 1.0), (0.25, 0.5)  # where in a bin they begin, and how wide they are
+
+
+def channel_color(channel: str) -> RGB:
+    """Return the color of a sensor channel: the same in every run; after the ninth channel they repeat."""
+    known = list(CHANNELS)
+    return CHANNEL_COLORS[(known.index(channel) if channel in known else 0) % len(CHANNEL_COLORS)]
 
 
 def place_bars(
@@ -44,20 +48,6 @@ def place_bars(
 def usual_height(index: ChannelIndex) -> float:
     """Return a height that nearly all bins of the library stay under."""
     return max(float(np.percentile(index.references, USUAL_PERCENTILE)), LEAST_HEIGHT)
-
-
-def usual_difference(index: ChannelIndex, distance: str) -> float:
-    """Return a height that nearly all elements stay under, from a reference to the other most like it."""
-    count = len(index.references)
-    if count < 2:
-        return 1.0
-    parts = []
-    for k in np.linspace(0, count - 1, min(count, COMPARED_REFERENCES)).astype(int):
-        differences = DISTANCES[distance](index.references[k], index)
-        differences[k] = np.inf
-        best = index.references[differences.argmin()]
-        parts.append(contributions(distance, index.references[k], best, index))
-    return max(float(np.percentile(parts, USUAL_PERCENTILE)), LEAST_HEIGHT)
 
 
 def bands_of(bins: int) -> tuple[RGBA, ...]:

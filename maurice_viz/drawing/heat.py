@@ -11,8 +11,8 @@ import numpy as np
 from maurice_mcl.sensor.descriptors import chromaticity
 from maurice_mcl.values.arrays import F32, U8
 
-from ..style import BAR, EMPTY, GROUND, PALE
-from .bars import LEAST_HEIGHT, REFERENCE, SAMPLE
+from ..style import BAR, EMPTY, GROUND, PALE, PICTURE, REFERENCE
+from .bars import LEAST_HEIGHT
 from .canvas import text_size
 from .indexed import IndexedColors, write
 
@@ -24,7 +24,7 @@ SHADES = 24  # of a color, from nothing to the most
 
 CHART = IndexedColors()  # of all charts
 EMPTY_INK = CHART.flat(EMPTY)
-HEATS = tuple(CHART.ramp(EMPTY, color, SHADES) for color in (SAMPLE, REFERENCE, BAR))
+HEATS = tuple(CHART.ramp(EMPTY, color, SHADES) for color in (PICTURE, REFERENCE, BAR))
 _TITLE_INK = CHART.ramp(GROUND, PALE)
 
 

@@ -29,7 +29,7 @@ ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
 WEIGHTS, MATCHES, LIKELIHOOD, EXPLAINED = "weights", "matches", "likelihood", "explained"
 COMPARED = "compared"  # above its map beside others, like WEIGHTS
 CIRCLES, CIRCLE_PX = 5, 22  # circles in a key, and the radius of the largest
-LINES_PX = 1060  # width of the key of a plot's lines
+LINES_PX = 860  # width of the key of a plot's lines
 LINE_ROW_PX, LINE_TEXT_PX, LINE_PX = 44, 20.0, 50
 
 # keys of comparisons
@@ -124,7 +124,7 @@ def _kept(key: U8) -> U8:
 def paths_key(moves: bool, has_truth: bool) -> U8:
     """Draw the key of a drive by itself: the true path, and the one by odometry alone."""
     return _joined(
-        *_truth_disk(has_truth), *([_disk(style.RUN_COLORS[0], 13), _text("odometry alone")] if moves else [])
+        *_truth_disk(has_truth), *([_disk(style.ODOMETRY, 13), _text("odometry alone")] if moves else [])
     )
 
 
@@ -139,7 +139,7 @@ def line_key(lines: Sequence[tuple[str, RGB, float]]) -> U8:
     at, row, places = 24, 0, []
     for name, _, _ in lines:
         needed = LINE_PX + 10 + text_size(name, LINE_TEXT_PX)[0]
-        if at > 24 and at + needed > LINES_PX:
+        if at > 24 and at + needed > LINES_PX - 24:
             at, row = 24, row + 1
         places.append((at, row))
         at += needed + 30

@@ -1,6 +1,6 @@
 """What a reference loses, as one drawing: nats by channel as a stacked bar, over a small chart per channel.
 
-A small chart has the reference's descriptor filled in orange under the picture's blue line, its name on the
+A small chart has the reference's descriptor filled under the picture's line, its name on the
 axis, and below it what each element costs. Two-dimensional histograms are heat maps.
 """
 
@@ -18,8 +18,20 @@ from numpy.typing import NDArray
 from maurice_mcl.reasons.explanation import ChannelExplanation, EntryExplanation
 from maurice_mcl.values.arrays import F32, F64, I32, U8
 
-from ..style import BAR, EMPTY, GROUND, PALE, PLAIN, RED_GREEN_BLUE, RGB, RGBA, RUN_COLORS
-from .bars import LEAST_HEIGHT, REFERENCE, SAMPLE, bands_of
+from ..style import (
+    BAR,
+    CHANNEL_COLORS,
+    EMPTY,
+    GROUND,
+    PALE,
+    PICTURE,
+    PLAIN,
+    RED_GREEN_BLUE,
+    REFERENCE,
+    RGB,
+    RGBA,
+)
+from .bars import LEAST_HEIGHT, bands_of, channel_color
 from .canvas import blank, put_text, text_size
 from .heat import CHART, EMPTY_INK, HEATS, grid_of, heat_of, place_heat
 from .indexed import fill, write
@@ -28,15 +40,15 @@ CHART_PX = (288, 260)  # width and height, in a recording of many updates
 BAR_SHARE = 0.23  # of the height, with the axis below it
 TEXT_SHARE = 0.045  # height of capitals, of the width
 COST_SHARE = 0.32  # of a small chart's height: what each element costs
-SEGMENTS: tuple[RGB, ...] = (*RUN_COLORS[2:], (182, 90, 62), (204, 121, 167))  # of channels, in turn
 TICK_NATS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
 MOST_MARKS = 5
+PLANES = ("R", "G", "B")
 
 # numbers of the colors of charts
-SAMPLE_INK, REFERENCE_INK, COST_INK = (CHART.flat(color) for color in (SAMPLE, REFERENCE, BAR))
+SAMPLE_INK, REFERENCE_INK, COST_INK = (CHART.flat(color) for color in (PICTURE, REFERENCE, BAR))
 TEXT_INK = CHART.ramp(GROUND, PALE)
 GROUND_INK, PALE_INK = CHART.flat(GROUND), CHART.flat(PALE)
-BAR_INKS = tuple(CHART.ramp(color, GROUND) for color in SEGMENTS)  # a bar, and letters on it
+BAR_INKS = {color: CHART.ramp(color, GROUND) for color in CHANNEL_COLORS}  # a bar, and letters on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +112,36 @@ def _ground(channels: tuple[tuple[str, int], ...], size: tuple[int, int]) -> U8:
     image[high + 2, 4 : round(end)] = PALE_INK
     for number, (name, elements) in enumerate(channels):
         part = image[list(_places(len(channels), size))[number]]
-        height, width = part.shape
-        small = min(text, text * width / max(text_size(name, text)[0], 1))
-        at = (width - text_size(name, small)[0]) / 2
-        write(part, name, at, height - 0.45 * text, small, NAME_INKS[number % len(NAME_INKS)])
+        width = part.shape[1]
+        _write_name(part, name, text)
         if grid_of(name, elements) is None:
             levels, costs = _levels_and_costs(part, text)
             levels[:] = _grounds(elements)[np.arange(width) * len(_grounds(elements)) // width]
             costs[:] = EMPTY_INK
+            _name_planes(levels, elements, 0.8 * text)
     return image
+
+
+def _write_name(part: U8, name: str, text: float) -> None:
+    """Write the name of a channel below its chart, after a square of its color, in place."""
+    height, width = part.shape
+    square = round(text)
+    room = width - 1.5 * text
+    small = min(text, text * room / max(text_size(name, text)[0], 1))
+    left = (room - text_size(name, small)[0]) / 2
+    low = round(height - 0.45 * text)
+    part[low - square : low, round(left) : round(left) + square] = BAR_INKS[channel_color(name)]
+    write(part, name, left + 1.5 * text, low, small, TEXT_INK)
+
+
+def _name_planes(levels: U8, elements: int, text: float) -> None:
+    """Write R, G and B over the thirds of a descriptor that has them, in place."""
+    width = levels.shape[1]
+    grounds = _grounds(elements)
+    if len(grounds) == len(PLANES):
+        for number, (plane, ground) in enumerate(zip(PLANES, grounds.tolist(), strict=True), 1):
+            at = number * width / len(PLANES) - 1.4 * text
+            write(levels, plane, at, 1.6 * text, text, _PLANE_INKS[ground])
 
 
 def _bar_place(size: tuple[int, int]) -> tuple[int, int, float]:
@@ -123,9 +156,9 @@ def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, 
     text = TEXT_SHARE * size[0]
     low, high, end = _bar_place(size)
     at = 4.0
-    for number, channel in enumerate(entry.channels):
+    for channel in entry.channels:
         after = at + channel.loses / most * (end - 4)
-        ink = BAR_INKS[number % len(BAR_INKS)]
+        ink = BAR_INKS[channel_color(channel.channel)]
         image[low:high, round(at) : round(after)] = ink
         label = f"{channel.channel} {channel.loses:.1f}"
         for words in (label, channel.channel):
@@ -157,11 +190,6 @@ def _width(text: str, height_px: float) -> int:
     return text_size(text, height_px)[0]
 
 
-def color_of(number: int) -> RGB:
-    """Return the color of a channel's part of the bar and of its name."""
-    return SEGMENTS[number % len(SEGMENTS)]
-
-
 def _draw_channel(
     image: U8, channel: ChannelExplanation, number: int, scale: ChartScale, text: float
 ) -> None:
@@ -191,14 +219,6 @@ def _levels_and_costs(image: U8, text: float) -> tuple[U8, U8]:
     return image[: split - 2], image[split:under]
 
 
-def _name(number: int) -> RGB:
-    red, green, blue = (min(255, part + 40) for part in color_of(number))
-    return red, green, blue
-
-
-NAME_INKS = tuple(CHART.ramp(GROUND, _name(number)) for number in range(len(SEGMENTS)))
-
-
 def draw_levels(image: U8, sample: F32, reference: F32, span: tuple[float, float]) -> None:
     """Draw a descriptor (D,) filled, and another one as a line over it."""
     height, width = image.shape
@@ -226,6 +246,7 @@ def _mixed(band: RGBA) -> RGB:
 
 
 _BAND_INKS = {band: CHART.flat(_mixed(band)) for band in (*RED_GREEN_BLUE, PLAIN)}
+_PLANE_INKS = {_BAND_INKS[band]: CHART.ramp(_mixed(band), PALE) for band in RED_GREEN_BLUE}  # letters on them
 
 
 def _draw_costs(image: U8, nats: F32, most: float) -> None:
@@ -261,7 +282,7 @@ def draw_chart_key(size: tuple[int, int] = CHART_PX) -> U8:
     put_text(image, "what each channel costs the", 4, 0.3 * under, text, PALE)
     put_text(image, "reference; shorter is likelier", 4, 0.3 * under + 1.7 * text, text, PALE)
     lines = (
-        ("this picture", SAMPLE, 3),
+        ("this picture", PICTURE, 3),
         ("the reference", REFERENCE, round(1.2 * text)),
         ("nats of each element", BAR, round(1.2 * text)),
     )

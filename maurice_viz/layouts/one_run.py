@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import numpy as np
 import rerun.blueprint as rrb
 
 from .. import entities
-from ..drawing.canvas import map_extent
 from ..panels.belief import belief_view, closeup_view
-from ..panels.camera import camera_view, difference_views, edges_view, histogram_views, named_view
+from ..panels.camera import named_view, seen_views
 from ..panels.events import lanes_px, words_view
 from ..panels.explanation import (
     CAMERA_CARD,
-    column_view,
+    card_view,
+    chart_view,
     columns_of,
     figures_view,
     references_map_view,
@@ -28,40 +27,27 @@ from ..panels.sensors import (
     sensor_space_view,
     sensor_words_view,
 )
-from ..panels.traces import single_plots
+from ..panels.traces import run_plots
 from ..panels.views import untitled
 from ..scene import RunView, Scene
 from .story import HEIGHT_PX, OWN_LANES, over_events
 
 INSIDE_WORDS_PX = 78  # two lines
 SENSOR_WORDS, SENSOR_PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
-LEFT_SHARE = 1.45  # how much higher than the figures a square map is
+MAP_PERCENT = 40  # of the width: the map of a run
 
 
 def overview(run: RunView, scene: Scene) -> rrb.Vertical:
-    """Lay out the arena and the words left, matching in the middle, pictures and traces right."""
+    """Lay out the map over the words; right circles and camera, over the five best and two plots."""
     paths = run.paths
-    distances, *others = single_plots(paths, scene)
-    left = rrb.Vertical(
-        belief_view(paths, scene),
-        words_view(paths),
-        distances,
-        row_shares=[2.2, 0.95, 0.9],
-    )
-    middle = rrb.Vertical(
-        rrb.Tabs(circles_view(paths, scene), *likelihood_views(paths, run.channels, scene), active_tab=0),
-        rrb.Tabs(*histogram_views(paths, run.channels), active_tab=0),
-        rrb.Tabs(*difference_views(paths, run.channels), active_tab=0),
-        row_shares=[1.85, 1, 1],
-    )
-    right = rrb.Vertical(
-        rrb.Horizontal(camera_view(), edges_view()),
-        best_references_view(paths, scene),
-        *others,
-        row_shares=[1.3, 0.8] + [2 / len(others)] * len(others),
-    )
-    body = rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
-    return over_events(body, [run], noticed=True)
+    left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[1.9, 1])
+    maps = rrb.Tabs(circles_view(paths, scene), *likelihood_views(paths, run.channels, scene), active_tab=0)
+    compared = rrb.Horizontal(maps, *seen_views([run]), column_shares=[1.25, 1])
+    plots = run_plots(run, scene)
+    rows = compared, best_references_view(paths, scene), rrb.Horizontal(*plots)
+    right = rrb.Vertical(*rows, row_shares=[310, 178, 142])
+    body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
+    return untitled(over_events(body, [run], noticed=True), but=plots)
 
 
 def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
@@ -79,34 +65,29 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
 
 
 def explain(run: RunView, scene: Scene) -> rrb.Vertical:
-    """Lay out the map and the figures left; the sentence right, over camera and references side by side."""
+    """Lay out the map over the figures; right the sentences, over camera and references side by side."""
     paths = run.paths
-    extent = map_extent(scene.arena, scene.scale)
-    map_share = float(np.clip(LEFT_SHARE * extent.height / extent.width, 1.0, 2.6))  # as its shape needs
-    table_share = 0.65 + 0.1 * len(run.channels)
-    left = rrb.Vertical(
-        references_map_view(paths, scene),
-        figures_view(paths),
-        row_shares=[map_share, table_share],
-    )
-    columns = [column_view(paths, who) for who in (CAMERA_CARD, *columns_of(scene.has_truth))]
-    right = rrb.Vertical(sentence_view(paths), rrb.Horizontal(*columns), row_shares=[1, 2.6])
-    return over_events(rrb.Horizontal(left, right, column_shares=[1, 1.6]), [run])
+    left = rrb.Vertical(references_map_view(paths, scene), figures_view(paths), row_shares=[1.7, 1])
+    whose = (CAMERA_CARD, *columns_of(scene.has_truth))
+    cards = rrb.Horizontal(*(card_view(paths, who) for who in whose))
+    charts = rrb.Horizontal(*(chart_view(paths, who) for who in whose))
+    right = rrb.Vertical(sentence_view(paths), cards, charts, row_shares=[128, 310, 175])
+    body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
+    return untitled(over_events(body, [run], noticed=True))
 
 
 def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
-    """Lay out the map left; right the words and pictures of each sensor, or the distances."""
+    """Lay out the map left; right the words and pictures of each sensor, over the errors."""
     paths = run.paths
     blocks = [_of_sensor(run, name) for name in run.sensors]
     right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
     views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
-    sensors = {} if run.sensor is None else run.sensor.sensors
-    in_3d = [name for name, sensor in sensors.items() if in_space(sensor)]
-    views += [sensor_space_view(paths, scene, name) for name in in_3d]
+    in_3d = () if run.sensor is None else run.sensor.sensors.items()
+    views += [sensor_space_view(paths, scene, name) for name, sensor in in_3d if in_space(sensor)]
     left = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
-    distances = single_plots(paths, scene)[0]
-    column = rrb.Vertical(left, distances, row_shares=[2.6, 1])
-    return over_events(rrb.Horizontal(column, right, column_shares=[1, 1.1]), [run])
+    plot = run_plots(run, scene)[0]
+    body = rrb.Horizontal(rrb.Vertical(left, plot, row_shares=[3.2, 1]), right, column_shares=[1, 1.1])
+    return untitled(over_events(body, [run], noticed=True), but=[plot])
 
 
 def _of_sensor(run: RunView, name: str) -> rrb.Container:
@@ -116,12 +97,12 @@ def _of_sensor(run: RunView, name: str) -> rrb.Container:
 
 
 def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
-    """Lay out another localizer's clouds: the arena and the words left, the close-up, traces right."""
+    """Lay out another localizer's clouds: the map over the words; right the close-up over headings, plots."""
     paths = run.paths
-    left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[2.2, 0.95])
-    middle = rrb.Vertical(closeup_view(paths, scene))
-    seen = rrb.Horizontal(*([camera_view()] if scene.has_pictures else []), headings_view(paths))
-    plots = single_plots(paths, scene)
-    right = rrb.Vertical(seen, *plots, row_shares=[1.3] + [2.8 / len(plots)] * len(plots))
-    body = rrb.Horizontal(left, middle, right, column_shares=[1.2, 1, 1])
-    return over_events(body, [run], noticed=True)
+    left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[1.9, 1])
+    seen = rrb.Vertical(*(seen_views([run]) if scene.has_pictures else []), headings_view(paths))
+    close = rrb.Horizontal(closeup_view(paths, scene), seen, column_shares=[1.6, 1])
+    plots = run_plots(run, scene)
+    right = rrb.Vertical(close, rrb.Horizontal(*plots), row_shares=[3.2, 1])
+    body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
+    return untitled(over_events(body, [run], noticed=True), but=plots)

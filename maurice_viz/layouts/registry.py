@@ -19,13 +19,15 @@ OF_CHANNELS = ("overview", "explain")  # layouts about channels and their refere
 Layout = Callable[[Sequence[RunView], Scene], rrb.Container]
 
 
-def _a_tab_a_run(one: Callable[[RunView, Scene], rrb.Container]) -> Layout:
-    """Return a layout of several runs, one tab per run, from that of a single run."""
+def _a_tab_a_run(
+    one: Callable[[RunView, Scene], rrb.Container], has: Callable[[RunView], object] = bool
+) -> Layout:
+    """Return a layout of several runs, one tab per run that `has` what it shows, from that of one run."""
 
     def layout(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
         if len(runs) == 1:
             return one(runs[0], scene)
-        tabs = [_named(one(run, scene), run.label) for run in runs]
+        tabs = [_named(one(run, scene), run.label) for run in runs if has(run)]
         return rrb.Tabs(*tabs, active_tab=0)
 
     return layout
@@ -36,12 +38,16 @@ def _named(container: rrb.Container, name: str) -> rrb.Container:
     return container
 
 
+def _channels_of(run: RunView) -> object:
+    return run.channels
+
+
 LAYOUTS: Mapping[str, Layout] = {
     "story": story,
-    "overview": _a_tab_a_run(one_run.overview),
+    "overview": _a_tab_a_run(one_run.overview, _channels_of),
     "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
-    "explain": _a_tab_a_run(one_run.explain),
-    SENSORS: _a_tab_a_run(one_run.sensors),
+    "explain": _a_tab_a_run(one_run.explain, _channels_of),
+    SENSORS: _a_tab_a_run(one_run.sensors, lambda run: run.sensors),
     "compare": several_runs.compare,
     "traces": several_runs.traces,
     MORE: _a_tab_a_run(lambda run, scene: rrb.Grid(*views_of(run, scene))),

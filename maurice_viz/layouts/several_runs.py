@@ -13,10 +13,9 @@ import rerun.blueprint as rrb
 from ..drawing.keys import NARROW_FROM
 from ..panels import comparison as shared
 from ..panels import traces as lines
-from ..panels.camera import SHORT_LEGEND, camera_view, histogram_views
+from ..panels.camera import camera_view, histogram_views
 from ..panels.events import words_view
 from ..panels.references import best_references_view, circles_view
-from ..panels.views import plot_of_runs
 from ..scene import RunView, Scene
 from .story import over_events
 
@@ -55,7 +54,7 @@ def _wide(run: RunView, count: int, scene: Scene) -> rrb.Vertical:
     return rrb.Vertical(
         rrb.Tabs(shared.run_belief_view(run, count, scene), circles_view(paths, scene)),
         best_references_view(paths, scene),
-        rrb.Tabs(*histogram_views(paths, run.channels, SHORT_LEGEND), active_tab=0),
+        rrb.Tabs(*histogram_views(paths, run.channels), active_tab=0),
         words_view(paths, f"{run.label}: What this step did"),
         row_shares=[2.5, 0.95, 1.2, 1.15],
     )
@@ -74,53 +73,41 @@ def _wide_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.Tabs]:
     """Plot the runs themselves, then how they differ from the first."""
     distances = shared.distance_plots(runs, scene)
     if not scene.has_truth:
-        shares = plot_of_runs(lines.CONFIDENCE, "Confidence (share)", runs, 1.1)
-        return [rrb.Tabs(plot) for plot in (_spread(runs, scene), *(distances or [shares]))]
+        shares = lines.cloud_plots(runs, scene)[1]
+        return [rrb.Tabs(plot) for plot in (lines.cloud_plots(runs, scene)[0], *(distances or [shares]))]
     position, heading = shared.difference_plots(runs, scene)
     differences = [position, *distances, heading]
     return [
-        rrb.Tabs(*lines.error_plots(runs, scene), _spread(runs, scene), active_tab=0),
+        rrb.Tabs(*lines.error_plots(runs, scene), lines.cloud_plots(runs, scene)[0], active_tab=0),
         rrb.Tabs(*differences, active_tab=0),
     ]
 
 
 def _narrow_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
     if not scene.has_truth:
-        return [_spread(runs, scene), *shared.distance_plots(runs, scene)]
+        return [lines.cloud_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
     error, _ = lines.error_plots(runs, scene)
     return [error, shared.difference_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
 
 
-def _spread(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
-    return plot_of_runs(lines.SPREAD, f"Spread ({scene.scale.units.name})", runs)
-
-
 def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
-    """Plot one quantity per panel, one line per run."""
-    who = lines.who_is_who(runs)  # stands in the first two titles
-    columns, knows = [], lines.knows_plot(runs)
+    """Plot one quantity per panel, one line per run in its color, as the lanes below name them."""
+    knows, particles = lines.knows_plot(runs), lines.particle_plots(runs)
+    spread, confidence = lines.cloud_plots(runs, scene)
+    columns = [rrb.Vertical(spread, confidence, *particles)]
     if scene.has_truth:
-        errors = lines.error_plots(runs, scene, who)
-        columns.append(rrb.Vertical(*errors, *lines.truth_plots(runs), knows))
-    cloud = lines.cloud_plots(runs, scene, lines.NO_COLORS_NAMED if scene.has_truth else who)
-    cloud += lines.survival_plots(runs)
-    columns.append(rrb.Vertical(*cloud, *([] if scene.has_truth else [knows])))
+        columns = [rrb.Vertical(*lines.error_plots(runs, scene), knows, lines.rank_plot(runs)), *columns]
+    else:
+        columns = [rrb.Vertical(knows, spread, confidence), rrb.Vertical(*particles)]
     return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
 
 
 def _last(runs: Sequence[RunView]) -> rrb.Vertical:
-    """Plot evidence, one panel per run, over the key of its lines."""
-    titles = {run.label: f"{run.label}: " if len(runs) > 1 else "" for run in runs}
-    evidence = [lines.evidence_plot(run.paths, titles[run.label]) for run in runs]
-    by_channels = {run.channels: run for run in reversed(runs)}  # the same channels have the same key
-    first_ones = [run for run in runs if by_channels[run.channels] is run]
-    if len(first_ones) > 1:
-        keys = [lines.evidence_key(run.paths, titles[run.label]) for run in first_ones]
-        key: rrb.Tabs | rrb.Spatial2DView = rrb.Tabs(*keys, active_tab=0)
-    else:
-        key = lines.evidence_key(runs[0].paths)
-    shares = [2.4 / len(runs)] * len(runs) + [lines.key_share(runs[0])]
-    return rrb.Vertical(*evidence, key, row_shares=shares)
+    """Plot evidence, one panel per run, over the key."""
+    several = len(runs) > 1
+    evidence = [lines.evidence_plot(run.paths, run.label if several else "") for run in runs if run.channels]
+    shares = [2.4 / max(len(evidence), 1)] * len(evidence) + [lines.key_share(runs[0])]
+    return rrb.Vertical(*evidence, lines.evidence_key(runs[0].paths), row_shares=shares)
 
 
 def recorded_traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:

@@ -13,27 +13,22 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.sensor.descriptors.histograms import edge_image
-from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.sensor.distances import contributions
 from maurice_mcl.values.arrays import F32, U8
 
 from .. import entities
 from ..drawing.arrow import blob_of, row_of, tensor_of
 from ..drawing.bars import (
-    REFERENCE,
     REFERENCE_BAR,
-    SAMPLE,
     SAMPLE_BAR,
     bands_of,
     place_bars,
-    usual_difference,
     usual_height,
 )
 from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, put_text
 from ..drawing.heat import AXES_WORDS, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import BAR, GROUND, MISSING, PALE, RGB, TRUTH, font_safe
+from ..style import GROUND, MISSING, PALE, PICTURE, REFERENCE, RGB, TRUTH, font_safe
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import bars_view, picture_view
 
@@ -75,13 +70,15 @@ def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
     draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image)), EDGES_QUALITY))
 
 
-NAME_ABOVE = 0.08  # of a picture's width: its name stands so far above it
+NAME_ABOVE = 0.08  # of a picture's width: its name stands so far above it; in a narrow view more
 
 
-def draw_name(rec: rr.RecordingStream, path: str, text: str, width: float, color: RGB) -> None:
+def draw_name(
+    rec: rr.RecordingStream, path: str, text: str, width: float, color: RGB, above: float = NAME_ABOVE
+) -> None:
     """Log the name of a picture of this width above it, static. Its size is that of all labels."""
     name = rr.Points2D(
-        [[width / 2, -NAME_ABOVE * width]],
+        [[width / 2, -above * width]],
         colors=[color],
         radii=rr.components.Radius.ui_points(0.0),
         labels=[font_safe(text)],
@@ -147,39 +144,33 @@ def edges_view() -> rrb.Spatial2DView:
     return picture_view(f"Edges x {EDGE_GAIN} (px)", entities.EDGES)
 
 
-# Histograms: the picture's over that of its best match, and how much each bin adds to the distance.
+# Histograms: the picture's over that of its best match.
 
-KINDS = ("sample", "reference", "difference")
-LEGEND = ": picture blue, match orange"
-SHORT_LEGEND = ", match orange"
-HEAT_KINDS = MAPS, ADDED = "maps", "added"  # of a two-dimensional histogram, instead of bars
+KINDS = ("sample", "reference")
+MAPS = "maps"  # of a two-dimensional histogram, instead of bars
 
 
 class HistogramsPanel(Panel):
-    """Draws for each channel the picture's descriptor, its best match's, and what each element adds to D."""
+    """Draws for each channel the picture's descriptor over that of its best match."""
 
     def __init__(self, run: RunView, scene: Scene) -> None:
         super().__init__(run, scene)
-        self._tops: dict[str, tuple[float, float]] = {}  # usual height of an element, and what it adds to D
+        self._tops: dict[str, float] = {}  # usual height of an element
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        for channel, distance in self._run.distances.items():
+        for channel in self._run.distances:
             index = self._library.index[channel]
             bins = len(index.relevance)
-            usual, most = usual_height(index), usual_difference(index, distance)
-            self._tops[channel] = usual, most
+            usual = self._tops[channel] = usual_height(index)
             if grid_of(channel, bins) is not None:
-                for kind in HEAT_KINDS:
-                    heat = rr.EncodedImage.from_fields(media_type="image/png")
-                    rec.log(self._paths.histogram(channel, kind), heat, static=True)
+                heat = rr.EncodedImage.from_fields(media_type="image/png")
+                rec.log(self._paths.histogram(channel, MAPS), heat, static=True)
                 continue
             self._place_bands(rec, channel, "bands", bins, usual)
-            self._place_bands(rec, channel, "difference_bands", bins, most)
             bin_width = len(bands_of(bins)) / bins
             for kind, color, offset, width in (
                 ("reference", REFERENCE, *REFERENCE_BAR),
-                ("sample", SAMPLE, *SAMPLE_BAR),
-                ("difference", BAR, 0.0, 1.0),
+                ("sample", PICTURE, *SAMPLE_BAR),
             ):
                 path, lefts = self._paths.histogram(channel, kind), (np.arange(bins) + offset) * bin_width
                 place_bars(rec, path, color, lefts, np.full(bins, width * bin_width))
@@ -193,12 +184,11 @@ class HistogramsPanel(Panel):
         for channel in comparison.channels:
             sample, index = comparison.descriptors[channel], self._library.index[channel]
             reference = index.references[best]
-            difference = contributions(self._run.distances[channel], sample, reference, index)
             grid = grid_of(channel, len(sample))
             if grid is not None:
-                self._draw_heat(rec, channel, grid, (sample, reference, difference))
+                self._draw_heat(rec, channel, grid, (sample, reference))
                 continue
-            for kind, values in zip(KINDS, (sample, reference, difference), strict=True):
+            for kind, values in zip(KINDS, (sample, reference), strict=True):
                 bars = row_of(rr.BarChart, values=tensor_of(values))
                 rec.log(self._paths.histogram(channel, kind), bars)
 
@@ -206,19 +196,13 @@ class HistogramsPanel(Panel):
         rec.log(self._paths.at("histogram"), rr.Clear(recursive=True))
 
     def _draw_heat(
-        self, rec: rr.RecordingStream, channel: str, grid: tuple[int, int], parts: tuple[F32, F32, F32]
+        self, rec: rr.RecordingStream, channel: str, grid: tuple[int, int], parts: tuple[F32, F32]
     ) -> None:
-        """Log a two-dimensional histogram: picture and match side by side, and what each bin adds to D."""
-        usual, most = self._tops[channel]
-        tops = (usual, usual, most)
-        maps = [heat_of(p.reshape(grid), top, ink) for p, top, ink in zip(parts, tops, HEATS, strict=True)]
-        drawn = {
-            MAPS: titled_heat(maps[:2], ("picture", "best match"), AXES_WORDS),
-            ADDED: titled_heat(maps[2:], ("adds to D",), AXES_WORDS),
-        }
-        for kind, image in drawn.items():
-            picture = row_of(rr.EncodedImage, blob=blob_of(CHART.png(image)))
-            rec.log(self._paths.histogram(channel, kind), picture)
+        """Log a two-dimensional histogram: picture and match side by side."""
+        top = self._tops[channel]
+        maps = [heat_of(part.reshape(grid), top, ink) for part, ink in zip(parts, HEATS, strict=False)]
+        drawn = CHART.png(titled_heat(maps, ("picture", "best match"), AXES_WORDS))
+        rec.log(self._paths.histogram(channel, MAPS), row_of(rr.EncodedImage, blob=blob_of(drawn)))
 
     def _place_bands(self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, top: float) -> None:
         for plane, color in enumerate(bands_of(bins)):
@@ -226,31 +210,13 @@ class HistogramsPanel(Panel):
             rec.log(self._paths.histogram(channel, f"{kind}/{plane}"), band, static=True)
 
 
-def histogram_views(
-    paths: RunPaths, channels: Sequence[str], legend: str = LEGEND
-) -> list[rrb.BarChartView | rrb.Spatial2DView]:
-    """Show the picture's histogram over its best match's; the legend stands in the first tab's title."""
-    titles = [_title(c, legend) if k == 0 else c for k, c in enumerate(channels)]
-    kinds = ("bands", "reference", "sample")
-    return [_view(paths, c, t, MAPS, kinds) for c, t in zip(channels, titles, strict=True)]
+def histogram_views(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView | rrb.Spatial2DView]:
+    """Show the picture's histogram over its best match's, one view per channel."""
+    return [_histogram_view(paths, channel) for channel in channels]
 
 
-def _title(channel: str, legend: str) -> str:
-    """Return the title of the first tab; the maps of a two-dimensional histogram have their own legend."""
-    return f"{channel} ({CHANNELS[channel].unit}){'' if channel in GRIDS else legend}"
-
-
-def difference_views(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView | rrb.Spatial2DView]:
-    """Show what each element adds to the distance D from the best match, one view per channel."""
-    titles = [f"{c}, D" if k else f"{c}, D: what each element adds to it" for k, c in enumerate(channels)]
-    kinds = ("difference_bands", "difference")
-    return [_view(paths, c, t, ADDED, kinds) for c, t in zip(channels, titles, strict=True)]
-
-
-def _view(
-    paths: RunPaths, channel: str, title: str, heat: str, kinds: Sequence[str]
-) -> rrb.BarChartView | rrb.Spatial2DView:
-    name = title[0].upper() + title[1:]
+def _histogram_view(paths: RunPaths, channel: str) -> rrb.BarChartView | rrb.Spatial2DView:
     if channel in GRIDS:
-        return picture_view(name, paths.histogram(channel, heat))
-    return bars_view(name, [paths.histogram(channel, kind) for kind in kinds])
+        return picture_view(channel.capitalize(), paths.histogram(channel, MAPS))
+    kinds = ("bands", "reference", "sample")
+    return bars_view(channel.capitalize(), [paths.histogram(channel, kind) for kind in kinds])

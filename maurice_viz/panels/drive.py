@@ -20,10 +20,10 @@ from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Moment, SessionInfo
 
-from .. import entities
+from .. import entities, style
 from ..drawing.canvas import Extent, long_side, map_extent
 from ..drawing.keys import paths_key
-from ..style import RGB, RUN_COLORS, TRUTH, Scale, font_safe, scale_for
+from ..style import BAR, RGB, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
 from .belief import ARROW_SHARE, estimate_marker, truth_marker
 from .camera import draw_camera, prepare_camera
@@ -115,12 +115,11 @@ SHOWN_CHANNELS = ("color", "edges")  # channels whose vectors are drawn, of thos
 EMPTY_MAP = Arena((0.0, 0.0, 10.0, 10.0), np.zeros((0, 4)))  # for the size of arrows only
 FAINT_ALPHA = 90  # opacity of the complete paths, of 255
 PLANE_COLORS: tuple[RGB, ...] = ((200, 60, 50), (50, 160, 80), (60, 110, 230))
-BY_ODOMETRY, BY_TRUTH = RUN_COLORS[0], RUN_COLORS[1]
 LINE_COLORS: dict[str, RGB] = {
-    "forward/odometry": BY_ODOMETRY,
-    "turn/odometry": BY_ODOMETRY,
-    "apart": BY_ODOMETRY,
-    "brightness": RUN_COLORS[2],
+    "forward/odometry": style.ODOMETRY,
+    "turn/odometry": style.ODOMETRY,
+    "apart": style.ODOMETRY,
+    "brightness": BAR,
 }
 PLOTTED_DIGITS = 6  # of plotted values: else the axis of a steady drive would show rounding errors
 DOTTED_TRACES = ("forward/truth", "turn/truth")
@@ -167,7 +166,7 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
         alone = Library(drive.info.name, np.zeros((0, 3)), (), {}, drive.arena, drive.info.display_units)
         draw_world(rec, alone, scale)
         draw_key(rec, entities.PATHS_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
-    for name, points, color in (("odometry", paths.measured, BY_ODOMETRY), ("truth", paths.true, TRUTH)):
+    for name, points, color in (("odometry", paths.measured, style.ODOMETRY), ("truth", paths.true, TRUTH)):
         if len(points):
             thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT_ALPHA)]
             line = rr.LineStrips2D([scale.screen(points)], colors=faint, radii=thin, draw_order=5.0)
@@ -175,7 +174,7 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
     for path, color in LINE_COLORS.items():
         rec.log(f"{TRACE}/{path}", rr.SeriesLines(colors=[color], widths=[1.75]), static=True)
     for path in DOTTED_TRACES:  # no line across the gaps that truth may have
-        rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BY_TRUTH], marker_sizes=[2.5]), static=True)
+        rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BAR], marker_sizes=[2.5]), static=True)
     rec.log(TEXT, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
     prepare_camera(rec)
 
@@ -188,7 +187,7 @@ class _Pen:
         arena, scale = drive.arena or EMPTY_MAP, drive.scale
         self._pose = drive.paths.begins  # by odometry, on the map
         self._truth_before: F64 | None = None
-        self._measured = estimate_marker(ODOMETRY, arena, scale, BY_ODOMETRY)
+        self._measured = estimate_marker(ODOMETRY, arena, scale, style.ODOMETRY)
         self._true = truth_marker(entities.TRUTH, arena, scale)
         for marker in (self._measured, self._true):
             marker.prepare(rec)

@@ -34,9 +34,9 @@ from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scal
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import RANK, RGB
-from ..text.explanation import REFERENCES, headline, say_step
+from ..text.explanation import headline, say_step
 from ..text.explanation_table import brief_table, winner_first
-from .camera import draw_jpeg, prepare_jpeg
+from .camera import SEES, draw_jpeg, draw_name, named_view, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
 from .views import MAP, map_view, picture_view
 
@@ -61,7 +61,8 @@ ARROW_PT = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are a
 LEFT_OUT_WORDS = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
 CAMERA_CARD = "camera"
-CAMERA_TITLE = "Camera, edges"
+NARROW = 0.17  # of a card's width: how far above it its name stands
+NAMES = {CAMERA_CARD: SEES, WINNER: "best match", TRUTH: "nearest to truth", ESTIMATE: "nearest to estimate"}
 
 
 class ExplanationPanel(Panel):
@@ -82,8 +83,10 @@ class ExplanationPanel(Panel):
         whose = columns_of(self._has_truth)
         for part in ("table", "words"):
             rec.log(self._paths.explain(part), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
+        colors = colors_of(self._run.color) | {CAMERA_CARD: look.TRUTH}
         for who in (CAMERA_CARD, *whose):
             prepare_jpeg(rec, self._paths.explain("card", who), order=-10.0)
+            draw_name(rec, self._paths.explain("card", who), NAMES[who], CARD_PX, colors[who], NARROW)
         for who in whose:
             chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
             rec.log(self._paths.explain("chart", who), chart, static=True)
@@ -91,9 +94,7 @@ class ExplanationPanel(Panel):
         rec.log(self._paths.explain("key"), key, static=True)
         arrows = (*whose[1:], whose[0])  # the winner's, the thinnest, is on top
         thick = rr.components.Radius.ui_points(ARROW_PT[-len(arrows) :])
-        of = colors_of(self._run.color)
-        colors = [of[who] for who in arrows]
-        style = rr.Arrows2D.from_fields(colors=colors, radii=thick, draw_order=60.0)
+        style = rr.Arrows2D.from_fields(colors=[colors[who] for who in arrows], radii=thick, draw_order=60.0)
         rec.log(self._paths.explain("marks"), style, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
@@ -111,7 +112,7 @@ class ExplanationPanel(Panel):
                 self._cards[who] = card
         self._draw_charts(rec, shown)
         self._draw_marks(rec, [*shown[1:], shown[0]], references.sensor)
-        words = "\n\n".join([f"## {headline(step)}", *say_step(step, self._scale)[1:]])
+        words = "\n\n".join([f"#### {headline(step)}", *say_step(step, self._scale)[1:]])
         for part, text in (("words", words), ("table", brief_table(step, self._scale))):
             rec.log(self._paths.explain(part), row_of(rr.TextDocument, text=text_of(text)))
 
@@ -170,21 +171,29 @@ class _References:
 
 def references_map_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show where the references of the columns are, over the match circles and under truth and estimate."""
-    contents = [*MAP, paths.key(EXPLAINED), paths.circles, paths.explain("marks"), f"{paths.estimate}/**"]
+    contents = [
+        *MAP,
+        paths.key(EXPLAINED),
+        paths.circles,
+        paths.says_nothing,
+        paths.explain("marks"),
+        f"{paths.estimate}/**",
+    ]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    name = f"Match circles, and the references explained ({scene.scale.units.name})"
+    name = f"References explained ({scene.scale.units.name})"
     return map_view(name, contents, scene, key=explain_key(scene.has_truth))
 
 
-def column_view(paths: RunPaths, who: str) -> rrb.Vertical:
-    """Show a picture over its edges, and under it the chart of the reference, or the key of the charts."""
-    is_camera = who == CAMERA_CARD
-    chart = paths.explain("key") if is_camera else paths.explain("chart", who)
-    return rrb.Vertical(
-        picture_view(CAMERA_TITLE if is_camera else REFERENCES[who].title, paths.explain("card", who)),
-        picture_view("Key of the charts" if is_camera else "What it loses (nats)", chart),
-        row_shares=[1.25, 1],
-    )
+def card_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:
+    """Show a picture by name, over its edges."""
+    return named_view(NAMES[who], paths.explain("card", who))
+
+
+def chart_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:
+    """Show what a reference loses; under the camera the key of all charts."""
+    if who == CAMERA_CARD:
+        return picture_view("Key of the charts", paths.explain("key"))
+    return picture_view(f"What {NAMES[who]} loses", paths.explain("chart", who))
 
 
 def sentence_view(paths: RunPaths) -> rrb.TextDocumentView:
@@ -194,4 +203,4 @@ def sentence_view(paths: RunPaths) -> rrb.TextDocumentView:
 
 def figures_view(paths: RunPaths) -> rrb.TextDocumentView:
     """Show the figures of all references in a table."""
-    return rrb.TextDocumentView(name="Figures (channels: nats lost · rank)", origin=paths.explain("table"))
+    return rrb.TextDocumentView(name="Figures", origin=paths.explain("table"))

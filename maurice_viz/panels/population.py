@@ -10,16 +10,15 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.scoring.modes import Ancestry, TrackedMode
+from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.arrays import F32, F64, U8
-from maurice_mcl.values.records import Belief, StepRecord
+from maurice_mcl.values.records import Belief
 
 from .. import style
-from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, scalars, strips_of, texts_of
+from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, strips_of, texts_of
 from ..drawing.canvas import Extent, put_text, text_size
 from ..drawing.indexed import IndexedColors
 from ..entities import Phase, RunPaths
-from ..scene import RunView, Scene
 from ..style import Scale, heading_vector
 from .belief import copies_of
 from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
@@ -152,32 +151,6 @@ def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
         colors=colors_of([style.packed(style.mode_color(mode.identity)) for mode in seen]),
         labels=texts_of([f"{100 * mode.estimate.mass:.0f} %" for mode in seen]),
     )
-
-
-# Ancestry: how few particles the cloud descends from.
-
-SURVIVORS = "survivors"
-ANCESTORS = "ancestors"
-
-
-class AncestryPanel(Panel):
-    """Logs the shares of survivors and ancestors of one run."""
-
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        self._ancestry = Ancestry()
-
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        record = update.record
-        self._ancestry.see(record)
-        set_phase(rec, update.moment, Phase.ESTIMATE)
-        rec.log(self._paths.trace(SURVIVORS), scalars(survivors(record)))
-        rec.log(self._paths.trace(ANCESTORS), scalars(self._ancestry.distinct() / record.belief.size))
-
-
-def survivors(record: StepRecord) -> float:
-    """Return the share of the weighted particles that left a copy; 1 where there was no resampling."""
-    return float((copies_of(record.parents, record.weighted.size) > 0).mean())
 
 
 # Weights against particles, as bars: how many weigh so much, and how much weight they hold. After a

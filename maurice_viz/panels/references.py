@@ -34,7 +34,7 @@ from ..drawing.indexed import IndexedColors
 from ..drawing.keys import LIKELIHOOD, MATCHES
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, Scale
+from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, SAYS_NOTHING, TRUTH, Scale
 from .belief import run_key
 from .camera import NAME, CaptionedPicture, draw_name, named_view
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
@@ -45,6 +45,7 @@ CIRCLE_OFFSET = 0.33  # of a circle from its node, in node spacings, along the h
 LARGEST_RADIUS = 0.15  # radius of the best entry's circle, in node spacings
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
 SMALLEST_RADIUS = 0.012  # so that every entry is visible
+NOTHING_WORDS = "this picture says almost nothing"
 MAP_PX = 120  # along the longer side of a map
 ALL_CHANNELS = "all"  # the map of all channels together
 
@@ -67,6 +68,7 @@ class MatchCirclesPanel(Panel):
 
     def clear(self, rec: rr.RecordingStream) -> None:
         rec.log(self._paths.circles, rr.Points2D.from_fields(radii=[0.0]))
+        rec.log(self._paths.says_nothing, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32)))
         rec.log(self._paths.best, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32), labels=[]))
 
 
@@ -78,6 +80,7 @@ class MatchCircles:
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn
+        self._tells = True  # whether the last picture told places apart
         self.spacing = scale.length(spacing_m)  # between nodes, or what it is drawn as, in display units
 
     def prepare(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
@@ -87,6 +90,11 @@ class MatchCircles:
         ranks = [str(rank) for rank in range(1, BEST + 1)]
         best = rr.Points2D.from_fields(colors=[RANK], labels=ranks, show_labels=True, draw_order=30.0)
         rec.log(paths.best, best, static=True)
+        radius = rr.components.Radius.ui_points(0.0)
+        words = rr.Points2D.from_fields(
+            colors=[TRUTH], radii=radius, labels=[NOTHING_WORDS], show_labels=True, draw_order=80.0
+        )
+        rec.log(paths.says_nothing, words, static=True)
 
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
@@ -94,9 +102,18 @@ class MatchCircles:
             nearness(comparison.log_likelihood) * np.float32(LARGEST_RADIUS), np.float32(SMALLEST_RADIUS)
         )
         rec.log(paths.circles, row_of(rr.Points2D, radii=floats_of(radii * np.float32(self.spacing))))
+        self._tell_nothing(rec, paths, comparison.log_likelihood)
         best = comparison.best(BEST)
         places, sizes = points_of(self.centers[best]), floats_of(radii[best] * np.float32(self.spacing))
         rec.log(paths.best, row_of(rr.Points2D, positions=places, radii=sizes))
+
+    def _tell_nothing(self, rec: rr.RecordingStream, paths: RunPaths, log_likelihood: F32) -> None:
+        """Say where the map is that the picture hardly tells places apart, or take that away."""
+        tells = not np.isfinite(log_likelihood).all() or bool(np.ptp(log_likelihood) >= SAYS_NOTHING)
+        if tells != self._tells:
+            places = self.centers[:0] if tells else self.centers.mean(axis=0, keepdims=True)
+            rec.log(paths.says_nothing, row_of(rr.Points2D, positions=points_of(places)))
+            self._tells = tells
 
 
 def node_spacing(poses: F64) -> float:
@@ -215,6 +232,8 @@ class LikelihoodMaps:
         """Draw log-likelihoods (L,) as a PNG: bright where likely, nothing where a robot cannot be."""
         best = np.maximum.reduceat(log_likelihood[self.entries], self.first)
         share = 1 + (best - best.max()) / DEEPEST
+        if np.ptp(best) < SAYS_NOTHING:
+            share = np.zeros_like(best)  # all alike: dark, and not all bright
         inks = np.append(np.clip(share * _BRIGHTEST, 0, _BRIGHTEST), _OUTSIDE).astype(np.uint8)
         return _LIKELIHOODS.png(inks[self.place_of_pixel])  # -1 is the last
 
@@ -265,6 +284,7 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: Scene) -> 
     for channel in map_names(tuple(channels)):
         contents = [*BARE_MAP, paths.key(LIKELIHOOD), paths.likelihood(channel)]
         contents += [paths.particles]
+        contents += [] if views else [paths.says_nothing]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else f"Likelihood ({scene.scale.units.name})"  # of all channels together
         views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene.has_truth)))

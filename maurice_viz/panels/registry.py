@@ -11,7 +11,7 @@ from .events import WordsPanel
 from .explanation import ExplanationPanel
 from .inside import InsidePanel, PhasesPanel
 from .panel import Panel
-from .population import AncestryPanel, HeadingsPanel, ModesPanel, WeightBarsPanel
+from .population import HeadingsPanel, ModesPanel, WeightBarsPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
 from .sensors import SensorsPanel
 from .story import LimitsPanel
@@ -31,7 +31,6 @@ OF_A_RUN: tuple[type[Panel], ...] = (
     CloseupPanel,
     InsidePanel,
     WeightBarsPanel,
-    AncestryPanel,
     MatchCirclesPanel,
     BestReferencesPanel,
     HistogramsPanel,

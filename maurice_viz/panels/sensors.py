@@ -63,6 +63,7 @@ ON_MAP, IN_SPACE = "map", "space"  # the views of marks in the map's frame
 POINT_PT, SMALL_POINT_PT, STROKE_PT = 3.0, 1.5, 1.0  # ui points
 JPEG_QUALITY = 88  # of a picture: small letters and thin lines are drawn over it
 NO_PICTURE = np.full((3, 4, 3), MISSING, np.uint8)  # in place of a picture that a sensor did not show
+MARK_WORDS = "Marks: green agree with the estimate, red do not, white are where the truth has them."
 OBSTACLE_M = 0.5  # height that obstacles are drawn with in space: a map does not tell it
 Kind = type[rr.Points2D | rr.LineStrips2D | rr.Points3D | rr.LineStrips3D]
 # by whether they are points, and whether they are flat: archetype, its field, and what fills that
@@ -112,7 +113,8 @@ class SensorsPanel(Panel):
         return {} if self._run.sensor is None else dict(self._run.sensor.sensors)
 
     def _draw(self, rec: rr.RecordingStream, name: str, shown: Shown) -> None:
-        self._draw_words(rec, name, say_shown(shown, self._library.arena, self._scale))
+        words = say_shown(shown, self._library.arena, self._scale)
+        self._draw_words(rec, name, f"{words}\n\n{MARK_WORDS}" if shown.marks else words)
         for title in titles_of(self._sensors[name]):
             image = self._image(shown.pictures.get(title, NO_PICTURE))
             draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, JPEG_QUALITY))
@@ -241,7 +243,7 @@ def sensor_map_view(paths: RunPaths, scene: Scene, names: tuple[str, ...]) -> rr
     contents = [*MAP, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
     contents += [f"{paths.sensor(name, ON_MAP)}/**" for name in names]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
-    title = f"Map with marks of {' and '.join(names)} ({scene.scale.units.name})"
+    title = f"Map with marks ({scene.scale.units.name})"
     return map_view(title, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
 
 
@@ -256,5 +258,5 @@ def sensor_picture_views(run: RunView, name: str) -> list[rrb.Spatial2DView]:
     views = []
     for title in titles:
         path = run.paths.sensor(name, slug(title))
-        views.append(rrb.Spatial2DView(name=f"{title} (px)", origin=path))
+        views.append(rrb.Spatial2DView(name=title.partition(":")[0], origin=path, background=GROUND))
     return views

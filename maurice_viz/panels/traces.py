@@ -9,16 +9,17 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.reasons.explanation import offset
+from maurice_mcl.scoring.modes import Ancestry
 
 from ..drawing.arrow import doubles_of, row_of, scalars
+from ..drawing.bars import channel_color
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import BAR, DEAD, RGB, RUN_COLORS, font_safe
+from ..style import BAR, FRESH, LOST, PALE, RGB, font_safe
 from .events import EventLines, name_of
 from .panel import Panel, StepUpdate, set_phase, set_place
-from .population import ANCESTORS, SURVIVORS
 from .views import picture_view, plot, plot_of_runs
 
 POSITION_ERROR = "position_error"
@@ -27,34 +28,36 @@ SPREAD = "spread"
 TWO_SIGMA = "two_sigma"  # a band of twice the spread: the errors that the filter holds for possible
 CONFIDENCE = "confidence"
 EFFECTIVE = "effective_sample"
+ANCESTORS = "ancestors"  # share of the particles ten updates ago from which the cloud descends
 KNOWS = "knows_where_it_is"  # the lost signal: a probability, which no truth is needed for
-TRUTH_RATIO = "truth_over_estimate"
 TRUTH_RANK = "truth_rank"
 EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
 LINE_WIDTH = 1.75
 LIMIT_WIDTH = 0.8
+MOST_LETTERS = 25  # of a title that is not cut where three plots are side by side
+MARKS: tuple[tuple[str, RGB, float], ...] = (  # vertical lines in all plots
+    ("lost, carried", LOST, LINE_WIDTH),
+    ("new particles", FRESH, LIMIT_WIDTH),
+    ("in the log", PALE, LIMIT_WIDTH),
+)
 LIMIT_REACH = 2.0  # a limit is drawn if it is at most so many times the largest error
 
-COLORS: dict[str, RGB] = {
-    POSITION_ERROR: RUN_COLORS[0],
-    SPREAD: RUN_COLORS[1],
-    HEADING_ERROR: RUN_COLORS[0],
-    CONFIDENCE: RUN_COLORS[0],
-    EFFECTIVE: RUN_COLORS[1],
-    KNOWS: RUN_COLORS[3],
-    SURVIVORS: RUN_COLORS[2],
-    ANCESTORS: RUN_COLORS[3],
-    TRUTH_RATIO: RUN_COLORS[0],
-    TRUTH_RANK: RUN_COLORS[0],
-}
-EVIDENCE_COLORS: tuple[RGB, ...] = (*RUN_COLORS, (182, 60, 32), (204, 121, 167))  # of channels, in turn
+QUANTITIES = (
+    POSITION_ERROR,
+    HEADING_ERROR,
+    SPREAD,
+    CONFIDENCE,
+    EFFECTIVE,
+    KNOWS,
+    ANCESTORS,
+    TRUTH_RANK,
+)
 ALL_TOGETHER: RGB = BAR  # of all channels, as the thickest line
-THICK_WIDTH, THIN_WIDTH = 3.0, 1.0  # thin: channels for which no color was left
+THICK_WIDTH, THIN_WIDTH = 3.0, 1.0
 SHARE_TOPS = {
     CONFIDENCE: 1.1,
     EFFECTIVE: 1.1,
     KNOWS: 1.1,
-    SURVIVORS: 1.1,
     ANCESTORS: 1.1,
 }  # the ends of their scales
 # plots that begin at zero, and how many steps of a scale their smallest panel labels
@@ -70,17 +73,17 @@ class TracesPanel(Panel):
         super().__init__(run, scene)
         self._most: dict[str, float] = {}  # by quantity
         self._least: dict[str, float] = {}
-        self._events = EventLines()
+        self._events, self._ancestry = EventLines(), Ancestry()
         self._ends: list[tuple[int, float]] = []  # step and time of the first and the last update
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        for quantity, color in COLORS.items():
+        for quantity in QUANTITIES:
             name = f"{font_safe(self._paths.label)}: {quantity.replace('_', ' ')}"
-            style = rr.SeriesLines(names=[name], colors=[color], widths=[LINE_WIDTH])
+            style = rr.SeriesLines(names=[name], colors=[self._run.color], widths=[LINE_WIDTH])
             rec.log(self._paths.trace(quantity), style, static=True)
         band = rr.Measurements.from_fields(
             names=[f"{font_safe(self._paths.label)}: spread, band to 2 sigma"],
-            colors=[COLORS[SPREAD]],
+            colors=[self._run.color],
             widths=[THIN_WIDTH],
         )
         rec.log(self._paths.trace(TWO_SIGMA), band, static=True)
@@ -88,7 +91,9 @@ class TracesPanel(Panel):
         names, colors, widths = (list(part) for part in zip(*lines, strict=True))
         style = rr.SeriesLines(names=names, colors=colors, widths=widths)
         rec.log(self._paths.trace(EVIDENCE), style, static=True)
-        key = rr.EncodedImage(contents=png(line_key(lines)), media_type="image/png")
+        key = rr.EncodedImage(
+            contents=png(line_key([*evidence_lines(self._run.all_channels), *MARKS])), media_type="image/png"
+        )
         rec.log(self._paths.line_key, key, static=True)
         unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
         for quantity in (*LABELED_STEPS, EVIDENCE):
@@ -109,6 +114,8 @@ class TracesPanel(Panel):
         )
         self._log(rec, EFFECTIVE, record.effective_sample_size / record.weighted.size)
         self._log(rec, CONFIDENCE, record.estimate.confidence)
+        self._ancestry.see(record)
+        self._log(rec, ANCESTORS, self._ancestry.distinct() / record.belief.size)
         if update.knows is not None:
             self._log(rec, KNOWS, update.knows)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
@@ -143,7 +150,7 @@ class TracesPanel(Panel):
 
     def _limits(self) -> list[tuple[str, float, RGB]]:
         radii, length = self._run.radii, self._scale.length
-        limits = [("right", length(radii.right_m), BAR), ("lost", length(radii.lost_m), DEAD)]
+        limits = [("right", length(radii.right_m), BAR), ("lost", length(radii.lost_m), LOST)]
         reach = LIMIT_REACH * self._most.get(POSITION_ERROR, 0.0)
         return [limit for limit in limits if limit[1] <= reach]
 
@@ -168,24 +175,20 @@ class TracesPanel(Panel):
         rec.log(self._paths.trace(quantity), scalars(value))
 
     def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        """Log how well the picture fits the true pose: relative to the estimate, and by rank."""
+        """Log how well the picture fits the true pose, by rank."""
         logs, truth = update.record.sighting.comparison.log_likelihood, update.moment.truth
         if truth is None or not len(logs):
             return
         at_truth = self._scene.entry_at(truth)
         if at_truth < 0:
             return
-        at_estimate = self._scene.entry_at(update.record.estimate.pose)
         self._log(rec, TRUTH_RANK, float((logs > logs[at_truth]).sum() + 1))
-        if at_estimate >= 0:
-            self._log(rec, TRUTH_RATIO, float(logs[at_truth] - logs[at_estimate]))
 
 
 def evidence_lines(channels: tuple[str, ...]) -> list[tuple[str, RGB, float]]:
-    """Return name, color and width of each line of evidence; colors repeat in thinner lines."""
-    colors = [EVIDENCE_COLORS[k % len(EVIDENCE_COLORS)] for k in range(len(channels))]
-    widths = [LINE_WIDTH if k < len(EVIDENCE_COLORS) else THIN_WIDTH for k in range(len(channels))]
-    return [("all", ALL_TOGETHER, THICK_WIDTH), *zip(channels, colors, widths, strict=True)]
+    """Return name, color and width of each line of evidence."""
+    own = [(channel, channel_color(channel), LINE_WIDTH) for channel in channels]
+    return [("all", ALL_TOGETHER, THICK_WIDTH), *own]
 
 
 def top_path(paths: RunPaths, quantity: str) -> str:
@@ -204,89 +207,65 @@ def round_top(most: float, steps: float) -> float:
     return float(max(most, ABOVE_LABEL * (10 * below if most > steps * below else below)))
 
 
-def single_plots(paths: RunPaths, scene: Scene) -> list[rrb.TimeSeriesView]:
-    """Plot one run: distances, heading error where the truth is known, shares."""
-    unit = scene.scale.units.name
-    lines = [paths.trace(CONFIDENCE), paths.trace(EFFECTIVE), paths.trace(KNOWS)]
-    shares = plot("Shares: confidence orange, ESS blue, knows green", lines, top=1.1)
-    if not scene.has_truth:
-        return [plot(f"Spread of the cloud ({unit})", [paths.trace(SPREAD)]), shares]
-    distances = [paths.trace(POSITION_ERROR), paths.trace(TWO_SIGMA)]
-    return [
-        plot(f"Position error orange, spread blue, 2 sigma shaded ({unit})", distances),
-        plot("Heading error (deg)", [paths.trace(HEADING_ERROR)]),
-        shares,
-    ]
-
-
-Who = tuple[str, str]  # whose color is which, at the end of two titles
-NO_COLORS_NAMED: Who = ("", "")
-
-
-def error_plots(
-    runs: Sequence[RunView], scene: Scene, who: Who = NO_COLORS_NAMED
-) -> list[rrb.TimeSeriesView]:
+def error_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
     """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
     unit = scene.scale.units.name
     return [
-        plot_of_runs(POSITION_ERROR, f"Position error, 2 sigma ({unit}){who[0]}", runs, None, TWO_SIGMA),
-        plot_of_runs(HEADING_ERROR, f"Heading error (deg){who[1]}", runs),
+        plot_of_runs(POSITION_ERROR, f"Position error ({unit})", runs, None, TWO_SIGMA),
+        plot_of_runs(HEADING_ERROR, "Heading error (deg)", runs),
     ]
 
 
-def truth_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
-    """Plot how well the pictures of some runs fit the true pose."""
-    return [
-        plot_of_runs(TRUTH_RATIO, "Log-likelihood of truth less estimate (nats)", runs),
-        plot_of_runs(TRUTH_RANK, "Rank of the truth's reference (1 is best)", runs),
-    ]
-
-
-def cloud_plots(
-    runs: Sequence[RunView], scene: Scene, who: Who = NO_COLORS_NAMED
-) -> list[rrb.TimeSeriesView]:
-    """Plot spread, confidence and effective sample size of some runs."""
+def cloud_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
+    """Plot spread and confidence of some runs."""
     near = scene.scale.say(runs[0].radii.confidence_m)
     return [
-        plot_of_runs(SPREAD, f"Spread of the cloud ({scene.scale.units.name}){who[0]}", runs),
-        plot_of_runs(CONFIDENCE, f"Confidence (share of weight within {near}){who[1]}", runs, top=1.1),
-        plot_of_runs(EFFECTIVE, "Effective sample size (share of particles)", runs, top=1.1),
+        plot_of_runs(SPREAD, f"Spread ({scene.scale.units.name})", runs),
+        plot_of_runs(CONFIDENCE, f"Weight within {near}", runs, top=1.1),
     ]
 
 
 def knows_plot(runs: Sequence[RunView]) -> rrb.TimeSeriesView:
     """Plot the lost signal of some runs: the probability that the estimate is right, without truth."""
-    return plot_of_runs(KNOWS, "Knows where it is (probability, without truth)", runs, top=1.1)
+    return plot_of_runs(KNOWS, "Knows where it is (0-1)", runs, top=1.1)
 
 
-def survival_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
-    """Plot the shares of survivors and distinct ancestors of some runs."""
+def rank_plot(runs: Sequence[RunView]) -> rrb.TimeSeriesView:
+    """Plot how many references fit the picture better than the one nearest to the truth, and that one."""
+    return plot_of_runs(TRUTH_RANK, "Rank of the true place", runs)
+
+
+def particle_plots(runs: Sequence[RunView]) -> list[rrb.TimeSeriesView]:
+    """Plot the effective sample size and the distinct ancestors of some runs, as shares."""
     return [
-        plot_of_runs(SURVIVORS, "Survivors of resampling (share)", runs, top=1.1),
-        plot_of_runs(ANCESTORS, "Distinct ancestors ten steps back (share)", runs, top=1.1),
+        plot_of_runs(EFFECTIVE, "Effective sample size", runs, top=1.1),
+        plot_of_runs(ANCESTORS, "Ancestors, 10 steps back", runs, top=1.1),
     ]
 
 
-def who_is_who(runs: Sequence[RunView]) -> Who:
-    """Return the colors of several runs for two titles, two runs each; empty for one run."""
-    if len(runs) == 1:
-        return NO_COLORS_NAMED
-    names = [f"{run.label} {run.color_word}" for run in runs]
-    first, second = ", ".join(names[:2]), ", ".join(names[2:])
-    return f": {first}", f": {second}" if second else ""
+def run_plots(run: RunView, scene: Scene) -> list[rrb.TimeSeriesView]:
+    """Plot what tells most of one run: its errors, or its spread, and whether it knows where it is."""
+    first = error_plots([run], scene)[0] if scene.has_truth else cloud_plots([run], scene)[0]
+    return [first, cloud_plots([run], scene)[1] if run.is_recorded else knows_plot([run])]
 
 
-def evidence_plot(paths: RunPaths, title: str = "") -> rrb.TimeSeriesView:
+def evidence_plot(paths: RunPaths, of: str = "") -> rrb.TimeSeriesView:
     """Plot how well the cloud explained each picture, by all channels together and by each one."""
-    return plot(f"{title}Evidence of each picture (nats)", [paths.trace(EVIDENCE)])
+    return plot(title_of("Evidence (nats)", of), [paths.trace(EVIDENCE)])
 
 
-def evidence_key(paths: RunPaths, title: str = "") -> rrb.Spatial2DView:
-    """Show the key of the evidence; a legend would cover lines of the plot."""
-    name = f"{title}key" if title else "Key of the evidence: channels"
-    return picture_view(name, paths.line_key)
+def title_of(what: str, label: str) -> str:
+    """Return the title of a view of one of several runs, not longer than titles are."""
+    room = MOST_LETTERS - len(what) - 2
+    short = label if len(label) <= room else f"{label[: room - 1]}…"
+    return f"{short}: {what}" if label else what
+
+
+def evidence_key(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show the key of the lines of evidence and of the marks in all plots."""
+    return picture_view("Key", paths.line_key)
 
 
 def key_share(run: RunView) -> float:
-    """Return the share of a column that the key needs: a row per four channels."""
-    return 0.35 + 0.09 * (len(run.channels) // 4)
+    """Return the share of a column that the key needs: a row per three lines."""
+    return 0.2 + 0.1 * -(-(len(run.all_channels) + 1 + len(MARKS)) // 3)

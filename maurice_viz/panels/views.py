@@ -110,12 +110,12 @@ def plot_of_runs(
     return plot(name, contents, top, styles)
 
 
-def untitled(screen: rrb.Vertical) -> rrb.Vertical:
-    """Take the title bars from all views of a screen, in place; those of tabs stay."""
+def untitled(screen: rrb.Vertical, but: Sequence[rrb.View] = ()) -> rrb.Vertical:
+    """Take the title bars from all views of a screen `but` some, in place; those of tabs stay."""
 
     def visit(part: rrb.Container | rrb.View) -> None:
         if isinstance(part, rrb.View):
-            part.titlebar = False
+            part.titlebar = None if part in but else False
         else:
             for inner in part.contents:
                 visit(inner)

@@ -18,7 +18,7 @@ from maurice_mcl.reasons.explanation import (
 )
 
 from ..style import Scale
-from .explanation import REFERENCES, say_offset
+from .explanation import REFERENCES
 from .summary import markdown_table
 
 NONE = "outside free space"
@@ -43,27 +43,26 @@ def _brief(step: StepExplanation, number: int, name: str) -> tuple[str, ...]:
         channel = explained.entry.channels[number]
         return f"{channel.loses:.2f} · {channel.rank}"
 
-    return _row(step, f"**{name}**", cell)
+    return _row(step, f"**{name}** · rank", cell)
 
 
 def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
     """Return the rows of all channels together: a name, and one cell per reference."""
-    rows = [_row(step, f"at ({scale.units.name}), looking", lambda e: _pose(e, scale))]
+    rows = [_row(step, f"{scale.units.name}, deg", lambda e: _pose(e, scale))]
     if any(e.from_truth for e in step.shown):
         rows.append(_row(step, "from the truth", lambda e: _from_truth(e, step, scale)))
     rows += [
         _row(step, "rank · quality", lambda e: f"{e.entry.rank} · {e.entry.quality:.3f}" if e.entry else ""),
-        _row(step, "log-likelihood (nats)", lambda e: f"{e.entry.log_likelihood:.2f}" if e.entry else ""),
-        _row(step, "behind winner (nats)", lambda e: f"{e.entry.behind:.2f}" if e.entry else ""),
+        _row(step, "nats lost", lambda e: f"{-e.entry.log_likelihood:.2f}" if e.entry else ""),
     ]
     if any(e.weighed is not None for e in step.shown):
-        title = "particle on that pose (nats)"
+        title = "particle there, nats"
         rows.append(_row(step, title, lambda e: "" if e.weighed is None else f"{e.weighed:.2f}"))
     return rows
 
 
 def _head(explained: Explained) -> str:
-    entry = NONE if explained.entry is None else f"entry {explained.entry.entry}"
+    entry = NONE if explained.entry is None else explained.entry.entry
     return f"{REFERENCES[explained.who].label}: {entry}"
 
 
@@ -74,15 +73,18 @@ def _row(step: StepExplanation, title: str, cell: Callable[[Explained], str]) ->
 def _pose(explained: Explained, scale: Scale) -> str:
     if explained.entry is None:
         return ""
-    text = scale.say_pose(explained.entry.pose).replace(f" {scale.units.name}", "")
-    return text.replace("(", "").replace(")", "")
+    x_m, y_m, heading_rad = explained.entry.pose.tolist()
+    digits = scale.units.digits - 1
+    x, y = (f"{scale.length(place_m):.{digits}f}" for place_m in (x_m, y_m))
+    return f"{x}, {y}, {math.degrees(heading_rad):.0f}"
 
 
 def _from_truth(explained: Explained, step: StepExplanation, scale: Scale) -> str:
     truth = step.of(TRUTH)
     if truth is None or explained.entry is None:
         return ""
-    return say_offset(offset(explained.entry.pose, truth.pose), scale)
+    off = offset(explained.entry.pose, truth.pose)
+    return f"{scale.length(off.apart_m):.{scale.units.digits}f}, {math.degrees(off.turned_rad):.0f}"
 
 
 def to_json(label: str, step: StepExplanation) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from maurice_mcl.values.map import Arena
 from maurice_viz import style
 from maurice_viz.entities import Phase, RunPaths, phase_number
-from maurice_viz.panels.traces import ALL_TOGETHER, COLORS, EVIDENCE_COLORS
+from maurice_viz.panels.traces import ALL_TOGETHER, MARKS
 
 INCHES = style.Scale(style.UNITS["in"])
 
@@ -33,14 +33,23 @@ def contrast(one: style.RGB, other: style.RGB) -> float:
 
 @pytest.mark.parametrize("ground", PLOT_GROUNDS)
 @pytest.mark.parametrize(
-    "color", {*style.RUN_COLORS, *EVIDENCE_COLORS, *COLORS.values(), ALL_TOGETHER, style.BAR}
+    "color",
+    {
+        *style.RUN_COLORS,
+        *style.CHANNEL_COLORS,
+        style.PICTURE,
+        style.REFERENCE,
+        style.ODOMETRY,
+        style.LOST,
+        style.BAR,
+    },
 )
 def test_lines_and_bars_of_plots_are_seen_in_both_themes(color, ground):
     assert contrast(color, ground) >= LEAST_CONTRAST
 
 
 def test_colors_that_stand_beside_each_other_differ():
-    for colors in (style.RUN_COLORS, EVIDENCE_COLORS, style.MODE_COLORS):
+    for colors in (style.RUN_COLORS, style.MODE_COLORS):
         for k, one in enumerate(colors):
             assert all(np.abs(np.subtract(one, other)).max() > 50 for other in colors[:k])
 
@@ -97,10 +106,12 @@ def test_labels_that_would_collide_are_refused(label):
 
 
 # A difference of 1 in CIELAB (CIE 1976) can just be seen; of 20, two marks are called by two names.
-LEAST_DIFFERENCE, LEAST_WITHOUT_GREEN = 20.0, 10.0
+LEAST_DIFFERENCE, LEAST_WITHOUT_ONE = 20.0, 10.0
 TO_XYZ = np.array([[0.4125, 0.3576, 0.1804], [0.2127, 0.7152, 0.0722], [0.0193, 0.1192, 0.9503]])
-# Machado, Oliveira and Fernandes, 2009
+# Machado, Oliveira and Fernandes, 2009: eyes that lack red, green or blue
+PROTANOPIA = np.array([[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]])
 DEUTERANOPIA = np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]])
+TRITANOPIA = np.array([[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]])
 
 
 def lab(color: style.RGB, seen: np.ndarray) -> np.ndarray:
@@ -112,10 +123,31 @@ def lab(color: style.RGB, seen: np.ndarray) -> np.ndarray:
     return np.array([116 * root[1] - 16, 500 * (root[0] - root[1]), 200 * (root[1] - root[2])])
 
 
+CHANNELS = {f"channel {number}": color for number, color in enumerate(style.CHANNEL_COLORS, 1)}
+RUNS = {f"run {number}": color for number, color in enumerate(style.RUN_COLORS, 1)}
+LINES = {"all channels": ALL_TOGETHER, **{name: color for name, color, _ in MARKS if color != style.PALE}}
+OF_HISTOGRAMS = {"picture": style.PICTURE, "reference": style.REFERENCE, "neither": style.BAR}
+MEETINGS = {  # meanings that stand on one view, or on one screen
+    "maps": style.MEANINGS,
+    "plots": RUNS | LINES,
+    "evidence": RUNS | CHANNELS | LINES,
+    "charts": RUNS | CHANNELS | OF_HISTOGRAMS,
+    "lanes": RUNS | {"lost": style.STATES["lost"], "what the log says": style.PALE},
+    "drives": {"odometry": style.ODOMETRY, "truth": style.TRUTH, "truth in plots": style.BAR} | RUNS,
+}
+
+
 @pytest.mark.parametrize(
-    ("seen", "least"), [(np.eye(3), LEAST_DIFFERENCE), (DEUTERANOPIA, LEAST_WITHOUT_GREEN)]
+    ("seen", "least"),
+    [
+        (np.eye(3), LEAST_DIFFERENCE),
+        (PROTANOPIA, LEAST_WITHOUT_ONE),
+        (DEUTERANOPIA, LEAST_WITHOUT_ONE),
+        (TRITANOPIA, LEAST_WITHOUT_ONE),
+    ],
 )
-def test_one_meaning_a_color(seen, least):
-    places = {meaning: lab(color, seen) for meaning, color in style.MEANINGS.items()}
-    for one, other in combinations(places, 2):
-        assert np.linalg.norm(places[one] - places[other]) >= least, (one, other)
+@pytest.mark.parametrize("view", MEETINGS)
+def test_one_meaning_a_color(view, seen, least):
+    places = {meaning: lab(color, seen) for meaning, color in MEETINGS[view].items()}
+    for first, second in combinations(places, 2):
+        assert np.linalg.norm(places[first] - places[second]) >= least, (first, second)

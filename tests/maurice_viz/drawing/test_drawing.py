@@ -8,11 +8,9 @@ import pytest
 from rerun.components import TensorDataBatch
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.values.library import ChannelIndex
 from maurice_mcl.values.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.arrow import tensor_of
-from maurice_viz.drawing.bars import usual_difference
 from maurice_viz.drawing.canvas import (
     LONG_SIDE_PX,
     MAP_MARGINS,
@@ -117,23 +115,6 @@ def test_the_short_way_gives_what_rerun_gives(length):
     short = tensor_of(values).arrow()
     short.validate(full=True)
     assert short.equals(TensorDataBatch(values).as_arrow_array())
-
-
-def _index(references: list[list[float]]) -> ChannelIndex:
-    held = np.array(references, np.float32)
-    return ChannelIndex(held, np.zeros(held.shape[1], np.float32), held.max(axis=0))
-
-
-@pytest.mark.parametrize(
-    ("references", "distance", "low", "high"),
-    [
-        ([[1, 4], [100, 900], [1.5, 4], [100, 900.5]], "l1", 0.4, 0.5),  # to the most similar reference
-        ([[1, 2]], "hellinger", 1.0, 1.0),  # a single one has nothing to differ from
-        ([[3, 3], [3, 3]], "hellinger", 1e-9, 1.0),  # equal ones still give a visible band
-    ],
-)
-def test_height_of_bands(references, distance, low, high):
-    assert low <= usual_difference(_index(references), distance) <= high
 
 
 def decoded(png: bytes) -> np.ndarray:

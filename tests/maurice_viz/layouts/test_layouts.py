@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 import rerun.blueprint as rrb
@@ -12,6 +13,7 @@ from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
 from maurice_viz.layouts import one_run, several_runs
 from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.panels.traces import MOST_LETTERS
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import scale_for
 
@@ -56,11 +58,24 @@ def test_titles_have_units_and_are_unique():
             assert "(in)" in title
         if "Heading" in title:
             assert "(deg)" in title
-    assert not any("Edges" in t and "px" not in t for t in titles(overview_of(COLOR, shown())))
-    assert any("Edges" in t and "px" not in t for t in titles(overview_of(BLENDED, shown())))
     found = titles(rrb.Blueprint(several_runs.compare([COLOR, BLENDED], shown())))
     assert found.count("Camera (px)") == 1
-    assert found.count("Position error, 2 sigma (in)") == 1
+    assert found.count("Position error (in)") == 1
+
+
+def test_a_title_is_short_or_not_shown():
+    runs = numbered([COLOR, BLENDED, replace(EDGES, label="edges with a long name")])
+    layouts = [one_run.overview, one_run.explain, one_run.sensors, one_run.recorded]
+    screens = [layout(BLENDED, shown()) for layout in layouts] + [several_runs.traces(runs, shown())]
+    for view in (view for screen in screens for view in views(screen)):
+        assert view.titlebar is False or len(str(view.name)) <= MOST_LETTERS, view.name
+
+
+def test_runs_without_a_camera_have_no_tab_of_pictures_beside_runs_with_one():
+    runs = numbered([COLOR, RunView("amcl", ())])
+    tabs = runs_blueprint(runs, shown()).root_container.contents[0].contents
+    for tab in (tab for tab in tabs if str(tab.name) in ("overview", "explain")):
+        assert [str(part.name) for part in tab.contents] == ["color"]
 
 
 def test_map_views_hold_the_arena_and_leave_keys_out():
@@ -86,7 +101,7 @@ def test_recorded_localizers_are_compared_on_one_map():
     assert found.count("All runs on one map (in)") == 1
     assert "amcl, orange: belief (in)" in found
     assert "particle_cloud_of_nav2, sky blue (in)" in found
-    assert {"Position error, 2 sigma (in)", "Distance to amcl (in)", "This step"} <= set(found)
+    assert {"Position error (in)", "Distance to amcl (in)", "This step"} <= set(found)
     assert "All runs on one map (in)" not in titles(runs_blueprint(runs[:1], shown()))
 
 

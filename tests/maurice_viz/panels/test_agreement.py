@@ -297,7 +297,7 @@ def test_band_and_lines_of_events_are_those_of_the_records(drive):
         assert [(row.step, row.values["Scalars:scalars"]) for row in drawn] == [
             (step, [pytest.approx(scale.length(limit_m))]) for step in (1, STEPS) if near
         ]
-    for quantity in ("position_error", "heading_error", "spread", "confidence", "evidence", "survivors"):
+    for quantity in ("position_error", "heading_error", "spread", "confidence", "evidence", "ancestors"):
         for kind, steps in expected.items():
             lines = recordings.rows(path, f"{RUN.trace(quantity)}/events/{kind}")
             assert [row.step for row in lines] == [step for step in steps for _ in range(3)]

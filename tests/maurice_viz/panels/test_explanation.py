@@ -24,14 +24,13 @@ from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
-from maurice_viz.drawing.bars import REFERENCE, SAMPLE
+from maurice_viz.drawing.bars import channel_color
 from maurice_viz.drawing.contact_sheet import CARD_PX, blank_card
 from maurice_viz.drawing.heat import CHART, HEATS, SHADES, grid_of, heat_of
 from maurice_viz.drawing.reference_chart import (
     BAR_SHARE,
     CHART_PX,
     TEXT_SHARE,
-    color_of,
     draw_levels,
     draw_reference_chart,
     scale_of,
@@ -42,7 +41,7 @@ from maurice_viz.panels.camera import HistogramsPanel, histogram_views
 from maurice_viz.panels.explanation import ExplanationPanel
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView
-from maurice_viz.style import EMPTY
+from maurice_viz.style import EMPTY, PICTURE, REFERENCE
 from maurice_viz.viewer import sinks
 
 Played = tuple[SensorModel, list[tuple[Moment, StepRecord]]]
@@ -91,7 +90,7 @@ def picture_of(row: recordings.Row) -> np.ndarray:
 def bar_of(chart: np.ndarray) -> list[int]:
     """Widths in pixels of the parts of the stacked bar, by the colors of the channels."""
     top = chart[: round(BAR_SHARE * len(chart) * 0.2)]
-    rows = [(top == color_of(number)).all(axis=2) for number in range(2)]
+    rows = [(top == channel_color(channel)).all(axis=2) for channel in ("color", "edges")]
     return [int(row.any(axis=0).sum()) for row in rows]
 
 
@@ -123,7 +122,7 @@ def test_a_picture_equal_to_the_reference_covers_it_and_costs_nothing(library):
     filled = (CHART.colors[image] == REFERENCE).all(axis=2).sum(axis=0)
     assert (np.diff(filled) >= -3).all()
     assert filled[-5:].mean() > 50 > 5 > filled[:5].mean()
-    line = (CHART.colors[image] == SAMPLE).all(axis=2)
+    line = (CHART.colors[image] == PICTURE).all(axis=2)
     assert line.any(axis=0).all()
 
 
@@ -134,7 +133,7 @@ def test_two_dimensional_histograms_are_heat_maps():
     values = np.zeros((16, 16), np.float32)
     values[15, 0], values[0, 15] = 1.0, 0.25
     heat = heat_of(values, 1.0, HEATS[0])
-    assert CHART.colors[heat[0, 0]].tolist() == list(SAMPLE)  # the last row is on top
+    assert CHART.colors[heat[0, 0]].tolist() == list(PICTURE)  # the last row is on top
     assert HEATS[0] < heat[15, 15] < HEATS[0] + SHADES - 1
     assert CHART.colors[heat[8, 8]].tolist() == list(EMPTY)
 
@@ -155,7 +154,7 @@ def test_the_histogram_panel_draws_heat_maps_in_place_of_bars(library, tmp_path)
     assert PATHS.histogram("chromaticity", "maps") in found
     assert PATHS.histogram("chromaticity", "sample") not in found
     assert PATHS.histogram("color", "sample") in found
-    rows = recordings.rows(tmp_path / "out.rrd", PATHS.histogram("chromaticity", "added"))
+    rows = recordings.rows(tmp_path / "out.rrd", PATHS.histogram("chromaticity", "maps"))
     assert len(recordings.having(rows, "EncodedImage:blob")) == len(updates)
     views = histogram_views(PATHS, names)
     assert [type(view) for view in views] == [rrb.Spatial2DView, rrb.BarChartView]
@@ -176,7 +175,7 @@ def test_cards_show_the_references_pictures_and_are_logged_when_they_change(draw
         assert np.abs(card[:height].astype(int) - small).mean() < 12
     tables = recordings.rows(path, PATHS.explain("table"))
     for row, entry in zip(tables, entries, strict=True):
-        assert f"winner: entry {entry} |" in row.values["TextDocument:text"][0]
+        assert f"winner: {entry} |" in row.values["TextDocument:text"][0]
 
 
 def test_table_and_arrows_are_there_at_every_update(drawn):
@@ -194,7 +193,7 @@ def test_table_and_arrows_are_there_at_every_update(drawn):
         np.testing.assert_allclose(np.cos(turned - poses[:, 2])[known], 1, atol=1e-4)
     first = explain_step(updates[0][1], sensor, updates[0][0].truth)
     words = recordings.rows(path, PATHS.explain("words"))[0].values["TextDocument:text"][0]
-    assert words.startswith(f"## Best match: entry {first.winner.entry} of {first.winner.entries}")
+    assert words.startswith(f"#### Best match: entry {first.winner.entry} of {first.winner.entries}")
     rival = first.of("truth").entry
     assert rival.entry == first.winner.entry or f"{rival.behind:.1f} nats behind" in words.splitlines()[0]
 

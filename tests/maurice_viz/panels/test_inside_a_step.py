@@ -14,19 +14,20 @@ from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_mcl.scoring.events import RunEvent
 from maurice_mcl.scoring.modes import Ancestry
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.records import Belief, uniform_log_weights
 from maurice_viz import entities
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.panels.belief import sample, seen_whole
 from maurice_viz.panels.inside import BOX_PX, DOTS, HEAVIEST, radii_of, some_of
 from maurice_viz.panels.panel import StepUpdate
-from maurice_viz.panels.population import ANCESTORS, BY_COPIES, BY_WEIGHT, outline, shares, shares_of
+from maurice_viz.panels.population import BY_COPIES, BY_WEIGHT, outline, shares, shares_of
 from maurice_viz.panels.references import map_names
 from maurice_viz.panels.traces import (
+    ANCESTORS,
     EVIDENCE,
     SPREAD,
     TRUTH_RANK,
-    TRUTH_RATIO,
     evidence_lines,
     round_top,
     top_path,
@@ -80,8 +81,8 @@ def test_detail_needs_room():
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
-    lines = evidence_lines(tuple("abcdefghijkl"))
-    assert len({(color, width) for _, color, width in lines}) == len(lines) == 13
+    lines = evidence_lines(tuple(CHANNELS))
+    assert len({color for _, color, _ in lines}) == len(lines) == 1 + len(CHANNELS)
     assert map_names(("color",)) == ("all",)
 
 
@@ -114,19 +115,15 @@ def test_the_mark_is_at_each_phase_and_nowhere_on_other_timelines(drawn):
         assert np.diff(at) == pytest.approx([BOX_PX] * 5)
 
 
-def test_the_truths_rank_and_ratio(drawn):
+def test_the_rank_of_the_true_place(drawn):
     path, played, library = drawn
     places = recordings.scene_with(library)
     ranks = recordings.rows(path, RUN.trace(TRUTH_RANK))
-    ratios = recordings.rows(path, RUN.trace(TRUTH_RATIO))
-    assert len(ranks) == len(ratios) == STEPS
-    for row, ratio, (moment, record) in zip(ranks, ratios, played, strict=True):
+    assert len(ranks) == STEPS
+    for row, (moment, record) in zip(ranks, played, strict=True):
         logs = record.sighting.comparison.log_likelihood
         entry = places.entry_at(moment.truth)
         assert row.values["Scalars:scalars"] == [1 + (logs > logs[entry]).sum()]
-        assert (ratio.values["Scalars:scalars"][0] > 0) == (
-            logs[entry] > logs[places.entry_at(record.estimate.pose)]
-        )
 
 
 def test_evidence_and_ancestors_are_those_of_the_records(drawn):

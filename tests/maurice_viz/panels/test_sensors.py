@@ -14,6 +14,7 @@ from maurice_loaders.files.pictures import decode_picture
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.pose_sensor import BESIDE_GAP_PX, EXACT, Beside, MovedThing, Shown, ShownMarks
 from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.panels.sensors import MARK_WORDS
 from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import RunView
 from maurice_viz.style import AGREES, DISAGREES, RUN_COLORS, TRUTH, packed, scale_for
@@ -82,7 +83,7 @@ def test_words_say_when_a_frame_holds_nothing(drawn):
     said = [row.values["TextDocument:text"][0] for row in rows]
     assert len(said) == 6
     moved = "7 others agree with each other, 0.50 m from where the library has them."
-    assert said[0::2] == [f"Two lines, one of them agrees; 0.25 m away. {moved}"] * 3
+    assert said[0::2] == [f"Two lines, one of them agrees; 0.25 m away. {moved}\n\n{MARK_WORDS}"] * 3
     assert said[1::2] == ["Beacon: nothing in this frame."] * 3
 
 

@@ -122,8 +122,8 @@ def test_table_and_json_have_every_reference(library):
     step = explained(library, asked=Asked(entry=3))
     lines = brief_table(step, scale_for("in", library.arena)).splitlines()
     assert {line.count("|") for line in lines} == {6}
-    assert "asked for: entry 3" in lines[0]
-    assert f"| **color** | {step.shown[0].entry.channels[0].loses:.2f} · " in lines[-2]  # type: ignore[union-attr]
+    assert "asked for: 3" in lines[0]
+    assert f"| **color** · rank | {step.shown[0].entry.channels[0].loses:.2f} · " in lines[-2]  # type: ignore[union-attr]
     (found,) = json.loads(json.dumps(to_json("Lauf ä", step), allow_nan=False))["runs"]
     assert (found["label"], found["step"]) == ("Lauf ä", step.step)
     reference = found["explained"][0]["reference"]
