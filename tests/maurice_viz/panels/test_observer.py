@@ -70,7 +70,7 @@ OF_A_RUN = (
     "name",
     "rose",
     "marks",
-)  # last parts of paths, beside those of traces
+)  # last parts of paths
 
 
 def test_a_runs_color_is_of_its_estimate_path_ellipse_and_curves_alone(drawn):
