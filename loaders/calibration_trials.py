@@ -145,16 +145,16 @@ def plain(leg: MotionSegment) -> MotionSegment | None:
 
     A movement by itself counts as what it nearly is.
     """
-    least, limits = MauriceParameters(), Cutting()
+    least = MauriceParameters()
     way_m, turn = float(np.hypot(*leg.motions[0][:2])), float(leg.motions[0][2])
     both = [
         np.hypot(*m[:2]) >= least.straight_from_m and abs(m[2]) >= least.turn_from_rad for m in leg.motions
     ]
     if not any(both):
         return leg
-    if len(both) > 1 or (way_m >= limits.least_m) == (abs(turn) >= limits.least_rad):
+    if len(both) > 1 or (way_m >= LEAST_M) == (abs(turn) >= LEAST_RAD):
         return None
-    if way_m >= limits.least_m:
+    if way_m >= LEAST_M:
         return MotionSegment(leg.before, (leg.motions[0] * [1, 1, 0],), leg.after - [0, 0, turn])
     return MotionSegment(leg.before, (np.array([0, 0, turn]),), leg.after)
 
@@ -224,16 +224,13 @@ def _of_folder(folder: Path) -> Iterator[U8]:
 FILES = {"gt.txt": 3, "odom_pose.txt": 2, "odom_quaternion.txt": 2}
 
 
-@dataclass(frozen=True, slots=True)
-class Cutting:
-    """How a drive is cut into movements; all ours."""
-
-    turning_m: float = 0.05  # turning: heading change times this (half a track) exceeds the distance
-    still_m: float = 0.0005  # a row in which neither goes further than this is standing
-    least_rad: float = float(np.radians(10))  # a smaller turn is left out, a straight that bends more as well
-    least_m: float = 0.05  # shorter straights are left out
-    jump: float = 3.0  # truth that goes this many times as far as the wheels, in a row or altogether ...
-    noise_rad: float = 0.1  # ... is not believed; but truth may be noisy by this in a row
+# How a drive is cut into movements; all ours.
+TURNING_M = 0.05  # turning: heading change times this (half a track) exceeds the distance
+STILL_M = 0.0005  # a row in which neither goes further than this is standing
+LEAST_RAD = float(np.radians(10))  # a smaller turn is left out, a straight that bends more as well
+LEAST_M = 0.05  # shorter straights are left out
+JUMP = 3.0  # truth that goes this many times as far as the wheels, in a row or altogether ...
+NOISE_RAD = 0.1  # ... is not believed; but truth may be noisy by this in a row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,7 +282,7 @@ class OdometryFolder:
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the truth and the odometry of each row. InputError as `read_aligned`."""
         drive = read_aligned(self.path)
-        jumped = [False, *jumps(drive, Cutting())]
+        jumped = [False, *jumps(drive)]
         for row, (truth, odometry) in enumerate(zip(drive.truth, drive.odometry, strict=True)):
             t_s = float(row)
             if jumped[row]:
@@ -294,21 +291,21 @@ class OdometryFolder:
             yield TruthPose(t_s, truth)
 
 
-def trials_from_folder(folder: Path, cutting: Cutting | None = None) -> Trials:
+def trials_from_folder(folder: Path) -> Trials:
     """Read a drive and cut it into turns and straights."""
-    return cut(read_aligned(folder), cutting or Cutting())
+    return cut(read_aligned(folder))
 
 
 STANDING, TURNING, FORWARD, BACKWARD = range(4)
 
 
-def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
+def cut(drive: AlignedDrive) -> Trials:
     """Cut a drive where it changes between turning and going, forward and backward.
 
     A drift is what the heading changed less what odometry saw. Movements that are too small, arcs, and those
     in which the truth jumps are left out and counted.
     """
-    kinds, jumped = _kinds(drive.odometry, cutting), jumps(drive, cutting)
+    kinds, jumped = _kinds(drive.odometry), jumps(drive)
     edges = np.flatnonzero(np.diff(kinds)) + 1
     turns, ways, left_out = [], [], 0
     for first, last in zip([0, *edges], [*edges, len(kinds)], strict=True):  # steps first to last - 1
@@ -316,7 +313,7 @@ def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
         kind = kinds[first]
         if kind == STANDING:
             continue
-        if jumped[first:last].any() or not _believed(moved, went, kind == TURNING, cutting):
+        if jumped[first:last].any() or not _believed(moved, went, kind == TURNING):
             left_out += 1
         elif kind == TURNING:
             turns.append((moved[2], went[2]))
@@ -328,24 +325,24 @@ def cut(drive: AlignedDrive, cutting: Cutting) -> Trials:
     return Trials(Turns(measured, actual), straights, left_out)
 
 
-def _believed(moved: F64, went: F64, turning: bool, cutting: Cutting) -> bool:
+def _believed(moved: F64, went: F64, turning: bool) -> bool:
     if turning:
-        return bool(cutting.least_rad <= abs(moved[2]) and abs(went[2]) < cutting.jump * abs(moved[2]))
+        return bool(abs(moved[2]) >= LEAST_RAD and abs(went[2]) < JUMP * abs(moved[2]))
     way, really = (float(np.hypot(*step[:2])) for step in (moved, went))
-    return bool(abs(moved[2]) <= cutting.least_rad and cutting.least_m <= way and really < cutting.jump * way)
+    return bool(abs(moved[2]) <= LEAST_RAD and way >= LEAST_M and really < JUMP * way)
 
 
-def _kinds(odometry: F64, cutting: Cutting) -> NDArray[np.int64]:
+def _kinds(odometry: F64) -> NDArray[np.int64]:
     steps = np.diff(odometry, axis=0)
-    way, arc = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) * cutting.turning_m
+    way, arc = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2]) * TURNING_M
     ahead = rotated(steps[:, 0], steps[:, 1], -odometry[:-1, 2])[0]
     going = np.where(arc > way, TURNING, np.where(ahead >= 0, FORWARD, BACKWARD))
-    return np.where(np.maximum(way, arc) < cutting.still_m, STANDING, going).astype(np.int64)
+    return np.where(np.maximum(way, arc) < STILL_M, STANDING, going).astype(np.int64)
 
 
-def jumps(drive: AlignedDrive, cutting: Cutting) -> Bool:
+def jumps(drive: AlignedDrive) -> Bool:
     """Return the steps (n - 1,) in which the truth goes or turns further than the wheels ever could."""
     wheels, truth = (np.abs(np.diff(rows, axis=0)) for rows in (drive.odometry, drive.truth))
-    most_m = cutting.jump * float(np.hypot(wheels[:, 0], wheels[:, 1]).max())
-    most_rad = max(cutting.jump * float(wheels[:, 2].max()), cutting.noise_rad)
+    most_m = JUMP * float(np.hypot(wheels[:, 0], wheels[:, 1]).max())
+    most_rad = max(JUMP * float(wheels[:, 2].max()), NOISE_RAD)
     return np.asarray((np.hypot(truth[:, 0], truth[:, 1]) > most_m) | (truth[:, 2] > most_rad))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_loaders.calibration_trials import Cutting, jumps, read_aligned
+from maurice_loaders.calibration_trials import jumps, read_aligned
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.reading.recording import Motion, Note, Picture, TruthPose
 from maurice_loaders.reading.time_alignment import Aligner
@@ -67,7 +67,7 @@ def read_tables(folder: Path, updates: int) -> RecordedPath:
     Where truth goes further than the wheels could, the simulated robot is carried.
     """
     drive = read_aligned(folder)
-    jumped = jumps(drive, Cutting())
+    jumped = jumps(drive)
     rows = [0]
     for row in range(1, len(drive.odometry)):
         forward, left, turn = motion_between(drive.odometry[rows[-1]], drive.odometry[row])

@@ -1,7 +1,7 @@
-"""Odometry against truth: which reading of the odometry explains best what the robot really did.
+"""Odometry against truth: which interpretation of the odometry explains best what the robot really did.
 
-The drive is cut into segments by the truth, the odometry of a segment is combined by each reading, and what
-counts is the share of the true movement that it leaves unexplained.
+The drive is cut into segments by the truth, the odometry of a segment is combined by each interpretation, and
+what counts is the share of the true movement that it leaves unexplained.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ GAINS: F64 = np.geomspace(0.3, 3.3, 200)  # actual over measured turns; skidding
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """What the numbers might be."""
+class Interpretation:
+    """What the numbers of an odometry might mean."""
 
     turn: str = ""  # a key of TURNS
     frame: str = ""  # "": the robot's; "world": steps along fixed axes; "absolute": poses
@@ -50,9 +50,9 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """How well odometry, by one reading, agrees with the truth."""
+    """How well odometry, by one interpretation, agrees with the truth."""
 
-    reading: Reading
+    interpretation: Interpretation
     shift_s: float  # taken from the odometry's times
     gain: float  # true turn over measured turn
     scale: float  # true over measured distance
@@ -100,18 +100,18 @@ def segments_of(track: RecordedTruth, turn: float = 1.0) -> TruthSegments:
     return TruthSegments(track.t_s[a], track.t_s[b], np.column_stack([ahead, aside, wrap_angle(step[:, 2])]))
 
 
-def readings(odometry: RecordedOdometry) -> list[Reading]:
-    """Return the readings to try; the first one is the expected one."""
+def interpretations(odometry: RecordedOdometry) -> list[Interpretation]:
+    """Return the interpretations to try; the first one is the expected one."""
     frames = ("",) if odometry.poses else ("", "world", "absolute")
-    return [Reading(turn, frame) for frame in frames for turn in TURNS]
+    return [Interpretation(turn, frame) for frame in frames for turn in TURNS]
 
 
-def motions_read(odometry: RecordedOdometry, reading: Reading) -> F64:
-    """Return the robot's motions (K, 3) if the numbers are what the reading says."""
-    motions = motions_of(odometry, TURNS[reading.turn])
-    if reading.frame == "absolute":
+def motions_by(odometry: RecordedOdometry, interpretation: Interpretation) -> F64:
+    """Return the robot's motions (K, 3) if the numbers are what the interpretation says."""
+    motions = motions_of(odometry, TURNS[interpretation.turn])
+    if interpretation.frame == "absolute":
         return motions_between(motions)
-    if reading.frame == "world":
+    if interpretation.frame == "world":
         heading = np.cumsum(motions[:, 2]) - motions[:, 2]
         ahead, aside = rotated(motions[:, 0], motions[:, 1], -heading)
         return np.column_stack([ahead, aside, motions[:, 2]])
@@ -119,10 +119,10 @@ def motions_read(odometry: RecordedOdometry, reading: Reading) -> F64:
 
 
 def agreement(
-    odometry: RecordedOdometry, segments: TruthSegments, reading: Reading, shift_s: float = 0.0
+    odometry: RecordedOdometry, segments: TruthSegments, interpretation: Interpretation, shift_s: float = 0.0
 ) -> Agreement | None:
-    """Compare odometry, by one reading and shifted in time, with the truth; None for too few segments."""
-    motions = motions_read(odometry, reading)
+    """Compare odometry, interpreted and shifted in time, with the truth; None for too few segments."""
+    motions = motions_by(odometry, interpretation)
     t_s = odometry.t_s - shift_s
     ends = (np.searchsorted(t_s, at, side="right") for at in (segments.begin_s, segments.end_s))
     begin, end = (at.astype(np.int32) for at in ends)
@@ -140,7 +140,9 @@ def agreement(
         moved = moved - np.column_stack([away.real, away.imag, np.zeros(len(away))])
     scale, offset, way_unexplained = _fit_ways(ahead, aside, moved)
     count = int(used.sum())
-    return Agreement(reading, shift_s, gain, scale, offset, turn_unexplained, way_unexplained, count, mast)
+    return Agreement(
+        interpretation, shift_s, gain, scale, offset, turn_unexplained, way_unexplained, count, mast
+    )
 
 
 def _sums(values: F64, begin: I32, end: I32) -> F64:
@@ -214,11 +216,11 @@ def moves_of(poses: F64) -> F64:
     return np.column_stack(rotated(step[:, 0], step[:, 1], -some[1:, 2]))
 
 
-def direction_of(odometry: RecordedOdometry, reading: Reading) -> float:
+def direction_of(odometry: RecordedOdometry, interpretation: Interpretation) -> float:
     """Return the direction of nearly all travel in the robot's frame; 0 if there is none."""
     if odometry.poses:
-        return main_direction(moves_of(odometry.values * [1, 1, TURNS[reading.turn]]))
-    return main_direction(motions_read(odometry, reading))
+        return main_direction(moves_of(odometry.values * [1, 1, TURNS[interpretation.turn]]))
+    return main_direction(motions_by(odometry, interpretation))
 
 
 def main_direction(motions: F64) -> float:
@@ -230,9 +232,9 @@ def main_direction(motions: F64) -> float:
 
 # Findings from that comparison; none where all is well.
 
-ACCEPTED_SHARE = 0.2  # up to which a reading is accepted (healthy drives: below 0.02)
-FAR_BETTER = 0.4  # another reading must leave less than this share of what the first one leaves
-NO_READING_SHARE = 0.4  # unexplained by the best reading: none explains the truth
+ACCEPTED_SHARE = 0.2  # up to which an interpretation is accepted (healthy drives: below 0.02)
+FAR_BETTER = 0.4  # another interpretation must leave less than this share of what the first one leaves
+UNEXPLAINED_SHARE = 0.4  # unexplained by the best interpretation: none explains the truth
 WHOLE_TURN = 6.6  # rad: headings in radians are usually within a full turn
 FAR_OFF_RAD = np.radians(25)  # of a direction
 FAR_GAIN_LOG = 0.2  # natural log of a ratio of gains
@@ -257,14 +259,14 @@ def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -
     segments, usual = segments_of(drive.truth), None
     if np.abs(drive.truth.poses[:, 2]).max() > WHOLE_TURN:
         segments, findings = _in_degrees(drive, segments)
-    usual = agreement(drive.odometry, segments, Reading())
+    usual = agreement(drive.odometry, segments, Interpretation())
     if usual is None:
         return findings
     best = best_agreement(drive, segments, usual)
-    if best.unexplained > NO_READING_SHARE and movement_s is not None:
-        late = agreement(drive.odometry, segments, Reading(), round(movement_s, 1))
+    if best.unexplained > UNEXPLAINED_SHARE and movement_s is not None:
+        late = agreement(drive.odometry, segments, Interpretation(), round(movement_s, 1))
         best = late if late and late.unexplained < FAR_BETTER * best.unexplained else best
-    if best.unexplained > NO_READING_SHARE:
+    if best.unexplained > UNEXPLAINED_SHARE:
         return [*findings, Finding("disagreement", (_agreement(best),))]
     if best.shift_s:
         findings.append(_delay(best, usual))
@@ -272,12 +274,12 @@ def compared_with_truth(drive: RecordedDrive, movement_s: float | None = None) -
 
 
 def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreement) -> Agreement:
-    """Return the reading and delay that explain the truth best, or the usual one unless far worse."""
+    """Return the interpretation and delay that explain the truth best, or the usual one unless far worse."""
     agreements = [
-        agreed for r in readings(drive.odometry) if (agreed := agreement(drive.odometry, segments, r))
+        agreed for r in interpretations(drive.odometry) if (agreed := agreement(drive.odometry, segments, r))
     ]
     best = min(agreements, key=lambda agreed: agreed.unexplained)
-    if best.unexplained > ACCEPTED_SHARE:  # a delay may hide which reading is right
+    if best.unexplained > ACCEPTED_SHARE:  # a delay may hide which interpretation is right
         best = min(
             (_shifted(drive, segments, agreed) for agreed in agreements),
             key=lambda agreed: agreed.unexplained,
@@ -290,7 +292,7 @@ def best_agreement(drive: RecordedDrive, segments: TruthSegments, usual: Agreeme
 
 def _shifted(drive: RecordedDrive, segments: TruthSegments, at_once: Agreement) -> Agreement:
     """Try delays; return the given agreement unless one explains far more."""
-    tried = [agreement(drive.odometry, segments, at_once.reading, float(s)) for s in shifts(drive)]
+    tried = [agreement(drive.odometry, segments, at_once.interpretation, float(s)) for s in shifts(drive)]
     known = [agreed for agreed in tried if agreed is not None]
     best = min(known, key=lambda agreed: agreed.unexplained, default=at_once)
     if best.unexplained > FAR_BETTER * at_once.unexplained or at_once.unexplained < 0.01:
@@ -305,7 +307,11 @@ def _in_degrees(drive: RecordedDrive, segments: TruthSegments) -> tuple[TruthSeg
     other = segments_of(drive.truth, DEGREE)
     best = [
         min(
-            (a.unexplained for r in readings(drive.odometry) if (a := agreement(drive.odometry, cut, r))),
+            (
+                a.unexplained
+                for r in interpretations(drive.odometry)
+                if (a := agreement(drive.odometry, cut, r))
+            ),
             default=1.0,
         )
         for cut in (segments, other)
@@ -325,7 +331,7 @@ def _delay(found: Agreement, usual: Agreement) -> Finding:
 
 
 def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
-    """Return the numbers of a comparison with the truth, with those of the usual reading."""
+    """Return the numbers of a comparison with the truth, with those of the usual interpretation."""
     values: dict[str, float | str] = {
         "segments": found.segments,
         "gain": found.gain,
@@ -333,39 +339,41 @@ def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
         "turn_unexplained": found.turn_unexplained,
         "way_unexplained": found.way_unexplained,
     }
-    if usual is not None and not usual.reading == Reading() == found.reading:
+    if usual is not None and not usual.interpretation == Interpretation() == found.interpretation:
         values |= {"usual_turn": usual.turn_unexplained, "usual_way": usual.way_unexplained}
     return Evidence("agreement", values)
 
 
 def _about(best: Agreement, usual: Agreement, drive: RecordedDrive) -> list[Finding]:
     findings, seen = list[Finding](), _agreement(best, usual)
-    if best.reading.turn:
-        findings.append(turn_finding(best.reading.turn, seen, unexplained=best.unexplained))
-    if best.reading.frame:
-        offset = _offset(best, drive) if best.reading.frame == "world" else 0.0
-        finding = frame_finding(best.reading.frame, seen, offset_rad=offset, unexplained=best.unexplained)
+    if best.interpretation.turn:
+        findings.append(turn_finding(best.interpretation.turn, seen, unexplained=best.unexplained))
+    if best.interpretation.frame:
+        offset = _offset(best, drive) if best.interpretation.frame == "world" else 0.0
+        finding = frame_finding(
+            best.interpretation.frame, seen, offset_rad=offset, unexplained=best.unexplained
+        )
         findings.append(finding)
     if (
         abs(best.offset_rad) > FAR_OFF_RAD
-        and best.reading.frame != "world"
-        and best.way_unexplained < NO_READING_SHARE
+        and best.interpretation.frame != "world"
+        and best.way_unexplained < UNEXPLAINED_SHARE
     ):
         travel = Evidence("travel", {"off_deg": float(np.degrees(best.offset_rad))})
         findings.append(direction_finding(_offset(best, drive), travel, seen))
-    if best.mast is not None and not best.reading.turn:
+    if best.mast is not None and not best.interpretation.turn:
         findings.append(mast_finding(best.mast))
-    if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < NO_READING_SHARE:
+    if abs(np.log(best.scale)) > 0.35 and best.way_unexplained < UNEXPLAINED_SHARE:
         findings.append(_scale(best, drive, seen))
     gains_apart = abs(np.log(best.gain / drive.turn_gain)) > FAR_GAIN_LOG
-    if not findings and best.turn_unexplained < NO_READING_SHARE and gains_apart:
+    if not findings and best.turn_unexplained < UNEXPLAINED_SHARE and gains_apart:
         findings.append(gain_finding(best.gain, drive.turn_gain, seen))
     return findings
 
 
 def _offset(best: Agreement, drive: RecordedDrive) -> float:
     """Return the forward direction: the odometry's own if similar, since that excludes drift."""
-    own = -direction_of(drive.odometry, best.reading)
+    own = -direction_of(drive.odometry, best.interpretation)
     near = own and abs(wrap_angle(np.array(own - best.offset_rad))) < FAR_OFF_RAD
     return own if near else best.offset_rad
 

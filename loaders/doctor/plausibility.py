@@ -19,7 +19,7 @@ from .findings import (
     scale_finding,
     turn_finding,
 )
-from .odometry import FASTEST_M_S, Reading, direction_of, motions_read, moves_of, readings
+from .odometry import FASTEST_M_S, Interpretation, direction_of, interpretations, motions_by, moves_of
 
 # Numbers of the odometry by themselves.
 
@@ -91,43 +91,43 @@ def odometry_doubts(drive: RecordedDrive) -> list[Finding]:
     odometry = drive.odometry
     if odometry.size < FEWEST:
         return []
-    findings, reading = [], best_reading(odometry)
+    findings, interpretation = [], best_interpretation(odometry)
     way, turn = speeds(odometry)
-    aside = aside_share(odometry, Reading())
-    if reading.frame or (reading.turn and odometry.poses):
-        seen = Evidence("sideways", {"aside": aside, "then": aside_share(odometry, reading)})
-        if reading.frame:
-            offset = -direction_of(odometry, reading) if reading.frame == "world" else 0.0
-            findings.append(frame_finding(reading.frame, seen, offset_rad=offset))
-        findings += [turn_finding(reading.turn, seen)] if reading.turn else []
+    aside = aside_share(odometry, Interpretation())
+    if interpretation.frame or (interpretation.turn and odometry.poses):
+        seen = Evidence("sideways", {"aside": aside, "then": aside_share(odometry, interpretation)})
+        if interpretation.frame:
+            offset = -direction_of(odometry, interpretation) if interpretation.frame == "world" else 0.0
+            findings.append(frame_finding(interpretation.frame, seen, offset_rad=offset))
+        findings += [turn_finding(interpretation.turn, seen)] if interpretation.turn else []
     elif turn > FASTEST_RAD_S:
         seen = Evidence("spins", {"rad_s": turn, "in_degrees": turn * TURNS["degrees"]})
         findings.append(turn_finding("degrees", seen, rad_s=turn))
-    elif abs(np.sin(side := direction_of(odometry, Reading()))) > np.sin(OFF_RAD):
+    elif abs(np.sin(side := direction_of(odometry, Interpretation()))) > np.sin(OFF_RAD):
         seen = Evidence("one-way", {"off_deg": float(np.degrees(side)), "aside": aside})
         findings.append(direction_finding(-side, seen, aside=aside))
-    if way > FASTEST_M_S and reading.frame != "absolute":
+    if way > FASTEST_M_S and interpretation.frame != "absolute":
         findings.append(_too_fast(way, drive.size_m))
     return findings
 
 
-def best_reading(odometry: RecordedOdometry) -> Reading:
-    """Return the reading with hardly any sideways motion; the usual one if it has little."""
-    if aside_share(odometry, Reading()) < ASIDE:
-        return Reading()
+def best_interpretation(odometry: RecordedOdometry) -> Interpretation:
+    """Return the interpretation with hardly any sideways motion; the usual one if it has little."""
+    if aside_share(odometry, Interpretation()) < ASIDE:
+        return Interpretation()
     small = odometry.poses and np.abs(odometry.values[:, 2]).max() <= np.pi  # headings of quaternions are
-    tried = [candidate for candidate in readings(odometry) if candidate.frame or odometry.poses]
+    tried = [candidate for candidate in interpretations(odometry) if candidate.frame or odometry.poses]
     tried = [candidate for candidate in tried if not (small and "degrees" in candidate.turn)]
     best = min(tried, key=lambda candidate: aside_share(odometry, candidate))
-    return best if aside_share(odometry, best) < NOT_ASIDE else Reading()
+    return best if aside_share(odometry, best) < NOT_ASIDE else Interpretation()
 
 
-def aside_share(odometry: RecordedOdometry, reading: Reading) -> float:
-    """Return the sideways share of the distance, 0 to 1, under a reading."""
+def aside_share(odometry: RecordedOdometry, interpretation: Interpretation) -> float:
+    """Return the sideways share of the distance, 0 to 1, under an interpretation."""
     if odometry.poses:
-        motions = moves_of(odometry.values * [1, 1, TURNS[reading.turn]])
+        motions = moves_of(odometry.values * [1, 1, TURNS[interpretation.turn]])
     else:
-        motions = motions_read(odometry, reading)
+        motions = motions_by(odometry, interpretation)
     ways = np.hypot(motions[:, 0], motions[:, 1])
     if not ways.any():
         return 0.0

@@ -40,7 +40,7 @@ from ..listener import SILENT, Listener
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
 from ..scene import RunView, Scene
 from .open import remark_skipped
-from .output import NEXT_KEYS_HINT, Drawn, OutputOptions, opened
+from .output import NEXT_KEYS_HINT, Drawn, OutputOptions, sink_of
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen
 
@@ -80,7 +80,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
 
     stopped: KeyboardInterrupt | None = None
     layout, keys = drive_blueprint(drive), f"{NEXT_KEYS_HINT}."
-    with opened(target, output, session.info.name, layout, listener, keys=keys) as rec:
+    with sink_of(target, output, session.info.name, layout, listener, keys=keys) as rec:
         try:
             draw_drive(rec, drive, counted())
         except KeyboardInterrupt as stop:

@@ -148,10 +148,10 @@ def drawing(
     detail = Detail(output.detail)
     layout = layout_of(runs, scene, output.layout, light=detail is Detail.LIGHT)
     if scene.live:
-        sink = _live(drawn, output, scene.info.name, layout, listener)
+        sink = _live_sink(drawn, output, scene.info.name, layout, listener)
     else:
         remark_size = partial(_remark_size, runs, scene, detail, listener)
-        sink = opened(drawn, output, scene.info.name, layout, listener, remark_size)
+        sink = sink_of(drawn, output, scene.info.name, layout, listener, remark_size)
     with sink as rec:
         drawn.observer = SceneObserver(rec, runs, scene, detail)
         yield drawn
@@ -161,7 +161,7 @@ def drawing(
 
 
 @contextmanager
-def _live(
+def _live_sink(
     drawn: Drawn, output: OutputOptions, name: str, layout: rrb.Blueprint, listener: Listener
 ) -> Iterator[rr.RecordingStream]:
     """Open a file, and a server that viewers may come to at any time."""
@@ -187,7 +187,7 @@ def _live(
 
 
 @contextmanager
-def opened(
+def sink_of(
     drawn: Drawn,
     output: OutputOptions,
     name: str,

@@ -15,11 +15,11 @@ from maurice_loaders.doctor.findings import (
     motions_of,
 )
 from maurice_loaders.doctor.odometry import (
-    Reading,
+    Interpretation,
     agreement,
     compared_with_truth,
-    motions_read,
-    readings,
+    interpretations,
+    motions_by,
     segments_of,
 )
 from maurice_loaders.doctor.pictures import ComparedPictures, best_yaw, places_seen, seen_with_truth
@@ -172,24 +172,24 @@ def test_legs_are_not_cut_across_a_kidnapping():
     assert np.abs(legs.moved[:, :2]).max() < 0.25
 
 
-def test_readings_undo_what_was_done():
+def test_interpretations_undo_what_was_done():
     motions = dense_drive(seconds=20, poses=False).odometry.values
     t_s = np.arange(len(motions)) * 0.1
     poses = np.concatenate([np.zeros((1, 3)), integrated(motions)])
     absolute = RecordedOdometry(np.append(t_s, 99), poses, poses=False)
-    assert np.allclose(motions_read(absolute, Reading("", "absolute"))[1:], motions)
+    assert np.allclose(motions_by(absolute, Interpretation("", "absolute"))[1:], motions)
     assert np.allclose(motions_between(poses)[1:], motions)
     steps = RecordedOdometry(t_s, np.diff(poses, axis=0), poses=False)
-    assert np.allclose(motions_read(steps, Reading("", "world")), motions)
+    assert np.allclose(motions_by(steps, Interpretation("", "world")), motions)
     degrees = RecordedOdometry(t_s, motions * [1, 1, 180 / np.pi], poses=False)
-    assert np.allclose(motions_read(degrees, Reading("degrees")), motions)
+    assert np.allclose(motions_by(degrees, Interpretation("degrees")), motions)
     assert np.allclose(motions_of(degrees)[:, :2], motions[:, :2])
 
 
 def test_agreement_of_a_perfect_drive_is_perfect():
     drive = dense_drive(noise=0.0)
     legs = segments_of(drive.truth)
-    best = agreement(drive.odometry, legs, readings(drive.odometry)[0])
+    best = agreement(drive.odometry, legs, interpretations(drive.odometry)[0])
     assert best.unexplained < 1e-3
     assert best.scale == pytest.approx(1, abs=0.01)
     assert best.gain == pytest.approx(1, abs=0.02)
@@ -230,7 +230,7 @@ def test_odometry_is_judged_by_itself():
     }
     for code, values in wrong.items():
         assert [one.code for one in odometry_doubts(with_values(drive, values))] == [code]
-    assert aside_share(drive.odometry, Reading()) == 0
+    assert aside_share(drive.odometry, Interpretation()) == 0
     drive = dense_drive()
     for code, factor in (("turn-clockwise", -1), ("turn-degrees", 180 / np.pi)):
         found = odometry_doubts(with_values(drive, drive.odometry.values * [1, 1, factor]))
