@@ -10,12 +10,14 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
+from maurice_mcl.values import setting_rules as rules
+from maurice_mcl.values.setting_rules import Rule, checked
+
 from ..errors import FieldError, InputError
-from ..files.text import flag, mapping, number, read_toml, show, text, toml_value, whole
+from ..files.text import MOST, MOST_T_S, mapping, read_toml, toml_value, whole_characters
 from ..files.writing import write_whole
 from .plane import PLANES
 
@@ -34,7 +36,7 @@ class Meaning(NamedTuple):
     text: str  # one line, as the command line's help shows it; angles are typed in degrees
     group: Group
     choices: tuple[str, ...] = ()  # for texts
-    least: float | None = None  # for numbers; a number whose default is 1 is a factor, never 0
+    least: float = -math.inf  # for numbers; a number whose default is 1 is a factor, never 0
 
 
 Text = str | None
@@ -159,6 +161,48 @@ FIELDS: dict[str, Meaning] = {
 CORRECTIONS = tuple(name for name, meaning in FIELDS.items() if meaning.group == "correction")
 
 
+def _text(key: str, value: Any) -> str:
+    if not rules.text(key, value):
+        raise ValueError(f"{key}: found an empty text, expected one with characters")
+    return whole_characters(value, key)
+
+
+def _columns(key: str, value: Any) -> dict[str, str]:
+    """Take columns by role; as text: "image=file,heading=yaw:deg"."""
+    if isinstance(value, str):
+        parts = [part.partition("=") for part in value.split(",")]
+        if not all(role.strip() and column.strip() for role, _, column in parts):
+            raise ValueError(f"{key}: found {value!r}, expected ROLE=COLUMN, with commas between them")
+        return {role.strip(): column.strip() for role, _, column in parts}
+    return {role: _text(key, column) for role, column in rules.table(key, value).items()}
+
+
+def _factor(key: str, value: Any) -> float:
+    factor: float = rules.number(-MOST, MOST)(key, value)
+    if not factor:
+        raise ValueError(f"{key}: found {value!r}, expected a number other than 0")
+    return factor
+
+
+def _rule_of(name: str) -> Rule:
+    usual, meaning = getattr(ReadingOptions(), name), FIELDS[name]
+    if isinstance(usual, bool):
+        return rules.truth
+    if isinstance(usual, Mapping):
+        return _columns
+    if isinstance(usual, int):
+        return rules.whole(0, 2**32 - 1)
+    if isinstance(usual, float):
+        most = MOST_T_S if name.endswith("_s") else MOST
+        return _factor if usual == 1 else rules.number(max(meaning.least, -most), most)
+    if name == "table":
+        return lambda key, value: Path(_text(key, value))
+    return rules.choice(*meaning.choices) if meaning.choices else _text
+
+
+RULES: Mapping[str, Rule] = {name: _rule_of(name) for name in FIELDS}  # of values given as text, or typed
+
+
 def option_name(name: str) -> str:
     """Return the command-line option of a field: `camera_yaw_rad` is `--reading camera_yaw_deg`."""
     return "--reading " + (name.removesuffix("_rad") + "_deg" if name.endswith("_rad") else name)
@@ -191,9 +235,10 @@ def read_reading(path: str | Path) -> ReadingOptions:
         names = ", ".join(tables) or "nothing"
         raise InputError(path, f"found {names}, expected one table [{TABLE}], as doctor -o writes it")
     try:
-        return _options_of(tables[TABLE], path.parent)
-    except FieldError as problem:
+        options = replace(ReadingOptions(), **checked(rules.table(TABLE, tables[TABLE]), RULES))
+    except ValueError as problem:
         raise InputError(path, f"{problem}; correct it there") from None
+    return options if options.table is None else replace(options, table=path.parent / options.table)
 
 
 def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = False) -> None:
@@ -219,13 +264,6 @@ def write_reading(path: str | Path, options: ReadingOptions, *, force: bool = Fa
     write_whole(path, ("\n".join(lines) + "\n").encode(), force=force)
 
 
-def _options_of(value: Any, folder: Path) -> ReadingOptions:
-    values = dict(mapping(value, TABLE))
-    table = values.pop("table", None)
-    options = reading_from_json(values, elsewhere=("table",))
-    return options if table is None else replace(options, table=folder / text(table, "table"))
-
-
 # The same in the manifest of a saved run.
 
 ELSEWHERE = ("table", "keep_going")  # options that a manifest has under names of their own
@@ -237,25 +275,15 @@ def reading_to_json(options: ReadingOptions) -> dict[str, Any]:
     return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
 
 
-def reading_from_json(value: Any, elsewhere: tuple[str, ...] = ELSEWHERE) -> ReadingOptions:
+def reading_from_json(value: Any) -> ReadingOptions:
     """Return the options that `reading_to_json` wrote. FieldError for unknown names and bad values."""
-    values = mapping(value, TABLE)
-    for name in values:
-        if name not in FIELDS or name in elsewhere:
-            near = get_close_matches(name, FIELDS, 1)
-            meant = f"; did you mean {near[0]}?" if near and near[0] != name else ""
-            raise FieldError(f"found the option of reading {show(name)}, which is not known here{meant}")
-    return replace(ReadingOptions(), **{name: _checked(name, v) for name, v in values.items()})
-
-
-def _checked(name: str, value: Any) -> Any:
-    usual, meaning = getattr(ReadingOptions(), name), FIELDS[name]
-    if usual is None:
-        if value is None or text(value, name) in (meaning.choices or (value,)):
-            return value
-        raise FieldError(f"found {name} {show(value)}, expected one of {', '.join(meaning.choices)}")
-    if isinstance(usual, bool):
-        return flag(value, name)
-    if isinstance(usual, Mapping):
-        return {role: text(column, name) for role, column in mapping(value, name).items()}
-    return whole(value, name) if isinstance(usual, int) else number(value, name)
+    usual, known = ReadingOptions(), {name: rule for name, rule in RULES.items() if name not in ELSEWHERE}
+    given = {
+        name: choice
+        for name, choice in mapping(value, TABLE).items()
+        if choice is not None or getattr(usual, name, None) is not None
+    }
+    try:
+        return replace(usual, **checked(given, known))
+    except ValueError as problem:
+        raise FieldError(str(problem)) from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from typing import Any
 
 LEAST_RADIUS_M = 0.001
@@ -109,7 +110,9 @@ def checked(given: Mapping[str, Any], rules: Mapping[str, Rule], where: str = ""
     """Return the values of a table, each as its rule takes it. ValueError for a key without a rule."""
     unknown = next((key for key in given if key not in rules), None)
     if unknown is not None:
-        raise ValueError(f"{where}found the key {unknown!r}, expected one of {', '.join(rules)}")
+        near = get_close_matches(unknown, rules, 1)
+        advice = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(rules)}"
+        raise ValueError(f"{where}found the key {unknown!r}, {advice}")
     return {key: rules[key](f"{where}{key}", value) for key, value in given.items()}
 
 

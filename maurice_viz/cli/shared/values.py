@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from maurice_loaders.files.text import parse_toml
-from maurice_loaders.reading.options import FIELDS, ReadingOptions, option_value, read_reading
+from maurice_loaders.reading.options import FIELDS, RULES, ReadingOptions, option_value, read_reading
 
 from ...errors import OptionError
 
@@ -119,49 +119,8 @@ def _with(options: ReadingOptions, key: str, value: str) -> ReadingOptions:
         advice = f"did you mean {matches[0]}?" if matches else f"there are {', '.join(KEYS)}"
         raise OptionError(f"--reading has no key {key!r}; {advice}")
     try:
-        parsed = _value(name, value)
+        parsed = RULES[name](f"--reading {key}", value)
     except ValueError as problem:
-        raise OptionError(f"--reading {key}: expected {problem}, found {value!r}") from None
+        raise OptionError(str(problem)) from None
     changes: dict[str, Any] = {name: math.radians(parsed) if name != key else parsed}
     return replace(options, **changes)
-
-
-def _value(name: str, text: str) -> Any:
-    """Return a value as its field holds it. ValueError says what was expected."""
-    usual, meaning = getattr(USUAL, name), FIELDS[name]
-    if meaning.choices and text not in meaning.choices:
-        raise ValueError(f"one of {', '.join(meaning.choices)}")
-    if isinstance(usual, Mapping):
-        return columns_of(text)
-    if usual is None:
-        return Path(text) if name == "table" else text
-    if isinstance(usual, bool):
-        if text not in ("true", "false"):
-            raise ValueError("true or false")
-        return text == "true"
-    return _number(text, usual, meaning.least)
-
-
-def _number(text: str, usual: float, least: float | None) -> float:
-    try:
-        number = int(text) if isinstance(usual, int) else float(text)
-    except ValueError:
-        raise ValueError("a number") from None
-    if not math.isfinite(number) or (least is not None and number < least):
-        raise ValueError("a finite number" + ("" if least is None else f" from {least:g}"))
-    if isinstance(usual, int) and number >= 2**32:
-        raise ValueError("a whole number below 2**32")
-    if usual == 1 and not number:
-        raise ValueError("a number other than 0")
-    return number
-
-
-def columns_of(text: str) -> dict[str, str]:
-    """Read `image=file,heading=yaw:deg`. ValueError for anything else."""
-    columns: dict[str, str] = {}
-    for part in text.split(","):
-        role, equals, column = part.partition("=")
-        if not equals or not role.strip() or not column.strip():
-            raise ValueError("ROLE=COLUMN, with commas between them")
-        columns[role.strip()] = column.strip()
-    return columns

@@ -11,7 +11,7 @@ from helpers.commands import maurice, run
 from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.formats.registry import open_session
 from maurice_mcl.values.geometry import compose
-from maurice_viz.cli.shared.values import columns_of
+from maurice_viz.cli.shared.values import reading_of
 
 
 def as_table(session: Path) -> Path:
@@ -48,7 +48,10 @@ def test_recordings_need_a_library_and_sound_options(small_session):
     assert "name one with --library" in run(as_table(small_session), "-o", "none", expect=1).stderr
     for pair in ("columns=a", "columns==b", "time_unit=h", "max_dt_s=-1", "max_dt=1", "odometry_seed=x"):
         run(small_session, "-o", "none", "--reading", pair, expect=2)
-    assert columns_of("image=file, heading=yaw:deg") == {"image": "file", "heading": "yaw:deg"}
+    assert reading_of(["columns=image=file, heading=yaw:deg"]).columns == {
+        "image": "file",
+        "heading": "yaw:deg",
+    }
     gated = ("--particles", 100, "--reading", "min_distance_m=0.2")
     out, _ = maurice(small_session, "-o", "none", "--json", *gated)
     assert json.loads(out)["runs"][0]["updates"] == 7
