@@ -16,7 +16,7 @@ from ..panels.events import NAMES_SHARE, SHARED, lanes_px, lanes_view, own_path
 from ..panels.population import headings_view
 from ..panels.references import best_match_view
 from ..panels.sensors import sensor_words_view
-from ..panels.story import error_unit_view, errors_plot, story_map, tour_view, verdict_view
+from ..panels.story import error_axis, error_unit_view, errors_plot, story_map, tour_view, verdict_view
 from ..panels.views import untitled
 from ..scene import RunView, Scene
 
@@ -27,7 +27,6 @@ OWN_LANES = 3  # of one run: the log's, its status, what was noticed in it
 MOST_IN_A_ROW = 3  # pictures beside the map
 AXIS_PX, DIGIT_PX = 10, 7  # left of a plot: around the labels of its axis, and each of their digits
 DIGITS = 3  # of a label where the largest error is not known yet
-ABOVE_ERRORS, LABELS_APART = 1.05, 0.19  # top of the axis, largest error = 1; least distance, of the axis
 
 
 def over_events(body: rrb.Container, runs: Sequence[RunView], noticed: bool = False) -> rrb.Vertical:
@@ -78,13 +77,6 @@ def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
 
 
 def _axis_px(runs: Sequence[RunView], scene: Scene) -> float:
-    """Return the width of the labels of the error axis, which the viewer does not let us set.
-
-    It labels steps of a power of ten, where they are far enough apart.
-    """
-    if scene.ending is None or not scene.has_truth:
-        return AXIS_PX + DIGIT_PX * DIGITS
-    top = ABOVE_ERRORS * scene.scale.length(max(scene.ending.most_m, runs[0].radii.lost_m))
-    step = 10.0 ** np.ceil(np.log10(LABELS_APART * top))
-    last = step * np.floor(top / step)
-    return AXIS_PX + DIGIT_PX * len(f"{last:g}")
+    """Return the width of the labels of the error axis, which the viewer does not let us set."""
+    axis = error_axis(runs, scene)
+    return AXIS_PX + DIGIT_PX * (DIGITS if axis is None else len(f"{axis.last_label:g}"))

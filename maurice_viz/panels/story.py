@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
@@ -27,6 +29,8 @@ from .views import MAP, Overrides, labeled, plane_view
 
 EVERY = 10  # updates between two points of the limit, which is a straight line
 FAINT = 0.8  # width of lines that are beside the point
+ABOVE = 1.1  # times the largest error, or the first label: where the axis ends
+LABELS_APART = 0.19  # of the axis, at least
 DOT, FINE_DOT = 1.5, 1.0  # radius of a particle of a thinned and of a whole cloud, in points of the screen
 
 
@@ -136,9 +140,31 @@ def story_map(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     return plane_view("Map", list(dict.fromkeys(contents)), extent, overrides)
 
 
+@dataclass(frozen=True, slots=True)
+class ErrorAxis:
+    """The axis of the position error, from zero, in display units."""
+
+    top: float
+    last_label: float
+
+
+def error_axis(runs: Sequence[RunView], scene: Scene) -> ErrorAxis | None:
+    """Return the axis that has room for the largest error; None where that is not known yet.
+
+    The viewer labels steps of a power of ten, where they are far enough apart. An axis that ended below the
+    first of them would have no label but zero, so it ends above it.
+    """
+    if scene.ending is None or not scene.has_truth:
+        return None
+    most = ABOVE * scene.scale.length(max(scene.ending.most_m, runs[0].radii.lost_m))
+    step = float(10.0 ** np.ceil(np.log10(LABELS_APART * most)))
+    top = max(most, ABOVE * step)
+    return ErrorAxis(top, step * float(np.floor(top / step)))
+
+
 def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
     """Plot the position error of all runs, and where they count as lost; without truth the spread."""
-    contents, styles = list[str](), Overrides()
+    contents, styles, axis = list[str](), Overrides(), error_axis(runs, scene)
     for run in runs:
         path = run.paths.trace(POSITION_ERROR if scene.has_truth else SPREAD)
         styles[path] = rr.SeriesLines.from_fields(colors=[run.color], widths=[LINE_WIDTH])
@@ -148,6 +174,7 @@ def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
         origin="/",
         contents=[*contents, *([LIMITS] if scene.has_truth else [])],
         overrides=styles,
+        axis_y=None if axis is None else rrb.ScalarAxis(range=(0.0, axis.top)),
         plot_legend=rrb.PlotLegend(visible=False),
         background=rrb.archetypes.PlotBackground(show_grid=False),
     )

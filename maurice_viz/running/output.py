@@ -10,6 +10,7 @@ import re
 import shlex
 import shutil
 import sys
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -301,7 +302,10 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
     if not path.is_file():
         raise InputError(path, "no such file; expected a Rerun recording (.rrd)")
     try:
-        batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream().filter(content=VERDICT)]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that a killed recording lacks its end
+            stream = RrdReader(path).stream().filter(content=VERDICT)
+            batches = [chunk.to_record_batch() for chunk in stream]
     except (RuntimeError, ValueError, OSError) as problem:
         raise InputError(path, f"found no Rerun recording ({problem}); try: rerun rrd verify") from None
     columns = [batch.column(column).to_pylist() for batch in batches if column in batch.schema.names]

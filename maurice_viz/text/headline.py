@@ -89,12 +89,14 @@ def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
     episodes = [episode for episode in verdict.episodes if episode.kind != SEARCHING or episode.is_failure]
     if episodes:
         return _of_episodes(verdict, episodes, scale)
-    if verdict.localized is None:
+    if verdict.localized is None and verdict.off:
         return Outcome("{was} never localized", off, after=at_end)
-    if verdict.localized > verdict.first:
+    if verdict.localized is not None and verdict.localized > verdict.first:
         return Outcome("found {itself}", str(verdict.localized), "at step ", alone=f", {off} at the end")
-    did = "{was} right at every step" if not verdict.off else "{was} never lost"
-    return Outcome(did, scale.say(verdict.error_mean_m or 0.0), after=" off on average")
+    did = "{was} never lost" if verdict.off else "{was} right at every step"
+    if verdict.error_mean_m is None:  # too short to be scored
+        return Outcome(did, off, after=at_end)
+    return Outcome(did, scale.say(verdict.error_mean_m), after=" off on average")
 
 
 def _of_episodes(verdict: RunVerdict, episodes: Sequence[Episode], scale: Scale) -> Outcome:

@@ -41,16 +41,23 @@ DRAWS = {
 DOT = "A **dot** is one guess of where the robot is (a particle); an **oval** holds most of a run's dots"
 TRUTH = "; the **white** disk is where the robot really is"
 CROWDED = 3  # runs beside whose pictures there is little room for words
-LANES = (
-    "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost. "
-    "Right-click a lane to go there."
+LANES = "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
+LANES_WITHOUT_TRUTH = "Lanes: **dark** dots together, **gray** dots spread, **red** probably lost."
+NOTICED = (
+    "Lane noticed: at an **ESS dip** few dots have nearly all weight; where **reseeded**, new dots were drawn"
 )
+NOTICED_OF_TRUTH = "; at **3 sigma** the truth is far outside of the dots"
+GO_THERE = "Right-click a lane to go there."
 
 
 def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
     """Explain the words of the first screen, and what tells its runs apart."""
     draws = [DRAWS.get(run.draws_new or "", "") for run in runs]
-    parts = [f"{DOT}{TRUTH if has_truth else ''}.", *([LANES] if len(runs) < CROWDED else [])]
+    parts = [f"{DOT}{TRUTH if has_truth else ''}."]
+    if len(runs) < CROWDED:
+        parts += [LANES if has_truth else LANES_WITHOUT_TRUTH]
+        parts += [f"{NOTICED}{NOTICED_OF_TRUTH if has_truth else ''}."] if len(runs) == 1 else []
+        parts += [GO_THERE]
     if all(draws) and len(set(draws)) > 1 and len(runs) < CROWDED:
         does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
         parts.insert(0, f"{'; '.join(does)}.")

@@ -156,16 +156,19 @@ def recorded_steps(recording: Path, content: str = "/**") -> tuple[int, int] | N
 
 
 def expect_whole_frames(recording: Path) -> None:
-    """Refuse a recording that ends inside of a frame, which the viewer would wait for. Raises InputError."""
+    """Refuse what the viewer would wait for: no recording, or one that ends inside of a frame. InputError."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # that a killed recording lacks its end
             for _ in RrdReader(recording).stream():  # to its end: frames are read as they are asked for
                 pass
-    except RuntimeError as problem:
-        if CUT_OFF_ERROR in str(problem):
-            repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"
-            raise InputError(recording, f"found a recording that was cut off; {repair}") from None
+    except (RuntimeError, ValueError, OSError) as problem:
+        if CUT_OFF_ERROR not in str(problem):
+            raise InputError(
+                recording, f"found no Rerun recording ({problem}); try: rerun rrd verify"
+            ) from None
+        repair = f"`rerun rrd optimize {recording.name} -o repaired.rrd` keeps what is whole"
+        raise InputError(recording, f"found a recording that was cut off; {repair}") from None
 
 
 def software_driver() -> Path | None:

@@ -142,7 +142,7 @@ class RunVerdict:
             return self.localized
         if self.sure_and_wrong is not None and self.localized is None:
             return self.sure_and_wrong.step
-        if self.has_truth:
+        if self.error_most_m is not None:
             return self.most_at
         if self.failures:
             return self.failures[0].first

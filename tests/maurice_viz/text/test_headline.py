@@ -43,8 +43,15 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
             ["Kidnapped at step 61", "found itself again", "step 63", "100 new particles"],
         ),
         (replace(GOOD, odometry_alone=ALONE), ["worse than odometry alone", "without the camera"]),
+        (
+            RunVerdict(updates=1, first=1, last=1, has_truth=True, end=NEAR),  # too short to be localized
+            ["The filter was right at every step (2.0 in off at the end)"],
+        ),
         (RunVerdict(updates=9, converged_share=0.5), ["no truth is known", "50%"]),
-        (RunVerdict(updates=3, has_truth=True, end=OFF), ["never localized", "78.7 in off at the end"]),
+        (
+            RunVerdict(updates=3, has_truth=True, end=OFF, off=3),
+            ["never localized", "78.7 in off at the end"],
+        ),
         (
             wrong(STAYS, STAYS, end=NEAR, failures=(Failure(AMBIGUITY, 61, STAYS),)),
             ["Kidnapped at step 61 and 1 more time", "was not localized again"],

@@ -44,4 +44,6 @@ def test_runs_that_differ_in_it_are_told_apart_by_where_they_draw_new_particles(
     runs = [replace(thesis, draws_new=DRAWS_NEVER), replace(robust, draws_new=DRAWS_WHERE_LIKELY)]
     assert words(runs).startswith("`thesis` never draws new dots; `robust` draws new dots where")
     assert words(runs[:1]).startswith("A **dot** is one guess")
-    assert "white" not in words(runs, has_truth=False)
+    assert not {"white", "truth", "localized"} & set(words(runs[:1], has_truth=False).split())
+    assert "reseeded" in words(runs[:1])  # the lane of what was noticed stands on a single run's screen
+    assert "reseeded" not in words(runs)

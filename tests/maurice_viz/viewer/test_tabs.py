@@ -70,3 +70,14 @@ def test_a_recording_that_ends_inside_of_a_frame_is_refused_at_once(tmp_path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(InputError, match=r"was cut off; `rerun rrd optimize a.rrd -o repaired.rrd`"):
         expect_whole_frames(path)
+
+
+@pytest.mark.parametrize("content", [b"no recording", b"", None])
+def test_what_is_no_recording_is_refused_at_once(content, tmp_path):
+    path = tmp_path / "a.rrd"
+    if content is None:  # cut off before it says of what it is
+        recordings.draw(path, fakes.make_session(fakes.make_library(), 2), ["color"])
+        content = path.read_bytes()[:1000]
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"found no Rerun recording|was cut off"):
+        expect_whole_frames(path)

@@ -33,6 +33,10 @@ def test_a_run_that_stays_localized_has_no_trouble_and_opens_at_its_worst_error(
     assert found.error_mean_m == pytest.approx(0.2 / 7, abs=1e-6)  # over steps 4 to 10, as in the table
 
 
+def test_a_drive_too_short_to_be_scored_opens_at_its_first_step():
+    assert verdict_of([NEAR]).decisive == 1
+
+
 def test_a_loss_counts_from_its_first_update_and_is_sure_where_the_cloud_is_narrow():
     (episode,) = verdict_of([NEAR] * 5 + [FAR] * 6).episodes
     assert (episode.kind, episode.first, episode.wrong, episode.lost) == ("lost", 6, 6, 9)
