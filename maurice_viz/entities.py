@@ -177,14 +177,9 @@ class RunPaths:
 # Entity paths of what the runs of a comparison share; a run's own stand in `maurice_viz.entities`.
 
 COMPARE = "/compare"
-TEXT = "/compare/text"  # how the runs differ at this step: one TextDocument
+TEXT = "/compare/text"  # who is closer at this step, and why: one TextDocument
 RESULT = "/compare/result"  # how they compare over the drive: one TextDocument, static
-RUNS_KEY = "/compare/key/runs"
-POSITION_DIFFERENCE = (
-    "/compare/trace/position"  # Scalars, one per run but the first: its error minus the first's
-)
-HEADING_DIFFERENCE = "/compare/trace/heading"
-APART = "/compare/trace/apart"  # Scalars, one per run but the first: from its estimate to the first's
+COMPARE_CLOSEUP = "/compare/closeup"  # the frame that holds all clouds: Transform3D
 
 
 def _of(label: str, *parts: str) -> str:
@@ -196,9 +191,14 @@ def cloud_of(label: str) -> str:
     return _of(label, "cloud")
 
 
-def parted_of(label: str) -> str:
-    """When a run parted from the first one: one Scalars, a mark on the plot of distances."""
-    return _of(label, "parts")
+def gap_of(label: str) -> str:
+    """From a run's estimate to the truth: LineStrips2D."""
+    return _of(label, "gap")
+
+
+def bars_of(label: str, *parts: str) -> str:
+    """Histograms of the picture and of a run's best match: EncodedImage, and Points2D of titles."""
+    return _of(label, "bars", *parts)
 
 
 def truth_of(label: str, own_drive: bool = True) -> str:

@@ -9,5 +9,6 @@ bars           bar charts of descriptors
 arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
 indexed        small drawings of palette colors, for what is drawn at every update
 heat           heat maps of two-dimensional histograms
+histogram_row  histograms of a picture and of a reference, all channels of a run in one row
 reference_chart  what a reference loses, by channel and element
 """

@@ -18,7 +18,7 @@ from maurice_mcl.values.map import Arena
 
 from .. import style
 from ..style import RGB, U32, Scale
-from .canvas import MAP_MARGINS, Extent, ascii_of, long_side, map_extent, put_text, text_size
+from .canvas import MAP_MARGINS, Extent, long_side, map_extent, put_text, text_size
 
 HEIGHT_PX = 64
 TEXT_PX = 24.0
@@ -27,23 +27,18 @@ INSET_PX = 70
 ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
 # the keys of a run, by name: what is above its maps
 WEIGHTS, MATCHES, LIKELIHOOD, EXPLAINED = "weights", "matches", "likelihood", "explained"
-COMPARED = "compared"  # above its map beside others, like WEIGHTS
 CIRCLES, CIRCLE_PX = 5, 22  # circles in a key, and the radius of the largest
 LINES_PX = 860  # width of the key of a plot's lines
 LINE_ROW_PX, LINE_TEXT_PX, LINE_PX = 44, 20.0, 50
 
-# keys of comparisons
+# keys of items
 WIDTH_PX = 1280
 DISK_PX = 0.42  # radius of a disk, as a share of the height of capitals
 RAMP_PX = 5.0  # length of the color scale, in heights of capitals
 ROW_HEIGHT = 2.2  # height of a row, in heights of capitals
-LONG_PX = 1.8  # length of a line, in heights of capitals
 LEFT_PX = 60
 # heights of capitals, of a key WIDTH_PX wide: at least 8 px on a screen of 1600 x 1000
 BELIEF_PX, LIKELIHOOD_PX = 26.0, 31.0
-WIDE_TEXT_PX, NARROW_TEXT_PX = 26.0, 34.0  # where there are two runs and where there are more
-NARROW_FROM = 3  # runs
-SMALLER_MAP = 1.12  # the shared map is drawn smaller than the others, its key should not be
 
 
 def _strip(width: int) -> U8:
@@ -156,7 +151,6 @@ class KeyMark(Enum):
 
     DISK = "disk"
     RING = "ring"
-    LINE = "line"
     SCALE = "scale"  # all colors of a scale
 
 
@@ -171,28 +165,8 @@ class Item:
     @property
     def wide(self) -> float:
         """Width of the mark, in heights of capitals."""
-        widths = {KeyMark.LINE: LONG_PX, KeyMark.SCALE: RAMP_PX}
+        widths = {KeyMark.SCALE: RAMP_PX}
         return widths.get(self.mark, 2 * DISK_PX)
-
-
-def _text_px(runs: int) -> float:
-    """Return the height of capitals: columns are narrower where there are more runs."""
-    return NARROW_TEXT_PX if runs >= NARROW_FROM else WIDE_TEXT_PX
-
-
-def runs_key(labels: Sequence[str], has_truth: bool) -> U8:
-    """Draw the key of the map that all runs share: a color a run, and the truth."""
-    items = [
-        Item(_drawable(label, k), color)
-        for k, (label, color) in enumerate(zip(labels, style.RUN_COLORS, strict=False))
-    ]
-    items += [*_truth(has_truth), Item("2 sigma", style.PALE, KeyMark.RING)]
-    return _wrapped(items, SMALLER_MAP * _text_px(len(labels)))
-
-
-def _drawable(label: str, number: int) -> str:
-    """Return the label, or the run's color if its script cannot be drawn; text panels have both."""
-    return style.COLOR_WORDS[number] if ascii_of(label).count("?") > label.count("?") else label
 
 
 def keys_of(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, U8]:
@@ -204,10 +178,10 @@ def keys_of(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, U8]:
     return {WEIGHTS: belief, MATCHES: circle_key(), LIKELIHOOD: likelihood}
 
 
-def belief_key(has_truth: bool, color: RGB, runs: int = 1) -> U8:
-    """Draw the key of the map of a run's cloud; those of several runs have larger words."""
+def belief_key(has_truth: bool, color: RGB) -> U8:
+    """Draw the key of the map of a run's cloud."""
     items = [*_truth(has_truth), *_estimate(color), Item("weight, 1/8 to 8 x average", mark=KeyMark.SCALE)]
-    return _wrapped(items, BELIEF_PX if runs == 1 else _text_px(runs))
+    return _wrapped(items, BELIEF_PX)
 
 
 def likelihood_items(has_truth: bool, color: RGB) -> list[Item]:
@@ -265,9 +239,7 @@ def _width(item: Item, text: float) -> int:
 
 def _put(key: U8, item: Item, left: int, middle: float, text: float) -> None:
     width, row = round(item.wide * text), round(middle)
-    if item.mark is KeyMark.LINE:
-        cv2.line(key, (left, row), (left + width, row), item.color, max(2, round(text / 6)), cv2.LINE_AA)
-    elif item.mark is KeyMark.SCALE:
+    if item.mark is KeyMark.SCALE:
         colors = style.LUT[np.linspace(0, len(style.LUT) - 1, width).astype(int)]
         key[round(middle - text / 2) : round(middle + text / 2), left : left + width] = _rgb(colors)
     else:

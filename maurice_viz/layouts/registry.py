@@ -53,7 +53,7 @@ LAYOUTS: Mapping[str, Layout] = {
     MORE: _a_tab_a_run(lambda run, scene: rrb.Grid(*views_of(run, scene))),
 }
 RECORDED: Mapping[str, Layout] = {
-    "compare": several_runs.recorded_compare,
+    "compare": several_runs.compare,
     "overview": _a_tab_a_run(one_run.recorded),
     "traces": several_runs.recorded_traces,
 }

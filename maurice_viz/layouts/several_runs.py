@@ -1,8 +1,4 @@
-"""Layouts of several runs: two to four of them side by side, and one number per update over the session.
-
-With three or four runs each has a small map of its own beside the shared one; their histograms are in their
-tabs of the layout `overview`.
-"""
+"""Layouts of several runs: two to four of them on one screen, and one number per update over the session."""
 
 from __future__ import annotations
 
@@ -10,84 +6,50 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from ..drawing.keys import NARROW_FROM
 from ..panels import comparison as shared
 from ..panels import traces as lines
-from ..panels.camera import camera_view, histogram_views
-from ..panels.events import words_view
-from ..panels.references import best_references_view, circles_view
+from ..panels.camera import seen_views
+from ..panels.events import CLOSER, SHARED, lanes_px, lanes_view
+from ..panels.references import best_match_view
+from ..panels.story import story_map
+from ..panels.views import untitled
 from ..scene import RunView, Scene
-from .story import over_events
+from .story import HEIGHT_PX, errors_row, over_events
+
+COMPARED_WORDS_PX, COMPARED_ERRORS_PX = 84, 100
+CLOUDS, DRIVE = 64, 36  # shares of the left column: the clouds over the words on the drive
+ROW_PX = 70  # of the histograms of a run
 
 
 def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
-    """Lay out two runs left and right of what they share; more as small maps beside the shared one."""
-    body = _two if len(runs) < NARROW_FROM else _many
-    return over_events(body(runs, scene), runs)
-
-
-def _two(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
-    first, second = (_wide(run, len(runs), scene) for run in runs)
-    return rrb.Horizontal(first, _wide_shared(runs, scene), second, column_shares=[1, 1.1, 1])
-
-
-def _many(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
-    together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
-    maps = [shared.run_belief_view(run, len(runs), scene) for run in runs]
-    pictures = rrb.Horizontal(*shared.camera_views(runs))
-    plots = rrb.Vertical(pictures, *_narrow_plots(runs, scene))
-    return rrb.Horizontal(together, rrb.Grid(*maps, grid_columns=2), plots, column_shares=[1, 1.5, 0.9])
-
-
-def recorded_compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
-    """Lay out several recorded localizers: one shared map, a map each, how they differ."""
-    together = rrb.Vertical(shared.all_runs_view(runs, scene), shared.comparison_words(), row_shares=[1.7, 1])
-    maps = [shared.run_belief_view(run, len(runs), scene) for run in runs]
-    pictures = [camera_view()] if scene.has_pictures else []
-    plots = rrb.Vertical(*pictures, *_narrow_plots(runs, scene))
-    grid = rrb.Grid(*maps, grid_columns=1 if len(runs) < NARROW_FROM else 2)
-    return over_events(rrb.Horizontal(together, grid, plots, column_shares=[1.1, 1.2, 1]), runs)
-
-
-def _wide(run: RunView, count: int, scene: Scene) -> rrb.Vertical:
-    paths = run.paths
-    return rrb.Vertical(
-        rrb.Tabs(shared.run_belief_view(run, count, scene), circles_view(paths, scene)),
-        best_references_view(paths, scene),
-        rrb.Tabs(*histogram_views(paths, run.channels), active_tab=0),
-        words_view(paths, f"{run.label}: What this step did"),
-        row_shares=[2.5, 0.95, 1.2, 1.15],
+    """Lay out who is closer; the clouds close up beside pictures over histograms; lanes over errors."""
+    path, count = (CLOSER, 2) if scene.has_truth else (SHARED, 1 + len(runs))
+    lanes = lanes_px(count)
+    middle = HEIGHT_PX - COMPARED_WORDS_PX - lanes - COMPARED_ERRORS_PX
+    left = rrb.Vertical(
+        shared.clouds_view(runs, scene), shared.drive_words_view(), row_shares=[CLOUDS, DRIVE]
     )
-
-
-def _wide_shared(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
-    cameras = rrb.Horizontal(*shared.camera_views(runs))
-    plots = _wide_plots(runs, scene)
-    everything = shared.all_runs_view(runs, scene)
-    return rrb.Vertical(
-        everything, cameras, *plots, shared.comparison_words(), row_shares=[2.55, 1.05, 1.1, 1.1, 1.8]
+    body = rrb.Horizontal(left, _seen(runs, scene, middle), column_shares=[1, 2])
+    screen = rrb.Vertical(
+        shared.step_words_view(),
+        body,
+        lanes_view(path),
+        errors_row(runs, scene),
+        row_shares=[COMPARED_WORDS_PX, middle, lanes, COMPARED_ERRORS_PX],
     )
+    return untitled(screen)
 
 
-def _wide_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.Tabs]:
-    """Plot the runs themselves, then how they differ from the first."""
-    distances = shared.distance_plots(runs, scene)
-    if not scene.has_truth:
-        shares = lines.cloud_plots(runs, scene)[1]
-        return [rrb.Tabs(plot) for plot in (lines.cloud_plots(runs, scene)[0], *(distances or [shares]))]
-    position, heading = shared.difference_plots(runs, scene)
-    differences = [position, *distances, heading]
-    return [
-        rrb.Tabs(*lines.error_plots(runs, scene), lines.cloud_plots(runs, scene)[0], active_tab=0),
-        rrb.Tabs(*differences, active_tab=0),
-    ]
-
-
-def _narrow_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
-    if not scene.has_truth:
-        return [lines.cloud_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
-    error, _ = lines.error_plots(runs, scene)
-    return [error, shared.difference_plots(runs, scene)[0], *shared.distance_plots(runs, scene)]
+def _seen(runs: Sequence[RunView], scene: Scene, height: int) -> rrb.Container | rrb.View:
+    """Lay out the pictures over the histograms of each run; without channels all runs on the map."""
+    compared = [run for run in runs if run.channels]
+    if not compared:
+        pictures = seen_views(runs) if scene.has_pictures else []
+        return rrb.Horizontal(story_map(runs, scene), *pictures)
+    pictures = [*seen_views(runs), *(best_match_view(run) for run in compared)]
+    bars = [shared.histograms_view(run) for run in compared]
+    shares = [max(height - ROW_PX * len(bars), height / 3), *([ROW_PX] * len(bars))]
+    return rrb.Vertical(rrb.Horizontal(*pictures), *bars, row_shares=shares)
 
 
 def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:

@@ -46,17 +46,21 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     body = rrb.Horizontal(
         story_map(runs, scene), _beside_the_map(runs, scene), column_shares=[wide, 1 - wide]
     )
-    axis = _axis_px(runs, scene) / WIDTH_PX
-    shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]  # the plot begins where the lanes do
-    errors = rrb.Horizontal(error_unit_view(), errors_plot(runs, scene), column_shares=shares)
     screen = rrb.Vertical(
         verdict_view(),
         body,
         lanes_view(own_path(runs[0].paths) if is_one else SHARED),
-        errors,
+        errors_row(runs, scene),
         row_shares=[HEADLINE_PX, middle, lanes, ERRORS_PX],
     )
     return untitled(screen)
+
+
+def errors_row(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
+    """Lay out the plot of errors below lanes, with its unit: it begins where they do."""
+    axis = _axis_px(runs, scene) / WIDTH_PX
+    shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]
+    return rrb.Horizontal(error_unit_view(), errors_plot(runs, scene), column_shares=shares)
 
 
 def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:

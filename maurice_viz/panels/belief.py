@@ -306,7 +306,7 @@ class CloseupFrame:
             [end, BAR_BOTTOM - 0.02],
         ]
         rec.log(f"{self._path}/bar", rr.LineStrips2D.from_fields(strips=[np.array(bar)]))
-        at = [[max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - 0.13]]
+        at = [[max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - 0.18]]
         rec.log(f"{self._path}/length", rr.Points2D.from_fields(positions=at, labels=[f"{length:g} {unit}"]))
 
     def _draw_away(self, rec: rr.RecordingStream, truths: Sequence[F64]) -> None:

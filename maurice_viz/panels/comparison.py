@@ -1,4 +1,4 @@
-"""What several runs share: one map with all clouds, how they differ at every step, and where they part."""
+"""What several runs share: a close-up of all clouds, who is closer at every step and why, the histograms."""
 
 from __future__ import annotations
 
@@ -8,41 +8,39 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.scoring.comparison import Step, StepComparison
-from maurice_mcl.values.arrays import F32, F64, I32, U8
+from maurice_mcl.scoring.comparison import Step
+from maurice_mcl.values.arrays import F32, F64, I32
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
 from .. import entities
-from ..drawing.canvas import jpeg
-from ..drawing.keys import COMPARED, belief_key, extent_with, runs_key
-from ..entities import Phase
+from ..drawing.arrow import blob_of, row_of, strips_of, text_of
+from ..drawing.canvas import Extent, jpeg
+from ..drawing.histogram_row import CELLS_PX, HIGH_PX, KEY_PX, TITLE_PX, Cell, cell_px, cells_of, draw_row
+from ..entities import BARE_FLOORS, COMPARE_CLOSEUP, WALLS, Phase, bars_of, gap_of
 from ..playback import RunResult
 from ..scene import RunView, Scene
-from ..style import TRUTH, font_safe
-from ..text.summary import NOT_YET, StepWords, result
-from .belief import truth_marker
-from .camera import SEES, camera_view, draw_jpeg, draw_name, edges_view, prepare_jpeg
-from .events import EventLines, line_names
+from ..style import PALE, TRUTH, font_safe
+from ..text.comparison import NOT_YET, drive_words, errors_m, key_words, step_words
+from .belief import CloseupFrame, frame_marks, sample, truth_marker
+from .camera import SEES, draw_jpeg, draw_name, prepare_jpeg
 from .panel import MARKDOWN, set_phase
-from .traces import LINE_WIDTH
-from .views import MAP, picture_view, plane_view, plot
-from .world import draw_key
+from .views import Overrides, plane_view
 
-LABEL_LETTERS = 12  # letters of a label in a title of the shared column
-TITLE_LETTERS = 30  # letters for which a small map has room
 DOTS_A_CLOUD = 200  # per cloud on the shared map: four full clouds would hide each other
 DOT_PT = 1.5  # radius in points of the screen
+NAMES_TOP, NAME_ROW = -1.02, 0.14  # of the close-up: the names of the runs, one below the other
+KEY_ROWS = (-22, 8)  # of a row of histograms: the tops of the two labels of its key
 
 
 class ComparisonDrawing:
-    """Draws what runs share in a recording of several. All are compared with the first run.
+    """Draws what runs share in a recording of several.
 
     Of runs that replay another drive than the first one, camera and truth are drawn here.
     """
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
-        self._rec, self._runs, self._scale = rec, tuple(runs), scene.scale
+        self._rec, self._runs, self._scale, self._library = rec, tuple(runs), scene.scale, scene.library
         self._labels = tuple(run.label for run in runs)
         self._clouds = {label: entities.cloud_of(label) for label in self._labels}
         self._truths = {  # of other drives
@@ -50,93 +48,100 @@ class ComparisonDrawing:
             for run in runs
             if run.own_drive
         }
-        self._words = StepWords(self._labels, scene.scale, scene.has_truth)
-        self._events = EventLines()
         self._named = set[str]()  # runs whose cameras have their names
-        self._extents: dict[str, tuple[float, float]] = {}  # least and largest value, by plot
-        self._draw_keys(scene)
+        self._cells: dict[str, list[Cell]] = {}  # of the histograms of each run that has channels
+        self._frame = CloseupFrame(COMPARE_CLOSEUP, scene)
+        self._frame.prepare(rec)
         for path in (entities.TEXT, entities.RESULT):
             rec.log(path, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        rec.log(entities.RESULT, rr.TextDocument(NOT_YET, media_type=MARKDOWN), static=True)
+        self._log_result(NOT_YET)
         for run in runs:
             self._prepare_run(run)
-        self._prepare_lines()
 
-    def see(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> None:
+    def see(self, steps: Mapping[str, Step]) -> None:
         """Log one update of all runs."""
         moment, _ = steps[self._labels[0]]
         set_phase(self._rec, moment, Phase.WEIGHT)
-        for label, (own, record) in steps.items():
-            self._rec.log(self._clouds[label], rr.Points2D.from_fields(positions=self._dots(record)))
-            if label in self._truths:
-                self._draw_drive(label, own)
-        set_phase(self._rec, moment, Phase.ESTIMATE)
-        self._events.see(moment.frame.step, moment.frame.time_s, line_names(moment.events))
-        self._draw_lines(pairs)
-        for label, pair in pairs.items():
-            if pair.event is not None and pair.apart_m is not None:
-                self._rec.log(entities.parted_of(label), rr.Scalars(self._scale.length(pair.apart_m)))
-        self._rec.log(
-            entities.TEXT, rr.TextDocument.from_fields(text=font_safe(self._words.at(steps, pairs)))
+        truths = {id(own): own.truth for own, _ in steps.values() if own.truth is not None}
+        self._frame.draw(
+            self._rec, [sample(record.weighted) for _, record in steps.values()], [*truths.values()]
         )
+        off = errors_m(steps)
+        for run in self._runs:
+            own, record = steps[run.label]
+            self._rec.log(self._clouds[run.label], rr.Points2D.from_fields(positions=self._dots(record)))
+            self._draw_name(run, off.get(run.label))
+            if own.truth is not None:
+                gap = self._scale.screen(np.stack([record.estimate.pose[:2], own.truth[:2]]))
+                self._rec.log(gap_of(run.label), row_of(rr.LineStrips2D, strips=strips_of([gap])))
+            if run.label in self._truths:
+                self._draw_drive(run.label, own)
+            self._draw_bars(run, record)
+        words = text_of(f"#### {font_safe(step_words(steps, self._scale, self._runs[0].radii))}")
+        self._rec.log(entities.TEXT, row_of(rr.TextDocument, text=words))
 
     def end(self, results: Sequence[RunResult]) -> None:
-        """Log how the runs compare over the drive so far, and the log's events in the plots."""
-        for path, (low, high) in self._extents.items():
-            self._events.draw(self._rec, path, low, high)
-        text = result(results, self._scale.units)
+        """Log how the runs compare over the drive so far."""
+        self._log_result(drive_words(results, self._scale))
+
+    def _log_result(self, words: str) -> None:
+        text = f"{words}\n\n{key_words(self._scale, self._runs[0].radii)}"
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
-    def _draw_keys(self, scene: Scene) -> None:
-        key = _key_of_all(self._runs, scene.has_truth)
-        draw_key(self._rec, entities.RUNS_KEY, key, scene.arena, scene.scale)
-        for run in self._runs:
-            own = belief_key(scene.has_truth, run.color, len(self._runs))
-            draw_key(self._rec, run.paths.key(COMPARED), own, scene.arena, scene.scale)
-
     def _prepare_run(self, run: RunView) -> None:
-        label, points = run.label, rr.components.Radius.ui_points
+        label, points, rec = run.label, rr.components.Radius.ui_points, self._rec
         dots = rr.Points2D.from_fields(colors=[run.color], radii=points(DOT_PT), draw_order=20.0)
-        self._rec.log(self._clouds[label], dots, static=True)
-        mark = rr.SeriesPoints(
-            colors=[run.color], names=[f"{font_safe(label)} parts"], markers="diamond", marker_sizes=[5.0]
+        rec.log(self._clouds[label], dots, static=True)
+        gap = rr.LineStrips2D.from_fields(colors=[TRUTH], radii=points(0.8), draw_order=49.0)
+        rec.log(gap_of(label), gap, static=True)
+        name = rr.Points2D.from_fields(
+            positions=[(0.0, NAMES_TOP + run.number * NAME_ROW)],
+            colors=[run.color],
+            radii=points(0.0),
+            show_labels=True,
+            draw_order=90.0,
         )
-        self._rec.log(entities.parted_of(label), mark, static=True)
+        rec.log(_name_of(run), name, static=True)
         if label in self._truths:
-            self._truths[label].prepare(self._rec)
-            prepare_jpeg(self._rec, entities.camera_of(label))
+            self._truths[label].prepare(rec)
+            prepare_jpeg(rec, entities.camera_of(label))
+        sizes = {channel: len(self._library.index[channel].relevance) for channel in run.distances}
+        if sizes:
+            self._prepare_bars(run, cells_of(sizes))
 
-    def _prepare_lines(self) -> None:
-        first, *others = self._labels
-        colors = [run.color for run in self._runs[1:]]
-        what = {
-            entities.POSITION_DIFFERENCE: "position error",
-            entities.HEADING_DIFFERENCE: "heading error",
-            entities.APART: "distance",
+    def _prepare_bars(self, run: RunView, cells: list[Cell]) -> None:
+        """Log where the histograms of a run stand, the titles of its cells, and its key."""
+        self._cells[run.label] = cells
+        row = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-5.0)
+        self._rec.log(bars_of(run.label, "row"), row, rr.Transform3D(translation=[KEY_PX, 0, 0]), static=True)
+        wide = cell_px(len(cells))
+        places = [(KEY_PX + wide * (number + 0.46), -TITLE_PX) for number in range(len(cells))]
+        places += [(KEY_PX / 2, top) for top in KEY_ROWS]
+        texts = [*(cell.title for cell in cells), "bars: the robot's", f"line: {run.label}'s match"]
+        titles = rr.Points2D(
+            places,
+            radii=rr.components.Radius.ui_points(0.0),
+            colors=[PALE] * (len(texts) - 1) + [run.color],
+            labels=[font_safe(text) for text in texts],
+            show_labels=True,
+        )
+        self._rec.log(bars_of(run.label, "titles"), titles, static=True)
+
+    def _draw_bars(self, run: RunView, record: StepRecord) -> None:
+        comparison, cells = record.sighting.comparison, self._cells.get(run.label)
+        if cells is None or not len(comparison.quality):
+            return
+        best = int(comparison.quality.argmax())
+        references = {
+            channel: self._library.index[channel].references[best] for channel in comparison.channels
         }
-        for path, quantity in what.items():
-            names = [f"{label}: {quantity} against {first}" for label in others]
-            style = rr.SeriesLines(names=names, colors=colors, widths=[LINE_WIDTH] * len(others))
-            self._rec.log(path, style, static=True)
+        row = draw_row(cells, comparison.descriptors, references, run.color)
+        self._rec.log(bars_of(run.label, "row"), row_of(rr.EncodedImage, blob=blob_of(row)))
 
-    def _draw_lines(self, pairs: Mapping[str, StepComparison]) -> None:
-        def known(values: Sequence[float | None], unit: float) -> list[float]:
-            return [np.nan if value is None else value * unit for value in values]
-
-        per_m, per_rad = self._scale.units.per_m, float(np.rad2deg(1))
-        lines = {
-            entities.POSITION_DIFFERENCE: known([pair.position_m for pair in pairs.values()], per_m),
-            entities.HEADING_DIFFERENCE: known([pair.heading_rad for pair in pairs.values()], per_rad),
-            entities.APART: known([pair.apart_m for pair in pairs.values()], per_m),
-        }
-        for path, values in lines.items():
-            if not np.isnan(values).all():
-                self._rec.log(path, rr.Scalars(values))
-                least, most = self._extents.get(path, (0.0, 0.0))
-                self._extents[path] = (
-                    min(least, float(np.nanmin(values))),
-                    max(most, float(np.nanmax(values))),
-                )
+    def _draw_name(self, run: RunView, error_m: float | None) -> None:
+        """Log the name of a run in the close-up, with how far off it is."""
+        name = run.label if error_m is None else f"{run.label}: {self._scale.say(error_m)} off"
+        self._rec.log(_name_of(run), row_of(rr.Points2D, labels=text_of(font_safe(name))))
 
     def _draw_drive(self, label: str, moment: Moment) -> None:
         path, image = entities.camera_of(label), moment.frame.image
@@ -152,8 +157,8 @@ class ComparisonDrawing:
         return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS_A_CLOUD), :2] + cloud.origin)
 
 
-def _key_of_all(runs: Sequence[RunView], has_truth: bool) -> U8:
-    return runs_key([run.label for run in runs], has_truth)
+def _name_of(run: RunView) -> str:
+    return f"{COMPARE_CLOSEUP}/name/{run.number}"
 
 
 def by_weight(weights: F64, count: int) -> I32:
@@ -163,64 +168,34 @@ def by_weight(weights: F64, count: int) -> I32:
     return np.asarray(chosen[np.diff(chosen, prepend=-1) > 0], np.int32)  # each once, in order
 
 
-def distance_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
-    """Plot distances to the first run's estimate; none if all runs replay other drives."""
-    if all(run.own_drive for run in runs[1:]):
-        return []
-    contents = [entities.APART, *(entities.parted_of(run.label) for run in runs[1:])]
-    return [plot(f"Distance to {first_label(runs)} ({scene.scale.units.name})", contents)]
-
-
-def first_label(runs: Sequence[RunView]) -> str:
-    """Return a name for the first run in titles, where a long label would be cut off."""
-    label = runs[0].label
-    return label if len(label) <= LABEL_LETTERS else "the first"
-
-
-def run_belief_view(run: RunView, count: int, scene: Scene) -> rrb.Spatial2DView:
-    """Show the cloud of one of `count` runs; the title names the run's color in shared panels."""
-    paths = run.paths
-    contents = [*MAP, entities.NODES, paths.key(COMPARED), f"{paths.at('belief')}/**"]
-    contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
-    unit = scene.scale.units.name
-    name = f"{run.label}, {run.color_word}: belief ({unit})"
-    if len(name) > TITLE_LETTERS:
-        name = f"{run.label}, {run.color_word} ({unit})"
-    key = belief_key(scene.has_truth, run.color, count)
-    return plane_view(name, contents, extent_with(key, scene.arena, scene.scale))
-
-
-def all_runs_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
-    """Show all clouds on one map, each with its estimate in the run's color."""
-    contents = [*MAP, entities.NODES, entities.RUNS_KEY]
+def clouds_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
+    """Show all clouds close up, each with its estimate and a line to the truth."""
+    contents = [BARE_FLOORS, WALLS, *frame_marks(COMPARE_CLOSEUP)]
+    overrides: Overrides = {}
     for run in runs:
         paths = run.paths
         contents += [entities.cloud_of(run.label), paths.estimate, paths.ellipses]
-        contents += [f"{entities.truth_of(run.label, run.own_drive)}/**"] if scene.has_truth else []
-    key = _key_of_all(runs, scene.has_truth)
-    name = f"All runs on one map ({scene.scale.units.name})"
-    return plane_view(name, list(dict.fromkeys(contents)), extent_with(key, scene.arena, scene.scale))
+        contents += [gap_of(run.label), _name_of(run)]
+        overrides[paths.estimate] = rr.Points2D.from_fields()  # an arrow would be longer than the cloud
+        if scene.has_truth:
+            truth = entities.truth_of(run.label, run.own_drive)
+            contents.append(truth)
+            overrides[truth] = rr.Points2D.from_fields(labels=["truth"], show_labels=True)
+    contents = list(dict.fromkeys(contents))
+    return plane_view("Clouds", contents, Extent(-1, 1, -1, 1), overrides, origin=COMPARE_CLOSEUP)
 
 
-def camera_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
-    """Show camera and edges; for runs of different drives, each drive's camera."""
-    own = [run.label for run in runs if run.own_drive]
-    if not own:
-        return [camera_view(), edges_view()]
-    views = [picture_view(f"{label}: camera (px)", entities.camera_of(label)) for label in own]
-    return [camera_view(f"{runs[0].label}: camera"), *views]
+def histograms_view(run: RunView) -> rrb.Spatial2DView:
+    """Show the histograms of what the robot saw under those of a run's best match."""
+    extent = Extent(0, KEY_PX + CELLS_PX, -TITLE_PX, HIGH_PX + 2)
+    return plane_view(f"Histograms of {run.label}"[:25], f"{bars_of(run.label)}/**", extent)
 
 
-def difference_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
-    """Plot how much larger errors are than the first run's: of the position, and of the heading."""
-    title = f"Error minus {first_label(runs)}'s ({scene.scale.units.name})"
-    return [
-        plot(title, [entities.POSITION_DIFFERENCE]),
-        plot("Heading diff. (deg)", [entities.HEADING_DIFFERENCE]),
-    ]
+def step_words_view() -> rrb.TextDocumentView:
+    """Show who is closer at this step, and why."""
+    return rrb.TextDocumentView(name="This step", origin=entities.TEXT)
 
 
-def comparison_words() -> rrb.Tabs:
-    """Show how the runs compare, at this step and over the drive."""
-    this_step = rrb.TextDocumentView(name="This step", origin=entities.TEXT)
-    return rrb.Tabs(this_step, rrb.TextDocumentView(name="Whole drive", origin=entities.RESULT), active_tab=0)
+def drive_words_view() -> rrb.TextDocumentView:
+    """Show how the runs compare over the drive."""
+    return rrb.TextDocumentView(name="Whole drive", origin=entities.RESULT)

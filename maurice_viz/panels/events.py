@@ -26,8 +26,9 @@ from maurice_mcl.values.session import first_word
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
-from ..style import FRESH, GROUND, LOST, PALE, RGB, STATES, font_safe, packed
+from ..style import FRESH, GROUND, LOST, MISSING, PALE, RGB, STATES, font_safe, packed
 from ..text import narration
+from ..text.comparison import closest
 from ..text.what_if import BRANCH
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 
@@ -109,7 +110,8 @@ class EventLines:
 
 SHARED = "/what_happened"  # the lanes of all runs of a recording: the log's, then one a run
 NAMES = "/runs"  # the names of those lanes
-LOG, NOTICED = "log", "noticed"
+CLOSER = "/compare/what_happened"  # of several runs: the log's, and which of them is closer to the truth
+LOG, NOTICED, WHO = "log", "noticed", "who is closer"
 NAMES_SHARE = 0.085  # of the width: the names of the lanes
 SCREEN_PX = 1280 * (1 - NAMES_SHARE)  # width of the lanes on a small screen
 LETTER_PX, AROUND_PX = 6.4, 8  # of a word, and around it
@@ -145,6 +147,7 @@ class Look:
 
 
 NOTHING = Look("", GROUND)
+EQUALLY_CLOSE = Look("equal", MISSING)
 STATE_WORDS = {kinds.WRONG: "sure of a wrong place", kinds.PROBABLY_LOST: "probably lost"}
 
 
@@ -245,9 +248,10 @@ class LanesDrawing:
         self._shared = Lanes(SHARED, log | {run.label: run.color for run in runs})
         noticed = {NOTICED: PALE}
         self._own = [Lanes(own_path(run.paths), log | {run.label: run.color} | noticed) for run in runs]
+        self._closer = [Lanes(CLOSER, log | {WHO: PALE})] if len(runs) > 1 and scene.has_truth else []
         self._truth: F64 | None = None  # the first run's at the update before
         self._steps = 0
-        for lanes in (self._shared, *self._own):
+        for lanes in (self._shared, *self._own, *self._closer):
             lanes.prepare(rec)
 
     def see(self, updates: Sequence[StepUpdate]) -> None:
@@ -259,6 +263,17 @@ class LanesDrawing:
         self._shared.draw(self._rec, step, time_s, [log, *states])
         for lanes, update, state in zip(self._own, updates, states, strict=True):
             lanes.draw(self._rec, step, time_s, [log, state, gravest(update, kinds.OF_RUN)])
+        for lanes in self._closer:
+            lanes.draw(self._rec, step, time_s, [log, self._look_of_closest(updates)])
+
+    def _look_of_closest(self, updates: Sequence[StepUpdate]) -> Look:
+        """Return the name and the color of the run that is closest to the truth, if one is."""
+        steps = {
+            run.label: (update.moment, update.record) for run, update in zip(self._runs, updates, strict=True)
+        }
+        label = closest(steps, self._runs[0].radii)
+        colors = (Look(run.label, run.color) for run in self._runs if run.label == label)
+        return next(colors, EQUALLY_CLOSE)
 
     def _log(self, update: StepUpdate) -> Look:
         """Return what the log says at an update of the first run; of a kidnapping how far it was."""
@@ -278,7 +293,7 @@ class LanesDrawing:
                 cause = look_of_state(kinds.LOST, failure.kind)
                 self._shared.explain(1 + number, first, last, lost, cause)
                 self._own[number].explain(1, first, last, lost, cause)
-        for lanes in (self._shared, *self._own):
+        for lanes in (self._shared, *self._own, *self._closer):
             lanes.finish(self._rec, self._steps)
 
 

@@ -142,7 +142,7 @@ class SceneObserver:
                 self.most_m = max(self.most_m, off_m)
         self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
         if self._comparison is not None:
-            self._comparison.see(steps, pairs)
+            self._comparison.see(steps)
         moment, _ = next(iter(steps.values()))
         self._verdict.see(moment, verdicts)
 

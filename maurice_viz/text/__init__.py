@@ -5,6 +5,7 @@ Words and tables only: what they tell is computed in `maurice_mcl`.
 narration          what each step did
 phases             what one phase of a step did, in two sentences
 verdict, headline  what happened to one run, or to several: with all numbers, and in two lines
+comparison         who is closer at a step and why, and over the drive
 causes             causes of failures and incidents as clauses, and the evidence that decided
 tour               where to look, moment by moment
 what_if            what a branch changed, which remedies help, which part of a filter costs most

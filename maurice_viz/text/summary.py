@@ -10,13 +10,9 @@ import numpy as np
 
 from maurice_datasets.trials.rows import SCHEMA
 from maurice_mcl.reasons.causes import CAUSES
-from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.comparison import (
-    APART_FOR,
     ComparisonResult,
     ErrorDifference,
-    Step,
-    StepComparison,
 )
 from maurice_mcl.scoring.dead_reckoning import CAMERA, SENSORS
 from maurice_mcl.scoring.episodes import SEARCHING
@@ -25,7 +21,7 @@ from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.radii import Radii
 
 from ..playback import RunResult
-from ..style import COLOR_WORDS, Scale, Units
+from ..style import Units
 from .causes import steps_text
 
 Cell = Callable[[RunResult], str]
@@ -212,72 +208,6 @@ def _success(result: RunResult, preset: str, units: Units) -> str:
         length = f"{_length(success.at_m, units)} {units.name}"
         return f"step {success.at_step}, {length}, {success.at_s:.0f} s"
     return "no, 5 min over" if success.failed else "no"
-
-
-NOT_YET = "How the runs compare over the drive is shown here when the replay has ended."
-
-
-class StepWords:
-    """Describes at every step how the runs differ; remembers when they diverged."""
-
-    def __init__(self, labels: Sequence[str], scale: Scale, has_truth: bool) -> None:
-        self._labels, self._scale, self._has_truth = tuple(labels), scale, has_truth
-        self._parted = dict.fromkeys(labels, "")
-
-    def at(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> str:
-        """Return a table with one row per run, below what happened at this step."""
-        unit, new = self._scale.units.name, []
-        for label, pair in pairs.items():
-            if pair.event is not None:
-                self._parted[label] = str(pair.event.step - APART_FOR + 1)
-                new.append(f"**{plain(pair.event.text)}.**")
-        off = [f"error ({unit})", "(deg)"] if self._has_truth else []
-        heads = ["run", *off, *([f"distance ({unit})", "parted"] if _on_one_drive(pairs) else [])]
-        rows = [self._row(label, number, steps, pairs) for number, label in enumerate(self._labels)]
-        return "\n".join([*new, "", markdown_table(heads, rows), "", self._meaning(steps, pairs)])
-
-    def _row(
-        self, label: str, number: int, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]
-    ) -> list[str]:
-        moment, record = steps[label]
-        cells = [f"{plain(label)} ({COLOR_WORDS[number]})"]
-        if self._has_truth and moment.truth is not None:
-            off = offset(record.estimate.pose, moment.truth)
-            cells += [self._number(off.apart_m), f"{np.degrees(off.turned_rad):.0f}"]
-        elif self._has_truth:
-            cells += ["-", "-"]
-        if _on_one_drive(pairs):
-            apart_m = pairs[label].apart_m if label in pairs else None
-            cells += ["" if apart_m is None else self._number(apart_m), self._parted[label]]
-        return cells
-
-    def _number(self, length_m: float) -> str:
-        return f"{self._scale.length(length_m):.{self._scale.units.digits}f}"
-
-    def _meaning(self, steps: Mapping[str, Step], pairs: Mapping[str, StepComparison]) -> str:
-        if not _on_one_drive(pairs):
-            return "Runs of different drives, side by side by the number of the step."
-        radii, first = steps[self._labels[0]][1].estimate.radii, plain(self._labels[0])
-        far = self._scale.say(radii.confidence_m)
-        return f"Parted: more than {far} from {first} for {APART_FOR} steps running."
-
-
-def result(results: Sequence[RunResult], units: Units) -> str:
-    """Return how every run compares with the first over the drive: a table, and what its intervals hold."""
-    rows = [[plain(name), *cells[1:]] for name, cells in paired_rows(results, units)]
-    table = markdown_table(["", *(plain(run.label) for run in results[1:])], rows)
-    return f"{table}\n\n{INTERVALS}"
-
-
-INTERVALS = (
-    "Intervals hold 95 %, for the mean over this one drive: another drive can differ. "
-    "Below zero is closer to the truth."
-)
-
-
-def _on_one_drive(pairs: Mapping[str, StepComparison]) -> bool:
-    """Return whether any run is on the drive of the first, so that their poses can be compared."""
-    return any(pair.apart_m is not None for pair in pairs.values())
 
 
 def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

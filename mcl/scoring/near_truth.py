@@ -40,6 +40,21 @@ def near_truth(record: StepRecord, truth: F64) -> NearTruth:
     return NearTruth(len(near), (shares[0], shares[1], shares[2]), nearest_m)
 
 
+LEAST_NEAR = 5  # particles from which a gain is told
+
+
+def picture_gain(record: StepRecord, truth: F64, radius_m: float) -> float | None:
+    """Return how many times as heavy the picture made the particles near the true pose (3,), together.
+
+    Near is within a radius, at a like heading; None for fewer than `LEAST_NEAR` such particles.
+    """
+    _, near = _around(record.weighted, truth, radius_m)
+    before = float(record.predicted.weights[near].sum())
+    if len(near) < LEAST_NEAR or before <= 0:
+        return None
+    return float(record.weighted.weights[near].sum()) / before
+
+
 def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, NDArray[np.intp]]:
     """Return the distance of the nearest particle from the truth, and the numbers of those near it."""
     x, y = (truth[:2] - belief.origin).tolist()

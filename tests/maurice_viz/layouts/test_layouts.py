@@ -59,15 +59,15 @@ def test_titles_have_units_and_are_unique():
             assert "(in)" in title
         if "Heading" in title:
             assert "(deg)" in title
-    found = titles(rrb.Blueprint(several_runs.compare([COLOR, BLENDED], shown())))
-    assert found.count("Camera (px)") == 1
-    assert found.count("Position error (in)") == 1
 
 
 def test_a_title_is_short_or_not_shown():
     runs = numbered([COLOR, BLENDED, replace(EDGES, label="edges with a long name")])
-    layouts = [one_run.overview, one_run.explain, one_run.sensors, one_run.recorded]
-    screens = [layout(BLENDED, shown()) for layout in layouts] + [several_runs.traces(runs, shown())]
+    layouts = [one_run.overview, one_run.explain, one_run.sensors, one_run.recorded, one_run.inside_a_step]
+    screens = [layout(BLENDED, shown()) for layout in layouts] + [
+        several_runs.traces(runs, shown()),
+        several_runs.compare(runs, shown()),
+    ]
     for view in (view for screen in screens for view in views(screen)):
         assert view.titlebar is False or len(str(view.name)) <= MOST_LETTERS, view.name
 
@@ -99,11 +99,8 @@ def test_recorded_localizers_are_compared_on_one_map():
     compared = runs_blueprint(runs, shown()).root_container.contents[0]
     assert str(compared.name) == "compare"
     found = [str(view.name) for view in views(compared)]
-    assert found.count("All runs on one map (in)") == 1
-    assert "amcl, orange: belief (in)" in found
-    assert "particle_cloud_of_nav2, sky blue (in)" in found
-    assert {"Position error (in)", "Distance to amcl (in)", "This step"} <= set(found)
-    assert "All runs on one map (in)" not in titles(runs_blueprint(runs[:1], shown()))
+    assert {"Map", "Clouds", "This step", "Whole drive", "Position error"} <= set(found)
+    assert "Clouds" not in titles(runs_blueprint(runs[:1], shown()))
 
 
 @pytest.mark.parametrize("has_truth", [True, False])
@@ -127,3 +124,21 @@ def test_the_error_axis_holds_the_largest_error_and_the_limit_and_has_a_label(mo
 def test_light_recordings_offer_only_layouts_whose_panels_are_filled() -> None:
     tabs = runs_blueprint([COLOR, BLENDED], shown(), light=True).root_container.contents
     assert [tab.name for tab in tabs] == ["story", "traces"]
+
+
+def test_a_run_without_channels_beside_one_with_them_has_no_tab_about_channels() -> None:
+    sensed = RunView("sensed", ())
+    tabs = {str(tab.name): tab for tab in runs_blueprint([COLOR, sensed], shown()).root_container.contents}
+    assert {"overview", "explain", "compare"} <= set(tabs)
+    assert [str(tab.name) for tab in tabs["inside-a-step"].contents] == ["color", "sensed"]
+    assert "Histograms of sensed" not in {str(view.name) for view in views(tabs["compare"])}
+
+
+@pytest.mark.parametrize("channels", [("color",), ()])
+def test_inside_a_step_has_short_titles_and_no_bars(channels: tuple[str, ...]) -> None:
+    found = list(views(one_run.inside_a_step(RunView("a", channels), shown())))
+    assert all(len(str(view.name)) <= 25 for view in found)
+    assert not any(view.titlebar for view in found)
+    names = {str(view.name) for view in found}
+    assert {"Phases", "Before", "After", "Weights"} <= names
+    assert ("The robot sees" in names) == bool(channels)

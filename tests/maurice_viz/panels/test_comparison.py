@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -9,22 +10,25 @@ from typing import Any
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
+from PIL import Image
 from rerun.chunk import RrdReader
 
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as read
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
-from maurice_mcl.scoring.comparison import Step, StepComparison
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.scoring.comparison import ComparisonResult, ErrorDifference, Step, StepComparison
+from maurice_mcl.scoring.metrics import LOST_RAD, Scorer
+from maurice_mcl.scoring.near_truth import picture_gain
 from maurice_viz import entities
 from maurice_viz import entities as paths
-from maurice_viz.drawing.keys import belief_key, key_extent, runs_key
+from maurice_viz.drawing.histogram_row import CELLS_PX, HIGH_PX, cells_of, draw_row
 from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS_A_CLOUD, ComparisonDrawing, by_weight
-from maurice_viz.playback import FilterRun, ResultCollector, aligned, run_together, shared
+from maurice_viz.playback import FilterRun, ResultCollector, RunResult, aligned, run_together, shared
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import RUN_COLORS, scale_for
+from maurice_viz.text.comparison import closest, drive_words, errors_m, least_closer_m
 from maurice_viz.viewer import sinks
 
 LABELS = ["seed 0", "größe", "c"]
@@ -48,7 +52,7 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
         drawing = ComparisonDrawing(rec, numbered(views), scene)
         for steps_of in aligned([shared(run_together([run], session.moments())) for run in runs]):
             pairs = collector.add_steps(steps_of)
-            drawing.see(steps_of, pairs)
+            drawing.see(steps_of)
             seen.append((steps_of, pairs))
         drawing.end(collector.results())
     return seen
@@ -61,29 +65,51 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Seen]:
     return path, drawn(path, steps=12)
 
 
-def values(row: read.Row) -> list[float]:
-    return [float(value) for value in row.values["Scalars:scalars"]]
+def words(path: Path, entity: str) -> list[str]:
+    return [row.values["TextDocument:text"][0] for row in read.rows(path, entity)]
 
 
-def test_difference_traces_are_the_pairs_in_display_units(usual):
+def test_the_words_of_a_step_have_its_errors_and_name_who_is_closer(usual):
     path, seen = usual
-    for entity, unit, field in (
-        (paths.POSITION_DIFFERENCE, 1 / INCH_M, "position_m"),
-        (paths.HEADING_DIFFERENCE, np.rad2deg(1), "heading_rad"),
-        (paths.APART, 1 / INCH_M, "apart_m"),
-    ):
-        rows = read.rows(path, entity)
-        assert [row.step for row in rows] == list(range(1, 13))
-        expected = [[getattr(pair, field) * unit for pair in pairs.values()] for _, pairs in seen]
-        assert [values(row) for row in rows] == [pytest.approx(one) for one in expected]
+    scale, radii = scale_for("in", fakes.arena(5, 4)), RunView("a", ()).radii
+    for text, (steps, _) in zip(words(path, paths.TEXT), seen, strict=True):
+        errors = errors_m(steps)
+        assert list(errors.values()) == sorted(errors.values())
+        for error in errors.values():
+            assert scale.say(error) in text
+        first, second, *_ = errors
+        gap = errors[second] - errors[first]
+        assert ("closer**" in text) == (gap >= least_closer_m(radii)) == (closest(steps, radii) == first)
+        assert ("equally close" in text) == (closest(steps, radii) is None)
 
 
-def test_lines_are_named_and_colored_as_their_runs(usual):
-    path, _ = usual
-    style = read.static(path, paths.APART)
-    assert style["SeriesLines:names"] == [f"{label}: distance against seed 0" for label in LABELS[1:]]
-    clouds = [read.static(path, paths.cloud_of(label)) for label in LABELS]
-    assert [cloud["Points2D:colors"][0] for cloud in clouds[1:]] == style["SeriesLines:colors"]
+def test_a_gain_is_the_weight_after_over_the_weight_before():
+    ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 300)
+    truth = np.append(record.weighted.world_poses[0, :2], 0.0)
+    gain = picture_gain(record, truth, 100.0)
+    turned = np.cos(record.weighted.poses[:, 2]) >= np.cos(LOST_RAD)
+    expected = record.weighted.weights[turned].sum() / record.predicted.weights[turned].sum()
+    assert gain == pytest.approx(expected)
+    assert picture_gain(record, truth + 1000, 1.0) is None
+    unweighted = fakes.changed(record, weighted=record.predicted)
+    assert picture_gain(unweighted, truth, 100.0) == pytest.approx(1)
+    assert moment.truth is not None
+
+
+def test_each_run_has_its_histograms_and_its_color(usual):
+    path, seen = usual
+    assert len({read.static(path, paths.cloud_of(label))["Points2D:colors"][0] for label in LABELS}) == 3
+    sizes = {"color": 84, "edges": 84, "chromaticity": 256, "tiny": 192}
+    titles = [cell.title for cell in cells_of(sizes)]
+    assert titles == ["color R", "color G", "color B", "edges, square root", "chromaticity", "tiny"]
+    sample = {"color": np.full(84, 0.5, np.float32)}
+    reference = {"color": np.full(84, 0.25, np.float32)}
+    png = draw_row(cells_of({"color": 84}), sample, reference, RUN_COLORS[1])
+    image = np.array(Image.open(io.BytesIO(png)).convert("RGB"))
+    assert image.shape == (HIGH_PX, CELLS_PX, 3)
+    line = (image == RUN_COLORS[1]).all(axis=2)
+    assert abs(np.flatnonzero(line.any(axis=1)).mean() / HIGH_PX - (1 - 0.5 / 1.05)) < 0.05
+    assert seen
 
 
 def test_the_dots_are_few_and_as_dense_as_the_weight(usual):
@@ -105,33 +131,23 @@ def test_the_dots_are_few_and_as_dense_as_the_weight(usual):
     assert np.array_equal(by_weight(np.ones(7) / 7, 200), np.arange(7))
 
 
-def test_where_runs_part_is_marked_once_and_said(usual):
-    path, seen = usual
-    events = {label: pair.event for _, pairs in seen for label, pair in pairs.items() if pair.event}
-    assert events, "runs of different seeds that start anywhere part"
-    texts = read.rows(path, paths.TEXT)
-    for label, event in events.items():
-        (mark,) = read.having(read.rows(path, paths.parted_of(label)), "Scalars:scalars")
-        assert mark.step == event.step
-        said = [row.values["TextDocument:text"][0] for row in texts if row.step == event.step]
-        assert event.text.split(" apart")[0] in said[0].replace("\\", "")
-    for label in set(LABELS[1:]) - set(events):
-        assert not read.having(read.rows(path, paths.parted_of(label)), "Scalars:scalars")
-
-
-def test_words_have_a_row_a_run_and_the_end_says_how_they_compare(usual):
+def test_the_end_says_how_runs_compare_and_how_sure_that_is(usual):
     path, _ = usual
-    text = read.rows(path, paths.TEXT)[-1].values["TextDocument:text"][0]
-    for label, color in zip(LABELS, ("orange", "sky blue", "violet"), strict=True):
-        assert f"| {label} ({color}) |" in text
     batches = [chunk.to_record_batch() for chunk in RrdReader(path).stream().filter(content=paths.RESULT)]
     columns = [one.column("TextDocument:text") for one in batches if "TextDocument:text" in one.schema.names]
-    said = [text[0] for column in columns for text in column.to_pylist() if text]
-    result = max(said, key=len)  # over what stood there before the end
-    heads, _, row, *_ = result.splitlines()
-    assert "größe" in heads
-    assert row.startswith("| error against seed 0, 95 %")
-    assert "one drive" in result
+    texts = [text[0] for column in columns for text in column.to_pylist() if text]
+    result = max(texts, key=len)  # over what stood there before the end
+    for label in LABELS[1:]:
+        assert f"* `{label}` is **" in result
+    assert "too few steps to tell" in result  # twelve
+    apart = ErrorDifference(-0.1, (-0.2, 0.01), 3, 40, 30, 10)
+    many = RunResult(
+        "b", Scorer().result(), None, against="a", paired=ComparisonResult(apart, None, 0.1, 0.2, None)
+    )
+    text = drive_words([many, many], scale_for("in", fakes.arena(5, 4)))
+    assert "against `b`" in text
+    assert "* `b` is **3.9 in closer** (95 %: 0.4 in farther to 7.9 in closer): **may be chance**" in text
+    assert "closer at 30 of 40 steps" in text
 
 
 def test_own_drives_have_their_own_truth(tmp_path):
@@ -139,22 +155,18 @@ def test_own_drives_have_their_own_truth(tmp_path):
     there = read.entities_of(tmp_path / "c.rrd")
     assert {paths.truth_of("c"), paths.camera_of("c")} <= there
     assert not {paths.truth_of("größe"), paths.camera_of("größe")} & there
-    for row in read.rows(tmp_path / "c.rrd", paths.APART):
-        assert np.isnan(values(row)[1])
     runs = numbered([RunView("a", ("color",)), RunView("b", ("color",), own_drive=True)])
     found = list(views(several_runs.compare(runs, shown())))
-    assert {"a: camera (px)", "b: camera (px)"} <= {str(view.name) for view in found}
-    assert not any("Apart" in str(view.name) for view in found)
-    belief = {str(view.name)[0]: list(view.contents) for view in found if "belief" in str(view.name)}
-    assert f"{entities.TRUTH}/**" in belief["a"]
-    assert f"{paths.truth_of('b')}/**" in belief["b"]
-    assert f"{entities.TRUTH}/**" not in belief["b"]
+    assert paths.camera_of("b") in {str(view.origin) for view in found}
+    (clouds,) = (view for view in found if str(view.name) == "Clouds")
+    assert {entities.TRUTH, paths.truth_of("b")} <= {str(path) for path in clouds.contents}
 
 
 def test_without_truth_nothing_is_said_of_errors(tmp_path):
     drawn(tmp_path / "c.rrd", has_truth=False)
-    assert not read.rows(tmp_path / "c.rrd", paths.POSITION_DIFFERENCE)
-    assert "error" not in read.rows(tmp_path / "c.rrd", paths.TEXT)[-1].values["TextDocument:text"][0]
+    text = words(tmp_path / "c.rrd", paths.TEXT)[-1]
+    assert "apart" in text
+    assert "truth" not in text
 
 
 def views(part: Any) -> Iterator[rrb.View]:
@@ -172,36 +184,22 @@ def shown(has_truth: bool = True) -> Scene:
 
 @pytest.mark.parametrize("has_truth", [True, False])
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_the_layout_has_one_shared_map_a_map_a_run_and_the_events(count, has_truth):
+def test_the_layout_has_one_close_up_and_a_row_of_histograms_a_run(count, has_truth):
     runs = numbered(RunView(f"seed {k}", ("color", "edges")) for k in range(count))
-    titles = [str(view.name) for view in views(several_runs.compare(runs, shown(has_truth)))]
-    assert titles.count("All runs on one map (in)") == 1
-    colors = ("orange", "sky blue", "violet", "green")
-    maps = [title for title in titles if "belief" in title]
-    assert maps == [f"seed {k}, {colors[k]}: belief (in)" for k in range(count)]
-    assert any("Distance to seed 0" in title for title in titles)
-    assert any("minus" in title for title in titles) == has_truth
-    assert titles[-1] == "What happened"
+    found = list(views(several_runs.compare(runs, shown(has_truth))))
+    titles = [str(view.name) for view in found]
+    assert titles.count("Clouds") == titles.count("This step") == titles.count("Whole drive") == 1
+    assert titles.count("Best match") == count
+    assert [title for title in titles if "Histograms" in title] == [
+        f"Histograms of seed {k}" for k in range(count)
+    ]
+    assert all(len(title) <= 25 for title in titles)
+    assert not any(view.titlebar for view in found)
 
 
-def test_titles_and_labels_are_short():
-    """At 1600 pixels a small map has room for 28 letters beside the view's buttons."""
-    runs = numbered(RunView(label, ("color",)) for label in ("color", "edges", "blended", "best"))
-    narrow = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
-    assert all(len(title) <= 28 for title in narrow)
-    runs = [RunView("robust, tuned on the whole of olin", ("color",)), RunView("b", ("color",))]
-    wide = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
-    assert "Error minus the first's (in)" in wide
-    assert np.array_equal(runs_key(["ひと", "b"], False), runs_key(["orange", "b"], False))
-    assert np.array_equal(runs_key(["é", "b"], False), runs_key(["e", "b"], False))
-
-
-@pytest.mark.parametrize("labels", [["a", "b"], ["a long label", "another one", "größe", "ひと"]])
-def test_keys_stand_above_the_map_and_hold_every_label(labels):
-    where = shown()
-    for key in (runs_key(labels, True), belief_key(True, RUN_COLORS[1], len(labels))):
-        extent = key_extent(key, where.arena, where.scale)
-        assert extent.bottom <= 0 - where.scale.length(where.arena.bounds[3]) + 1e-6  # y points down
-        assert (key.max(axis=2) > 100).any()
-    long = [f"{label}, with many words" for label in labels]
-    assert runs_key(long * 2, True).shape[0] > runs_key(["a"], True).shape[0]
+@pytest.mark.parametrize("count", [2, 4])
+def test_recorded_localizers_have_the_map_instead_of_pictures(count):
+    runs = numbered(RunView(f"amcl {k}", ()) for k in range(count))
+    titles = [str(view.name) for view in views(several_runs.compare(runs, shown()))]
+    assert "Map" in titles
+    assert not any("Histograms" in title or "Best" in title for title in titles)

@@ -1,0 +1,124 @@
+"""How runs compare, in words: who is closer at a step, and what the picture did there; over the drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from maurice_mcl.scoring.comparison import ErrorDifference, Step
+from maurice_mcl.scoring.near_truth import picture_gain
+from maurice_mcl.values.radii import Radii
+
+from ..playback import RunResult
+from ..style import Scale
+
+NOT_YET = "How the runs compare over the drive is told when they have ended."
+LEAST_CLOSER = 1 / 18  # of the radius `right`: a smaller difference is none
+NEAR_SHARES = (1 / 3, 1.0)  # of the radius `confidence`: near the truth, and if no dot is there
+
+
+def least_closer_m(radii: Radii) -> float:
+    """Return how much closer a run must be to the truth to be called closer."""
+    return LEAST_CLOSER * radii.right_m
+
+
+def errors_m(steps: Mapping[str, Step]) -> dict[str, float]:
+    """Return the position error of each run whose truth is known, the smallest first."""
+    off = {
+        label: float(np.hypot(*(record.estimate.pose - moment.truth)[:2]))
+        for label, (moment, record) in steps.items()
+        if moment.truth is not None
+    }
+    return dict(sorted(off.items(), key=lambda item: item[1]))
+
+
+def closest(steps: Mapping[str, Step], radii: Radii) -> str | None:
+    """Return the label of the run that is closer to the truth than all others, if one is."""
+    off = list(errors_m(steps).items())
+    if len(off) < 2 or off[1][1] - off[0][1] < least_closer_m(radii):
+        return None
+    return off[0][0]
+
+
+def step_words(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
+    """Return who is closer to the truth at a step, and what the picture did to the particles near it."""
+    moment, _ = next(iter(steps.values()))
+    return " ".join([f"Step {moment.frame.step}:", _who(steps, scale, radii), *_why(steps, scale)])
+
+
+def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
+    off = errors_m(steps)
+    if len(off) < 2:
+        places = np.array([record.estimate.pose[:2] for _, record in steps.values()])
+        apart = float(np.hypot(*(places - places[0]).T).max())
+        return f"the estimates are {'at most ' if len(steps) > 2 else ''}{scale.say(apart)} apart."
+    first, second, *_ = off
+    others = ", ".join(f"`{label}` {scale.say(error)}" for label, error in list(off.items())[1:])
+    if closest(steps, radii) is None:
+        return f"`{first}` and `{second}` are equally close ({scale.say(off[first])} off; {others})."
+    gap = scale.say(off[second] - off[first])
+    return f"`{first}` is **{gap} closer** ({scale.say(off[first])} off; {others})."
+
+
+def _why(steps: Mapping[str, Step], scale: Scale) -> list[str]:
+    """Say what the picture did near the truth, within the smallest radius that holds dots of some run."""
+    for share in NEAR_SHARES:
+        gains: dict[str, float | None] = {}
+        for label, (moment, record) in steps.items():
+            if moment.truth is None:
+                return []
+            radius_m = share * record.estimate.radii.confidence_m
+            gains[label] = picture_gain(record, moment.truth, radius_m)
+        known = {label: gain for label, gain in gains.items() if gain is not None}
+        if known:
+            made = [
+                f"**{gain:.1f} x**{' as heavy' if k == 0 else ''} with `{label}`"
+                for k, (label, gain) in enumerate(known.items())
+            ]
+            none = [f"`{label}`" for label, gain in gains.items() if gain is None]
+            rest = [f"{' and '.join(none)}: hardly a dot there."] if none else []
+            return [
+                f"The picture made dots within {scale.say(radius_m)} of the truth {', '.join(made)}.",
+                *rest,
+            ]
+    return ["No run has dots near the truth."]
+
+
+def key_words(scale: Scale, radii: Radii) -> str:
+    """Explain the marks of the screen, below the words on the drive."""
+    least = scale.say(least_closer_m(radii))
+    return f"Dots: some of each cloud; an oval holds most of them. Lane: who is closer, by {least} or more."
+
+
+def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
+    """Return how each run compares with the first over the drive, with its interval."""
+    lines = []
+    for result in results[1:]:
+        paired = result.paired
+        if paired is None:
+            continue
+        if paired.position is not None:
+            lines.append(_difference(result, paired.position, scale))
+        elif paired.apart_mean_m is not None:
+            apart = scale.say(paired.apart_mean_m)
+            lines.append(f"`{result.label}` is {apart} away.")
+    if not lines:
+        return NOT_YET
+    return "\n".join(
+        [f"Over the drive, against `{results[0].label}`, on average:\n", *(f"* {line}" for line in lines)]
+    )
+
+
+def _difference(result: RunResult, off: ErrorDifference, scale: Scale) -> str:
+    mean = f"`{result.label}` is **{_closer(off.mean, scale)}**"
+    steps = f"closer at {off.better} of {off.updates} steps"
+    if off.interval is None:
+        return f"{mean}, {steps}: too few steps to tell whether that is chance."
+    low, high = off.interval
+    chance = "**may be chance**" if low <= 0 <= high else "hardly chance"
+    return f"{mean} (95 %: {_closer(high, scale)} to {_closer(low, scale)}): {chance}; {steps}."
+
+
+def _closer(difference_m: float, scale: Scale) -> str:
+    return f"{scale.say(abs(difference_m))} {'closer' if difference_m <= 0 else 'farther'}"
