@@ -229,7 +229,9 @@ def weight_colors(log_weights: F64, of: int | None = None) -> U32:
 
 COLOR_WORDS = ("orange", "sky blue", "violet", "green")  # of RUN_COLORS, in order
 DEEPEST = 8.0  # nats below the best place that still have a color
-SAYS_NOTHING = 2.0  # nats from best to worst, below which a picture hardly tells places apart
+SAYS_NOTHING = (
+    1.0  # nats: if half of the references are less behind the best, a picture tells no places apart
+)
 
 
 # Texts that the viewer can show: what its font has no sign for is written as a code.

@@ -33,7 +33,8 @@ from ..scene import RunView, Scene
 from .story import HEIGHT_PX, OWN_LANES, over_events
 
 INSIDE_WORDS_PX = 78  # two lines
-SENSOR_WORDS, SENSOR_PICTURES = 1.0, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
+SENSOR_WORDS, SENSOR_PICTURES = 1.45, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
+FIGURES_PX, FIGURE_PX = 160, 23  # of a table without channels, and of each channel's row
 MAP_PERCENT = 40  # of the width: the map of a run
 
 
@@ -67,7 +68,9 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
 def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the map over the figures; right the sentences, over camera and references side by side."""
     paths = run.paths
-    left = rrb.Vertical(references_map_view(paths, scene), figures_view(paths), row_shares=[1.7, 1])
+    figures = FIGURES_PX + FIGURE_PX * len(run.channels)
+    above = HEIGHT_PX - lanes_px(OWN_LANES) - figures
+    left = rrb.Vertical(references_map_view(paths, scene), figures_view(paths), row_shares=[above, figures])
     whose = (CAMERA_CARD, *columns_of(scene.has_truth))
     cards = rrb.Horizontal(*(card_view(paths, who) for who in whose))
     charts = rrb.Horizontal(*(chart_view(paths, who) for who in whose))

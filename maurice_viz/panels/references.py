@@ -109,7 +109,7 @@ class MatchCircles:
 
     def _tell_nothing(self, rec: rr.RecordingStream, paths: RunPaths, log_likelihood: F32) -> None:
         """Say where the map is that the picture hardly tells places apart, or take that away."""
-        tells = not np.isfinite(log_likelihood).all() or bool(np.ptp(log_likelihood) >= SAYS_NOTHING)
+        tells = tells_apart(log_likelihood)
         if tells != self._tells:
             places = self.centers[:0] if tells else self.centers.mean(axis=0, keepdims=True)
             rec.log(paths.says_nothing, row_of(rr.Points2D, positions=points_of(places)))
@@ -134,6 +134,11 @@ def nearness(log_likelihood: F32) -> F32:
     if not np.isfinite(top):
         return np.zeros_like(log_likelihood)
     return np.asarray(np.clip(1 + (log_likelihood - top) / DEEPEST, 0, 1), np.float32)
+
+
+def tells_apart(log_likelihood: F32) -> bool:
+    """Return whether a picture tells places apart: half of the entries (L,) are well behind the best."""
+    return not float(log_likelihood.max() - np.median(log_likelihood)) < SAYS_NOTHING
 
 
 class BestReferencesPanel(Panel):
@@ -232,7 +237,7 @@ class LikelihoodMaps:
         """Draw log-likelihoods (L,) as a PNG: bright where likely, nothing where a robot cannot be."""
         best = np.maximum.reduceat(log_likelihood[self.entries], self.first)
         share = 1 + (best - best.max()) / DEEPEST
-        if np.ptp(best) < SAYS_NOTHING:
+        if not tells_apart(log_likelihood):
             share = np.zeros_like(best)  # all alike: dark, and not all bright
         inks = np.append(np.clip(share * _BRIGHTEST, 0, _BRIGHTEST), _OUTSIDE).astype(np.uint8)
         return _LIKELIHOODS.png(inks[self.place_of_pixel])  # -1 is the last

@@ -190,7 +190,7 @@ KINDS: Mapping[str, EventKind] = {
     BEYOND_THREE_SIGMA: EventKind(
         "the truth lies more than three standard deviations from the estimate", DOUBTFUL, word="3 sigma"
     ),
-    ESS_DIP: EventKind("very few particles hold nearly all weight", DOUBTFUL, word="ESS dip"),
+    ESS_DIP: EventKind("very few particles hold nearly all weight", DOUBTFUL, word="few count"),
     PARTED: EventKind("two runs of a comparison diverge from here", DOUBTFUL, (OF_LOG, OF_RUN)),
     RESEEDED: EventKind("fresh particles are drawn; steps in a row are one line", ACTS, in_plots=True),
     EXPANDED: EventKind("the whole cloud was spread", ACTS, in_plots=True),
