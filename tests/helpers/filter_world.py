@@ -66,6 +66,7 @@ def make_world(at_m: tuple[float, float] = (0.0, 0.0), updates: int = 8, motion:
     index = {name: _index(rng, len(poses), name) for name in CHANNELS}
     library = Library("two rooms", poses, (None,) * len(poses), index, arena)
     start = np.array([1.2 + at_m[0], 1.6 + at_m[1], 0.3])
+    rng = np.random.default_rng(4)  # of its own: the same drive however many channels there are
     truth, moments = start, []
     for step in range(1, updates + 1):
         motions = np.array([[0.0, 0.0, rng.uniform(-0.8, 0.8)], [rng.uniform(0.1, 0.25), 0.0, 0.0]])
