@@ -43,7 +43,7 @@ class ReadingNotes:
         self._problems: list[InputError] = []
         self._warnings: dict[str, None] = {}  # in order, each once
         self.count = 0  # problems found, kept or not
-        self._told: set[str] = set()  # of those that are found again and again
+        self._damages: set[str] = set()  # which every pass finds again
         self.tilts: dict[str, tuple[float, float]] = {}  # of poses that leave the plane: rad, m, by source
 
     def problem(self, error: InputError) -> None:
@@ -56,8 +56,8 @@ class ReadingNotes:
 
     def damage(self, error: InputError) -> None:
         """Count a part of the file that was left out: once, though several passes find it."""
-        if str(error) not in self._told:
-            self._told.add(str(error))
+        if str(error) not in self._damages:
+            self._damages.add(str(error))
             self.problem(error)
 
     def left_plane(self, name: str, tilt_rad: float, height_m: float, text: str) -> None:

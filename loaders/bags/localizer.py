@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -30,6 +30,7 @@ from ..reading.time_alignment import Aligner, Steps, as_rows
 from .messages import (
     CLOUDS,
     IN_XY,
+    MESSAGE_ERRORS,
     POSE_WITH_COVARIANCE,
     POSES,
     cloud_of,
@@ -37,8 +38,8 @@ from .messages import (
     pose_of,
     use_recorded,
 )
-from .readers import MESSAGE_ERRORS, WINDOW_S, OneTopic, Timed, in_order, read_bag
-from .recording import BagRecording, peek
+from .readers import WINDOW_S, OneTopic, Timed, in_order, read_bag
+from .recording import BagRecording, first_messages, peek
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import PoseTopic, listed, named_topic, readable
 
@@ -58,9 +59,9 @@ class CloudReader(OneTopic):
 
     types: ClassVar[Collection[str]] = CLOUDS
 
-    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the cloud of one message."""
-        yield Cloud(t_s, *cloud_of(found))
+        yield Cloud(t_s, *cloud_of(content))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,12 +81,12 @@ class LocalizerPoseReader(OneTopic):
     plane: Plane = IN_XY
     alone: bool = False  # there is no cloud: poses of the same mean and covariance stand for it
 
-    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the pose of one message."""
-        covariance = covariance_of(found, self.plane)
+        covariance = covariance_of(content, self.plane)
         variances = np.diag(covariance)
         sd = np.sqrt(np.where(variances > 0, variances, 0))
-        pose = LocalizerPose(t_s, pose_of(found, self.plane), sd)
+        pose = LocalizerPose(t_s, pose_of(content, self.plane), sd)
         yield pose
         if self.alone:
             yield Cloud(t_s, stand_ins(pose.pose, covariance), None)
@@ -268,19 +269,19 @@ class Nearest:
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
     """Join each cloud with the pose nearest in time and with the last picture before it."""
-    held: deque[Timed] = deque()
+    waiting: deque[Timed] = deque()
     last: list[Picture | LocalizerPose | None] = [None, None]  # picture and pose so far
     for record in stream:
-        held.append(record)
-        while held[0].t_s < record.t_s - NEAR_S:
-            yield from _passed(held, last)
-    while held:
-        yield from _passed(held, last)
+        waiting.append(record)
+        while waiting[0].t_s < record.t_s - NEAR_S:
+            yield from _passed(waiting, last)
+    while waiting:
+        yield from _passed(waiting, last)
 
 
-def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> Iterator[Record]:
-    """Release the first record; all records near it in time follow it in `held`."""
-    record = held.popleft()
+def _passed(waiting: deque[Timed], last: list[Picture | LocalizerPose | None]) -> Iterator[Record]:
+    """Release the first record; all records near it in time follow it in `waiting`."""
+    record = waiting.popleft()
     if isinstance(record, Picture):
         last[0] = record
     elif isinstance(record, LocalizerPose):
@@ -288,7 +289,7 @@ def _passed(held: deque[Timed], last: list[Picture | LocalizerPose | None]) -> I
     elif isinstance(record, Motion | OdometryPose | TruthPose):
         yield record
     elif isinstance(record, Cloud) and len(record.poses):
-        near = [p for p in (last[1], *held) if isinstance(p, LocalizerPose)]
+        near = [p for p in (last[1], *waiting) if isinstance(p, LocalizerPose)]
         pose = min(near, key=lambda p: abs(p.t_s - record.t_s), default=None)
         if pose is not None and abs(pose.t_s - record.t_s) > NEAR_S:
             pose = None
@@ -321,11 +322,9 @@ def _map_of(bag: BagSource) -> Arena | None:
     for topic in readable(bag.topics, {GRID}):
         if "costmap" in topic.name:
             continue
-        for message in islice(bag.messages({topic.name}), 1):
-            try:
-                return arena_of(message.decode())
-            except (InputError, *MESSAGE_ERRORS):
-                continue
+        for _, grid in first_messages(bag, topic.name, 1):
+            with suppress(InputError, *MESSAGE_ERRORS):
+                return arena_of(grid)
     return None
 
 

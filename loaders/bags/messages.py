@@ -20,7 +20,7 @@ from maurice_mcl.values.arrays import F64, U8
 
 from ..errors import PictureError
 from ..files.pictures import decode_picture, expect_size
-from ..reading.plane import Plane
+from ..reading.plane import Plane, unit_rotation
 
 ODOMETRY = "nav_msgs/Odometry"
 ODOMETRIES = frozenset((ODOMETRY, "foxglove.Odometry"))
@@ -50,6 +50,9 @@ CLOUDS = frozenset(("geometry_msgs/PoseArray", "nav2_msgs/ParticleCloud", "foxgl
 
 IN_XY = Plane()
 STAMPS = (("sec", ("nanosec", "nsec")), ("seconds", ("nanos",)))  # ROS and JSON, protobuf
+
+
+MESSAGE_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)  # of invalid messages
 
 
 class MessageError(ValueError):
@@ -153,14 +156,7 @@ def _rotation(q: Any) -> F64:
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if not length > 1e-6:
         raise MessageError(f"found a quaternion of length {length:g}, expected 1; was it left unset?")
-    x, y, z, w = x / length, y / length, z / length, w / length
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return unit_rotation(w / length, x / length, y / length, z / length)
 
 
 def _checked(values: Sequence[float]) -> F64:
@@ -187,14 +183,14 @@ class FrameTree:
 
     def chain(self, frame: str, child: str) -> list[Link] | None:
         """Return the links from a frame down to one below it, the lowest first; None when unknown."""
-        found: list[Link] = []
+        links: list[Link] = []
         while child != frame:
             link = self._links.get(child)
-            if link is None or len(found) > DEEPEST:
+            if link is None or len(links) > DEEPEST:
                 return None
-            found.append(link)
+            links.append(link)
             child = link.parent
-        return found
+        return links
 
     def __len__(self) -> int:
         return len(self._links)

@@ -24,6 +24,7 @@ from ..session_log.header import header_from_json
 from ..session_log.records import readings_of
 from .messages import (
     IN_XY,
+    MESSAGE_ERRORS,
     NUMBERS,
     PICTURES,
     POSES,
@@ -41,8 +42,6 @@ from .messages import (
 from .source import BagSource, Message, OpenBag
 from .topics import PoseTopic, readable
 from .video import VideoStream, codec_of
-
-MESSAGE_ERRORS = (ValueError, TypeError, AttributeError, KeyError, IndexError, OverflowError)
 
 # Our own MCAP files hold what ROS has no message for (a start pose, motion parameters, a survey, numbers by
 # name), and motions to the last bit: a path of poses neither separates motions between two pictures nor
@@ -115,7 +114,7 @@ class OneTopic:
             decoded = message.decode()
             yield from self.read(decoded, time_s(decoded, message.log_ns, recorded=recorded), message, number)
 
-    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the records of a decoded message."""
         raise NotImplementedError
 
@@ -131,12 +130,12 @@ class PictureReader(OneTopic):
     types: ClassVar[Collection[str]] = PICTURES | VIDEOS
     _video: VideoStream = field(default_factory=VideoStream, compare=False)
 
-    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the picture of one message; video before its first key frame has none."""
         name = f"{self.topic} {number}"
-        if known_type(message.type) in PICTURES and codec_of(found) is None:
-            yield Picture(t_s, partial(_picture, found), name)
-        elif (part := self._video.add(found, t_s)) is not None:
+        if known_type(message.type) in PICTURES and codec_of(content) is None:
+            yield Picture(t_s, partial(_picture, content), name)
+        elif (part := self._video.add(content, t_s)) is not None:
             if part.note:
                 yield Note(t_s, part.note)
             yield Picture(t_s, part.read, name)
@@ -150,12 +149,12 @@ class PoseReader:
     make: Callable[[float, F64], Timed]
     offset_s: float
     plane: Plane = IN_XY
-    left: OutOfPlane = field(init=False)
+    out_of_plane: OutOfPlane = field(init=False)
     _tree: FrameTree = field(default_factory=FrameTree)
-    _told: str = ""  # of the last pose
+    _note: str = ""  # on the last pose
 
     def __post_init__(self) -> None:
-        self.left = OutOfPlane(self.plane)
+        self.out_of_plane = OutOfPlane(self.plane)
 
     @property
     def topics(self) -> Collection[str]:
@@ -172,13 +171,13 @@ class PoseReader:
         for t_s, found in self._found(message, recorded=recorded):
             flat = not isinstance(found, np.ndarray) and hasattr(found, "theta")
             yield self.make(t_s + self.offset_s, pose_of(found, self.plane) if flat else self._placed(found))
-            if self._told and self.make is TruthPose:
-                yield Note(t_s + self.offset_s, self._told)
+            if self._note and self.make is TruthPose:
+                yield Note(t_s + self.offset_s, self._note)
 
     def _placed(self, found: Any) -> F64:
         """Return the pose (3,) of a matrix or a message in space, and look how far it leaves the plane."""
         matrix = found if isinstance(found, np.ndarray) else matrix_in(found)
-        self._told = self.left.add(*self.plane.place(matrix[:3, 3], matrix[:3, :3]))
+        self._note = self.out_of_plane.add(*self.plane.place(matrix[:3, 3], matrix[:3, :3]))
         return self.plane.pose(matrix)
 
     def matrices(self, message: Message) -> Iterator[F64]:
@@ -220,9 +219,9 @@ class MotionReader(OneTopic):
     types: ClassVar[Collection[str]] = (VECTOR,)
     offset_s: float  # added to the times
 
-    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the motion of one message."""
-        vector = found.vector
+        vector = content.vector
         yield Motion(t_s + self.offset_s, np.array([vector.x, vector.y, vector.z], np.float64))
 
 
@@ -233,9 +232,9 @@ class NumberReader(OneTopic):
     types: ClassVar[Collection[str]] = NUMBERS
     name: str  # of the reading
 
-    def read(self, found: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
+    def read(self, content: Any, t_s: float, message: Message, number: int) -> Iterator[Timed]:
         """Yield the reading of one message."""
-        value = float(found.data if hasattr(found, "data") else found.range)
+        value = float(content.data if hasattr(content, "data") else content.range)
         if math.isfinite(value):
             yield Readings(t_s, {self.name: value})
 

@@ -21,6 +21,7 @@ from ..reading.plane import Plane, Pose, forward_axis, leaning, planar, plane_of
 from ..reading.recording import OdometryPose, Record, TruthPose
 from .containers import COMPRESSED, is_bag_folder, is_mcap, open_mcap, open_ros1, open_ros2
 from .messages import (
+    MESSAGE_ERRORS,
     TEXT,
     TRANSFORMS,
     FrameTree,
@@ -31,7 +32,6 @@ from .messages import (
     use_recorded,
 )
 from .readers import (
-    MESSAGE_ERRORS,
     MOTIONS,
     READINGS,
     VECTOR,
@@ -49,7 +49,7 @@ from .readers import (
     in_order,
     read_bag,
 )
-from .source import BagSource, OpenBag, Topic, starts_with
+from .source import BagSource, Message, OpenBag, Topic, starts_with
 from .topics import (
     PoseTopic,
     TopicChoice,
@@ -138,8 +138,10 @@ class BagRecording:
         # all records have a time; the types of heapq lose what they are
         yield from cast(Iterator[Record], heapq.merge(*streams, key=lambda record: record.t_s))
         for reader in (reader for readers in passes for reader in readers if isinstance(reader, PoseReader)):
-            if text := str(reader.left):
-                notes.left_plane(str(reader.route), reader.left.tilt_rad, reader.left.height_m, text)
+            if text := str(reader.out_of_plane):
+                notes.left_plane(
+                    str(reader.route), reader.out_of_plane.tilt_rad, reader.out_of_plane.height_m, text
+                )
         for kind, count in late.items():
             notes.warning(
                 f"{count} records ({kind}) were left out: their times fall by more than {WINDOW_S:g} s"
@@ -220,27 +222,32 @@ def _events_topic(bag: BagSource) -> str | None:
 def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     """Return stamp and recording time of a topic's first messages."""
     stamps = []
-    for message in islice(bag.messages({topic}), min(PEEKED, counted(bag, topic))):
-        try:
-            stamps.append((stamp_ns(message.decode()), message.log_ns))
-        except (InputError, *MESSAGE_ERRORS):  # reported when it is read
-            continue
+    for message, content in first_messages(bag, topic, PEEKED):
+        with suppress(*MESSAGE_ERRORS):  # reported when it is read
+            stamps.append((stamp_ns(content), message.log_ns))
     return stamps
 
 
-def counted(bag: BagSource, topic: str) -> int:
-    """Count a topic's messages: reading on after the last one would read the whole bag."""
-    return sum(entry.count for entry in bag.topics if entry.name == topic)
+def first_messages(bag: BagSource, topic: str, most: int) -> Iterator[tuple[Message, Any]]:
+    """Yield the first messages of a topic with their contents, but for those that cannot be decoded.
+
+    No more than there are: reading on after the last one would read the whole bag.
+    """
+    count = sum(entry.count for entry in bag.topics if entry.name == topic)
+    for message in islice(bag.messages({topic}), min(most, count)):
+        try:
+            content = message.decode()
+        except (InputError, *MESSAGE_ERRORS):  # reported when it is read
+            continue
+        yield message, content
 
 
 def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
     edges: set[tuple[str, str]] = set()
     for topic in readable(bag.topics, TRANSFORMS):
-        for message in islice(bag.messages({topic.name}), min(TRANSFORMS_PEEKED, topic.count)):
-            try:
-                edges |= {(link.parent, link.child) for link in links_of(message.decode())}
-            except (InputError, *MESSAGE_ERRORS):
-                continue
+        for _, content in first_messages(bag, topic.name, TRANSFORMS_PEEKED):
+            with suppress(*MESSAGE_ERRORS):
+                edges |= {(link.parent, link.child) for link in links_of(content)}
     return edges
 
 
@@ -268,11 +275,9 @@ def camera_of(bag: BagSource, image: str | None) -> tuple[Camera | None, str]:
 def _calibrated(bag: BagSource, image: str) -> Camera | None:
     for topic in bag.topics:
         if known_type(topic.type) in CALIBRATIONS and _folder(topic.name) == _folder(image):
-            for message in _decoded(bag, topic.name, 1):
-                try:
-                    return _camera(image, message)
-                except MESSAGE_ERRORS:
-                    break
+            for _, calibration in first_messages(bag, topic.name, 1):
+                with suppress(*MESSAGE_ERRORS):
+                    return _camera(image, calibration)
     return None
 
 
@@ -284,8 +289,8 @@ def _camera(name: str, calibration: Any) -> Camera:
 
 
 def _frame_of(bag: BagSource, image: str) -> str:
-    for message in _decoded(bag, image, 1):
-        named = getattr(message, "header", message)
+    for _, content in first_messages(bag, image, 1):
+        named = getattr(content, "header", content)
         return str(getattr(named, "frame_id", "")).lstrip("/")
     return ""
 
@@ -294,27 +299,16 @@ def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
     tree = FrameTree()
     for topic in readable(bag.topics, TRANSFORMS):
         if "static" in topic.name:
-            for message in _decoded(bag, topic.name, min(MOST_STATIC, topic.count)):
-                try:
-                    for link in links_of(message):
+            for _, content in first_messages(bag, topic.name, MOST_STATIC):
+                with suppress(*MESSAGE_ERRORS):
+                    for link in links_of(content):
                         tree.add(link)
-                except MESSAGE_ERRORS:
-                    continue
     place = tree.place(base, frame)
     if place is None:
         return None
     turned = place[:3, :3]
     axis = "z" if "optical" in frame else forward_axis([turned])
     return None if leaning(turned, axis) > STEEP_RAD else float(planar(place[:3, 3], turned, axis)[2])
-
-
-def _decoded(bag: BagSource, topic: str, most: int) -> Iterator[Any]:
-    """Yield the first messages of a topic; those that cannot be decoded are reported when they are read."""
-    for message in islice(bag.messages({topic}), most):
-        try:
-            yield message.decode()
-        except (InputError, *MESSAGE_ERRORS):
-            continue
 
 
 ROS1_ANY = b"#ROSBAG V"  # of any version

@@ -209,7 +209,7 @@ class Examination:
     truth: int
     pictures: int
     cut: bool  # whether only the first 50,000 records of a kind were looked at
-    said: tuple[str, ...]  # by the reader
+    remarks: tuple[str, ...]  # by the reader
     checks: tuple[str, ...]  # what could be asked
     not_asked: tuple[str, ...]  # what could not, and why
     findings: tuple[Finding, ...]
@@ -232,9 +232,9 @@ def has_view(info: SessionInfo, options: ReadingOptions) -> bool:
 
 def made_odometry(info: SessionInfo, options: ReadingOptions) -> str:
     """Return where odometry is from that was not measured, by the options or the header; "" for a robot's."""
-    asked = [name for name in MADE_ODOMETRY if getattr(options, name)]
-    if asked:
-        return f"it was made here ({option_name(asked[0])}=true), so it tells nothing of the robot's"
+    made_by = [name for name in MADE_ODOMETRY if getattr(options, name)]
+    if made_by:
+        return f"it was made here ({option_name(made_by[0])}=true), so it tells nothing of the robot's"
     noted = any(SYNTHETIC.search(text) for text in (info.name, *info.notes))
     return (
         "it was made and not measured, as the header notes, so it tells nothing of the robot's"
@@ -304,7 +304,7 @@ def examine(
     clear = [finding for finding in known if not (delayed and finding.code == "truth-apart")]
     findings = [fixable(_on_robot(finding, options), form) for finding in clear]
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
-    asked = (tuple(checks), tuple(without), tuple(findings))
+    answers = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
     name, shown_in, fov_known = (
         gathered.info.name,
@@ -312,7 +312,7 @@ def examine(
         has_view(gathered.info, options),
     )
     return Examination(
-        path, name, *counts, gathered.cut, gathered.warnings, *asked, fixed, shown_in, fov_known
+        path, name, *counts, gathered.cut, gathered.warnings, *answers, fixed, shown_in, fov_known
     )
 
 

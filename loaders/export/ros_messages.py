@@ -25,10 +25,9 @@ from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Camera, SessionInfo
 
+from ..bags.source import EXTRA_TYPES
 from ..session_log.header import header_to_json
 
-PARTICLE = "geometry_msgs/Pose pose\nfloat64 weight\n"
-PARTICLE_CLOUD = "std_msgs/Header header\nnav2_msgs/Particle[] particles\n"
 NO_TIME = QosTime(0, 0)
 LATCHED = Qos(  # late subscribers receive the last message
     QosHistory.KEEP_LAST,
@@ -49,8 +48,8 @@ ENCAPSULATION = 4  # bytes in front of a CDR body; alignment is counted behind t
 def message_types() -> Typestore:
     """Return the message types: those of ROS 2 Humble, and Nav2's weighted cloud."""
     store = get_typestore(Stores.ROS2_HUMBLE)
-    store.register(get_types_from_msg(PARTICLE, "nav2_msgs/msg/Particle"))
-    store.register(get_types_from_msg(PARTICLE_CLOUD, "nav2_msgs/msg/ParticleCloud"))
+    for name, definition in EXTRA_TYPES.items():
+        store.register(get_types_from_msg(definition, name))
     return store
 
 

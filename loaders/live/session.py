@@ -84,7 +84,7 @@ class LiveRecorder:
         """Claim the folder. InputError if it holds a session already, or cannot be written to."""
         self.path = folder / SESSION_LOG
         self._file: BinaryIO | None = None
-        self._made = not folder.exists()
+        self._is_new = not folder.exists()
         if folder.exists() and not folder.is_dir():
             raise InputError(folder, "found a file, expected a folder to record to; choose another name")
         expect_absent(self.path, force=force, form=FORMAT)
@@ -109,7 +109,7 @@ class LiveRecorder:
         """Close the file and remove a folder made for it that is empty. Closing twice does no harm."""
         if self._file is not None:
             self._file.close()
-        elif self._made:
+        elif self._is_new:
             with suppress(OSError):
                 self.path.parent.rmdir()
 

@@ -53,8 +53,9 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
         fault = f"found --reading plane={options.plane}, which is for recordings"
         raise SourceError(typed, f"{fault}: poses from a live source are read in x-y; leave it out")
     if typed == STDIN:
-        connect = partial(PipeStream, sys.stdin.fileno())
-        return LiveSource("standard input", connect, once=True, folder=Path.cwd())
+        return LiveSource(
+            "standard input", partial(PipeStream, sys.stdin.fileno()), once=True, folder=Path.cwd()
+        )
     if (scheme := _SCHEME.match(typed)) is None:
         path = session_in(Path(text))
         return LiveSource(typed, partial(FileStream, path), folder=path.parent)
@@ -66,8 +67,8 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
         return LiveSource(name, partial(SocketStream, host, port), peer=True, waits=False)
     from .websocket import connect_websocket
 
-    asked = partial(connect_websocket, name, options or ReadingOptions())
-    return LiveSource(name, asked, peer=True, waits=False)
+    connect = partial(connect_websocket, name, options or ReadingOptions())
+    return LiveSource(name, connect, peer=True, waits=False)
 
 
 def _parts(name: str) -> tuple[str, int, str]:
@@ -177,7 +178,7 @@ class LineCutter:
     def __init__(self, most: int = MOST_LINE_BYTES) -> None:
         """Keep at most `most` bytes of a line; the rest is dropped, and the line is marked."""
         self._most = most
-        self._held = bytearray()
+        self._line = bytearray()
         self._too_long = False
         self._number = 0
 
@@ -190,24 +191,24 @@ class LineCutter:
         """Add bytes and return the lines that end within them."""
         lines, begin = [], 0
         while (end := data.find(b"\n", begin)) >= 0:
-            self._hold(data[begin:end])
+            self._add(data[begin:end])
             lines.append(self._take(ended=True))
             begin = end + 1
-        self._hold(data[begin:])
+        self._add(data[begin:])
         return lines
 
     def rest(self) -> LogLine | None:
         """Return the last line if it has no line end; None otherwise."""
-        return self._take(ended=False) if self._held else None
+        return self._take(ended=False) if self._line else None
 
-    def _hold(self, piece: bytes) -> None:
-        self._too_long = self._too_long or len(self._held) + len(piece) > self._most
-        self._held += piece[: self._most - len(self._held)]
+    def _add(self, piece: bytes) -> None:
+        self._too_long = self._too_long or len(self._line) + len(piece) > self._most
+        self._line += piece[: self._most - len(self._line)]
 
     def _take(self, *, ended: bool) -> LogLine:
         self._number += 1
-        line = LogLine(self._number, bytes(self._held).rstrip(b"\r"), ended, self._too_long)
-        self._held, self._too_long = bytearray(), False
+        line = LogLine(self._number, bytes(self._line).rstrip(b"\r"), ended, self._too_long)
+        self._line, self._too_long = bytearray(), False
         return line
 
 

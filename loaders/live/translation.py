@@ -20,6 +20,7 @@ from maurice_mcl.values.geometry import motion_between
 
 from ..bags.messages import (
     IN_XY,
+    MESSAGE_ERRORS,
     TRANSFORMS,
     FrameTree,
     known_type,
@@ -41,8 +42,6 @@ from ..reading.recording import TruthPose, interpolated
 
 MOST_KEPT = 2000  # poses in the history of one topic
 MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
-
-MESSAGE_ERRORS = (ArithmeticError, AttributeError, TypeError, ValueError)  # raised on invalid messages
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +192,7 @@ class Translator:
         self.problems: deque[FieldError] = deque(maxlen=100)  # pictures that were left out
         self._max_dt_s = max_dt_s
         self._tracks = {ODOMETRY: PoseHistory(), TRUTH: PoseHistory()}
-        self._tellers: dict[PoseTopic, PoseExtractor] = {}
+        self._extractors: dict[PoseTopic, PoseExtractor] = {}
         self._undated: list[_Item] | None = []  # None once it is known whether stamps are usable
         self._recorded = False  # stamps are of no use: recording times count
         self._pictures: deque[tuple[float, float, _Unencoded]] = deque()  # time, our own clock's
@@ -215,11 +214,13 @@ class Translator:
                 yield from self._settle_clock()
 
     def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
-        tellers = {
-            role: self._tellers.setdefault(route, PoseExtractor(route))
+        extractors = {
+            role: self._extractors.setdefault(route, PoseExtractor(route))
             for role, route in topics.routes.items()
         }
-        hearing = {role: one for role, one in tellers.items() if one.accepts(message.topic, message.type)}
+        hearing = {
+            role: pose for role, pose in extractors.items() if pose.accepts(message.topic, message.type)
+        }
         if message.topic != topics.image and not hearing:
             return
         content = decoded(message)
@@ -228,8 +229,8 @@ class Translator:
             picture = self._picture(content, (message.log_ns if stamp is None else stamp) / 1e9)
             if picture is not None:
                 yield _Item(IMAGE, stamp, message.log_ns, picture)
-        for role, teller in hearing.items():
-            for stamped in teller.poses(content, static="static" in message.topic):
+        for role, extractor in hearing.items():
+            for stamped in extractor.poses(content, static="static" in message.topic):
                 yield _Item(role, stamped.stamp_ns, message.log_ns, stamped.pose)
 
     def _picture(self, message: Any, t_s: float) -> _Unencoded | None:

@@ -15,14 +15,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..bags.messages import TRANSFORMS, known_type, links_of
+from ..bags.messages import MESSAGE_ERRORS, TRANSFORMS, known_type, links_of
 from ..bags.source import ENCODINGS, INSTALL, Message, Topic, decode, decode_json, short_type, sorted_topics
 from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, readable
 from ..errors import FieldError, SourceError
 from ..files.text import items, mapping, read_json
 from ..reading.options import ReadingOptions
 from ..session_log.header import FORMAT, VERSION
-from .translation import MESSAGE_ERRORS, MOST_FRAMES, ChosenTopics, Translator, decoded, short
+from .translation import MOST_FRAMES, ChosenTopics, Translator, decoded, short
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection

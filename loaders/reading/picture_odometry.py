@@ -52,7 +52,7 @@ class PictureOdometry:
     """The movements (3,) before every picture but the first, and how they were found."""
 
     motions: tuple[F64, ...]
-    told: int  # how many of them the pictures tell
+    measured: int  # how many of them the pictures tell
     standing: int  # in how many of those the robot stood or turned in place
     step_m: float  # of a movement whose length is unknown
     by_floor: int  # lengths that the floor told
@@ -60,15 +60,15 @@ class PictureOdometry:
     unseen_turn_rad: float | None  # sd of the turns that no picture tells; None: they may be any
 
     @property
-    def said(self) -> str:
+    def statement(self) -> str:
         """What everybody has to know who sees a result."""
         lengths = f"{self.by_floor} lengths by the floor, the others near {self.step_m:.2g} m"
         tilt_deg = round(math.degrees(self.tilt_rad))
         tilt = f"camera tilted {'down' if tilt_deg < 0 else 'up'} by {abs(tilt_deg)} degrees, as fits best"
-        found = f"{FROM_PICTURES}: {self.told} of {len(self.motions)} movements found"
+        found = f"{FROM_PICTURES}: {self.measured} of {len(self.motions)} movements found"
         if self.standing:
             found += f" (in {self.standing} the robot stood, turned in place or moved too little to be seen)"
-        if self.told < len(self.motions):
+        if self.measured < len(self.motions):
             found += ", the others are unknown"
         return f"{found}; {lengths}; {tilt}"
 
@@ -104,7 +104,7 @@ class WithPictureOdometry:
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the recording's records, each picture after its movement."""
         found, number = self.odometry, 0
-        notes.warning(found.said)
+        notes.warning(found.statement)
         for record in self._bare.records(notes):
             if isinstance(record, Picture):
                 if number:

@@ -143,7 +143,7 @@ class OutOfPlane:
     _tilts_rad: list[float] = field(default_factory=list)
     _stride: int = 1
     _seen: int = 0
-    _told: bool = False
+    _tilted: bool = False  # when it was noted last
 
     def add(self, position: F64, turned: F64) -> str:
         """Take in a pose in a frame with z up; return a note where the body begins to tilt, or ends it."""
@@ -156,9 +156,9 @@ class OutOfPlane:
         if len(self._tilts_rad) > SAMPLED:
             self._places, self._tilts_rad = self._places[::2], self._tilts_rad[::2]
             self._stride *= 2
-        if self._told != (tilt_rad > (LEVEL_RAD if self._told else TILTED_RAD)):
-            self._told = not self._told
-            return f"{TILTED} {math.degrees(tilt_rad):.0f} deg out of the plane" if self._told else LEVEL
+        if self._tilted != (tilt_rad > (LEVEL_RAD if self._tilted else TILTED_RAD)):
+            self._tilted = not self._tilted
+            return f"{TILTED} {math.degrees(tilt_rad):.0f} deg out of the plane" if self._tilted else LEVEL
         return ""
 
     @property
@@ -188,7 +188,11 @@ def rotation(quaternion_wxyz: F64) -> F64:
     length = float(np.linalg.norm(quaternion_wxyz))
     if not 0.9 < length < 1.1:
         raise ValueError(f"found a quaternion of length {length:.3g}, expected 1")
-    w, x, y, z = (float(v) / length for v in quaternion_wxyz)
+    return unit_rotation(*(float(v) / length for v in quaternion_wxyz))
+
+
+def unit_rotation(w: float, x: float, y: float, z: float) -> F64:
+    """Return the rotation matrix (3, 3) of a quaternion of length 1."""
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

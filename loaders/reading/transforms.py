@@ -322,10 +322,10 @@ class MadeOdometry(RecordingWrapper):
         The robot's own motion constants, such as a gain of its turns, are not those of this odometry.
         """
         info = self.measured.info
-        return replace(info, name=f"{info.name} ({NAMED})", notes=(*info.notes, self.said), motion=None)
+        return replace(info, name=f"{info.name} ({NAMED})", notes=(*info.notes, self.statement), motion=None)
 
     @property
-    def said(self) -> str:
+    def statement(self) -> str:
         """What everybody has to know who sees a result."""
         return (
             f"ODOMETRY IS NOT MEASURED but made from the truth, {self.noise} "
@@ -335,7 +335,7 @@ class MadeOdometry(RecordingWrapper):
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield the recording's records; odometry comes before the true pose of the same time."""
-        notes.warning(self.said)
+        notes.warning(self.statement)
         wheels = _NoisyWheels(self.noise, self.seed)
         for record in checked(self.measured, notes):
             if isinstance(record, TruthPose):

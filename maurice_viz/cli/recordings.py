@@ -210,7 +210,7 @@ def _json(examination: Examination, options: Options) -> dict[str, object]:
         "truth": examination.truth,
         "pictures": examination.pictures,
         "only_the_beginning": examination.cut,
-        "said": list(examination.said),
+        "said": list(examination.remarks),
         "checks": list(examination.checks),
         "not_asked": list(examination.not_asked),
         "odometry_advice": list(odometry_advice(examination)),
@@ -240,7 +240,7 @@ def _lines(examination: Examination, options: Options, beside: Sequence[str] = (
     yield f"checked: {', '.join(examination.checks)}"
     if examination.not_asked:
         yield f"could not check: {', '.join(examination.not_asked)}"
-    for text in examination.said:
+    for text in examination.remarks:
         yield f"the reader reports: {text}"
     for text in odometry_advice(examination):
         yield f"no odometry: {text}"

@@ -71,9 +71,9 @@ def test_a_robot_that_stands_or_turns_in_place_stays_where_it_is() -> None:
     found = odometry_from_pictures(turning(shifts), MADE).odometry
     ways = [float(np.hypot(*motion[:2])) for motion in found.motions]
     assert ways == [0.0] * 8
-    assert found.standing == found.told == 8
-    assert "8 of 8 movements found (in 8 the robot stood" in found.said
-    assert "unknown" not in found.said
+    assert found.standing == found.measured == 8
+    assert "8 of 8 movements found (in 8 the robot stood" in found.statement
+    assert "unknown" not in found.statement
     turned = np.cumsum([motion[2] for motion in found.motions])
     expected = (60 - np.array(shifts[1:])) / FOCAL_PX  # near the middle of the picture
     assert turned == pytest.approx(expected, abs=0.02)
@@ -86,7 +86,7 @@ def test_many_small_movements_are_seen_together() -> None:
     given = Given([Picture(k, partial(zoomed, by), "") for k, by in enumerate(zooms)])
     found = odometry_from_pictures(given, MADE).odometry
     went = [k for k, motion in enumerate(found.motions) if np.hypot(*motion[:2]) > 0]
-    assert found.told == 29
+    assert found.measured == 29
     assert 0 < len(went) < 15
     gaps = [b - a for a, b in pairwise([-1, *went])]
     assert min(gaps) > 1

@@ -149,7 +149,7 @@ def test_the_plane_of_the_motion_is_found_and_said(
     inspected = inspect_recording(RecordedSession(open_recording(path)))
     assert text in inspected.warnings
     assert inspected.distance_truth_m == pytest.approx(way(wanted), rel=1e-9)
-    assert text in doctor(path).said
+    assert text in doctor(path).remarks
     if writer == "bag":
         np.testing.assert_allclose(odometry(path), wanted, atol=1e-9)
     asked = ReadingOptions(plane=name)
