@@ -31,27 +31,23 @@ MEAN_DIFFERENCE, CLEARLY, CLEARLY_CHANGED = 3.0, 48, 0.02
 # Where panels lie in a window of 1600 x 1000: left, top, right, bottom, titles left out.
 PANELS = {
     "story": {
-        "verdict": (5, 110, 800, 165),
+        "verdict": (5, 85, 800, 125),
         "belief": (110, 250, 600, 640),
-        "camera": (800, 215, 1160, 490),
-        "best match": (1270, 215, 1510, 490),
+        "camera": (630, 195, 1010, 475),
+        "best match": (1150, 195, 1530, 475),
         "tour": (785, 540, 1500, 610),
         "events": (5, 730, 1595, 820),
         "errors": (30, 870, 1595, 955),
     },
     "overview": {
-        "belief": (5, 95, 595, 445),
-        "words": (5, 485, 595, 610),
+        "belief": (5, 100, 630, 550),
+        "words": (10, 570, 630, 665),
+        "circles": (720, 135, 1110, 430),
+        "camera": (1180, 110, 1595, 425),
+        "best five": (650, 440, 1590, 645),
+        "position error": (660, 680, 1115, 800),
+        "knows": (1140, 680, 1595, 800),
         "events": (5, 830, 1595, 950),
-        "distances": (25, 650, 595, 765),
-        "circles": (605, 75, 1095, 392),
-        "histogram": (640, 430, 1090, 579),
-        "difference": (640, 625, 1090, 762),
-        "camera": (1105, 75, 1345, 256),
-        "edges": (1355, 75, 1595, 256),
-        "best five": (1105, 326, 1595, 416),
-        "heading": (1125, 466, 1595, 583),
-        "shares": (1125, 637, 1595, 766),
     },
     "inside-a-step": {
         "phases": (10, 70, 1590, 130),
@@ -63,28 +59,28 @@ PANELS = {
         "events": (5, 830, 1595, 950),
     },
     "explain": {
-        "map": (5, 95, 605, 520),
-        "table": (12, 565, 510, 790),
-        "sentence": (620, 115, 1595, 225),
-        "camera": (645, 303, 830, 570),
-        "best match": (890, 303, 1080, 570),
-        "truth's": (1135, 303, 1325, 570),
-        "estimate's": (1380, 303, 1570, 570),
-        "key": (620, 605, 800, 745),
-        "best match's chart": (865, 605, 1100, 800),
-        "truth's chart": (1110, 605, 1350, 800),
-        "estimate's chart": (1355, 605, 1595, 800),
-        "events": (5, 850, 1595, 950),
+        "map": (60, 65, 600, 540),
+        "table": (15, 565, 350, 735),
+        "sentence": (650, 90, 1590, 190),
+        "camera": (650, 260, 870, 600),
+        "best match": (890, 260, 1110, 600),
+        "truth's": (1130, 260, 1350, 600),
+        "estimate's": (1370, 260, 1590, 600),
+        "key": (645, 610, 860, 765),
+        "best match's chart": (885, 610, 1110, 815),
+        "truth's chart": (1125, 610, 1350, 815),
+        "estimate's chart": (1365, 610, 1590, 815),
+        "events": (5, 830, 1595, 950),
     },
     "traces": {
-        "position error": (25, 96, 530, 236),
-        "heading error": (25, 283, 530, 423),
-        "ratio": (25, 470, 530, 614),
-        "rank": (25, 662, 530, 801),
-        "spread": (550, 96, 1060, 198),
-        "ancestors": (550, 699, 1060, 801),
-        "evidence": (1090, 95, 1595, 640),
-        "key": (1070, 720, 1595, 795),
+        "position error": (20, 96, 530, 240),
+        "heading error": (20, 292, 530, 436),
+        "knows": (20, 488, 530, 632),
+        "rank": (30, 684, 530, 828),
+        "spread": (560, 96, 1060, 240),
+        "ancestors": (560, 684, 1060, 828),
+        "evidence": (1100, 96, 1595, 715),
+        "key": (1075, 765, 1590, 840),
         "events": (5, 850, 1595, 950),
     },
     "compare": {
@@ -165,14 +161,14 @@ def test_steps_and_phases_are_different_pictures(small_session, tmp_path):
     out = recorded(tmp_path / "one.rrd", str(small_session))
     with headless_viewer(out) as viewer:
         viewer.show_layout("overview")
-        first, last, resampled = (
-            taken(viewer, *place) for place in (("step", 1), ("step", 14), ("phase", 6 * 14 + 3))
+        first, last, predicted = (
+            taken(viewer, *place) for place in (("step", 1), ("step", 14), ("phase", 6 * 14))
         )
     assert_filled(last, PANELS["overview"])
-    assert_filled(resampled, PANELS["overview"])
+    assert_filled(predicted, PANELS["overview"])
     assert (first != last).any(axis=2).mean() > 0.02
     belief = (slice(70, 450), slice(5, 595))
-    assert (last[belief] != resampled[belief]).any(), "the resampled cloud is another picture"
+    assert (last[belief] != predicted[belief]).any(), "the predicted cloud is another picture"
 
 
 @pytest.mark.slow

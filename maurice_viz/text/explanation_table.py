@@ -74,7 +74,7 @@ def _pose(explained: Explained, scale: Scale) -> str:
     if explained.entry is None:
         return ""
     x_m, y_m, heading_rad = explained.entry.pose.tolist()
-    digits = scale.units.digits - 1
+    digits = 2 * (scale.units.digits - 1)  # whole inches, or centimeters
     x, y = (f"{scale.length(place_m):.{digits}f}" for place_m in (x_m, y_m))
     return f"{x}, {y}, {math.degrees(heading_rad):.0f}"
 
