@@ -51,6 +51,7 @@ EXTENT_MARGIN = 1.25  # of the view, over what it must hold
 FOLLOW_SHARE = 0.15  # of half the frame: the frame follows a cloud farther from its middle
 SHRINK_SHARE = 0.6  # of the frame: a smaller cloud makes the frame smaller
 TRUTH_TIMES = 2.5  # times the cloud: a truth that needs more is pointed to
+RULER_SHARE = 0.4  # of the arena's long side: half the frame where the ruler of the map is in view
 LEAST_SIDE_M = 0.05  # of what is shown
 BAR_LEFT, BAR_BOTTOM = -0.96, 0.93
 
@@ -265,7 +266,7 @@ class CloseupFrame:
 
     def __init__(self, path: str, scene: Scene) -> None:
         self._path, self._scale = path, scene.scale
-        self._widest = EXTENT_MARGIN * long_side(scene.arena, scene.scale) / 2
+        self._long = long_side(scene.arena, scene.scale)
         self._half = 0.0  # of its side, in display units
         self._at = np.zeros(2, np.float32)  # its middle, as drawn
         self._points = False  # whether it points to a truth
@@ -284,7 +285,10 @@ class CloseupFrame:
     def draw(self, rec: rr.RecordingStream, clouds: Sequence[F64], truths: Sequence[F64]) -> None:
         """Log where the frame is to hold the clouds (K, 2), and poses (3,) that are not far from them."""
         middle, reach_m = seen_whole(clouds, truths)
-        needed, at = min(self._scale.length(reach_m), self._widest), self._scale.screen(middle[None])[0]
+        needed, at = (
+            min(self._scale.length(reach_m), EXTENT_MARGIN * self._long / 2),
+            self._scale.screen(middle[None])[0],
+        )
         resized = not SHRINK_SHARE * self._half < needed <= self._half
         # a still view is easier to read and costs nothing
         if resized or np.abs(at - self._at).max() > FOLLOW_SHARE * self._half:
@@ -296,6 +300,11 @@ class CloseupFrame:
         self._draw_away(rec, truths)
 
     def _draw_bar(self, rec: rr.RecordingStream) -> None:
+        """Draw the scale bar; where the map's ruler is in view, there is none."""
+        if self._half > RULER_SHARE * self._long:
+            rec.log(f"{self._path}/bar", rr.LineStrips2D.from_fields(strips=[]))
+            rec.log(f"{self._path}/length", rr.Points2D.from_fields(positions=[], labels=[]))
+            return
         unit = self._scale.units.name
         length = bar_for(self._half * BAR_SHARE, unit)
         end = BAR_LEFT + length / self._half

@@ -42,7 +42,7 @@ from .belief import copies_of, ellipse_of, frame_marks, positions
 from .panel import MARKDOWN, Panel, StepUpdate, place_drawing, set_phase, set_phase_only, set_step_only
 from .views import plane_view
 
-DOTS = 1000  # drawn of a cloud
+DOTS = 700  # drawn of a cloud
 HEAVIEST = 100  # of them, whatever their number
 DOT = 1.3  # radius of a dot of the average weight, in points of the screen
 LEAST, MOST, STEPS = 0.7, 15.0, 8  # radii, and steps of a radius in a point: few values compress well
