@@ -193,10 +193,13 @@ class InsidePanel(Panel):
         rec.log(self._before, moved.row())
         self._draw_truth(rec, self._before, truth)
         self._say(rec, update, Phase.MEASURE)
-        comparison = update.record.sighting.comparison
-        compared = len(comparison.quality) == self._library.size  # not in a saved run without its library
-        best = comparison.best(BEST) if compared else np.zeros(0, np.int32)
-        rec.log(self._best, _points(self._scale.screen(self._library.poses[best, :2])))
+        rec.log(self._best, _points(self._scale.screen(self._best_poses(update.record, BEST)[:, :2])))
+
+    def _best_poses(self, record: StepRecord, count: int) -> F64:
+        """Return where the best references were taken (count, 3); none in a saved run without its library."""
+        comparison = record.sighting.comparison
+        compared = len(comparison.quality) == self._library.size
+        return self._library.poses[comparison.best(count) if compared else np.zeros(0, np.int32)]
 
     def _draw_truth(self, rec: rr.RecordingStream, side: str, truth: F64 | None) -> None:
         """Log the true pose (3,), with an arrow as long in every close-up; nothing if it is not known."""
@@ -224,7 +227,8 @@ class InsidePanel(Panel):
     def _say(self, rec: rr.RecordingStream, update: StepUpdate, phase: Phase, changes: bool = True) -> None:
         """Log words and captions of a phase; the time stays there, on the timeline `phase` alone."""
         set_phase_only(rec, update.moment, phase)
-        words = phase_words(update.moment, update.record, phase, self._scale, self._run.draws_new)
+        taken_at = next(iter(self._best_poses(update.record, 1)), None)
+        words = phase_words(update.moment, update.record, phase, self._scale, self._run.draws_new, taken_at)
         before, after = CAPTIONS[phase]
         self._log_words(rec, words, (before, after if changes else UNCHANGED))
 

@@ -259,9 +259,9 @@ class WeightBarsPanel(Panel):
 
 def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:
     """Return the shares (K,) of particles in each bin, and of all their weight or copies `times` (N,)."""
-    ends = [*(least for least, _ in kind.bins), np.inf]
-    dots = np.histogram(times, ends)[0] / max(len(times), 1)
-    held = np.histogram(times, ends, weights=times)[0] / max(float(times.sum()), 1e-12)
+    number = np.searchsorted([least for least, _ in kind.bins], times, side="right") - 1
+    dots = np.bincount(number, minlength=len(kind.bins)) / max(len(times), 1)
+    held = np.bincount(number, times, len(kind.bins)) / max(float(times.sum()), 1e-12)
     return dots, held
 
 

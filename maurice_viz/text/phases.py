@@ -10,6 +10,7 @@ import numpy as np
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER
 from maurice_mcl.reasons.explanation import offset
+from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
@@ -37,12 +38,20 @@ NOTHING_WEIGHED = {
 
 
 def phase_words(
-    moment: Moment, record: StepRecord, phase: Phase, scale: Scale, draws_new: str | None = None
+    moment: Moment,
+    record: StepRecord,
+    phase: Phase,
+    scale: Scale,
+    draws_new: str | None = None,
+    taken_at: F64 | None = None,
 ) -> str:
-    """Return two sentences about a phase, after its step and its name; `draws_new` is the run's."""
+    """Return two sentences about a phase, after its step and its name.
+
+    `draws_new` is the run's; `taken_at` (3,) where the best reference was taken, if it is known.
+    """
     sentences = {
         Phase.PREDICT: lambda: predicted(record, scale),
-        Phase.MEASURE: lambda: measured(moment, record, scale),
+        Phase.MEASURE: lambda: measured(moment, record, scale, taken_at),
         Phase.WEIGHT: lambda: weighted(record),
         Phase.RESAMPLE: lambda: resampled(record),
         Phase.RESEED: lambda: reseeded(record, draws_new),
@@ -72,18 +81,20 @@ def predicted(record: StepRecord, scale: Scale) -> str:
     )
 
 
-def measured(moment: Moment, record: StepRecord, scale: Scale) -> str:
-    """Describe what the picture was compared with, and where the best match was taken."""
+def measured(moment: Moment, record: StepRecord, scale: Scale, taken_at: F64 | None = None) -> str:
+    """Describe what the picture was compared with, and how far from the truth the best match was taken."""
     seen = record.sighting.comparison
     by = [*seen.channels, *(sensed.name for sensed in seen.sensed)]
     if not by:
         return NOT_COMPARED
-    what = "picture" if seen.channels else "frame"
-    if not len(seen.quality):
-        return f"the {what} is compared by {' and '.join(by)}. No dot moves."
-    return (
-        f"the {what} is compared with {len(seen.quality):,} references by {' and '.join(by)}. No dot moves."
-    )
+    count = len(seen.quality)
+    many = f" with {count:,} references" if count else ""
+    channels = " and ".join(part for part in (", ".join(by[:-1]), by[-1]) if part)
+    text = f"the {'picture' if seen.channels else 'frame'} is compared{many} by {channels}."
+    if moment.truth is None or taken_at is None:
+        return f"{text} No dot moves."
+    away = scale.say(float(np.hypot(*(taken_at - moment.truth)[:2])))
+    return f"{text} The best match was taken {away} from the truth. No dot moves."
 
 
 def weighted(record: StepRecord) -> str:
@@ -106,8 +117,9 @@ def _worth(record: StepRecord) -> str:
 
 
 def _survivors(record: StepRecord) -> int:
-    parents = record.parents
-    return record.weighted.size if parents is None else len(np.unique(parents[parents >= 0]))
+    if record.parents is None:
+        return record.weighted.size
+    return int(np.count_nonzero(np.bincount(record.parents[record.parents >= 0])))
 
 
 def resampled(record: StepRecord) -> str:
@@ -145,7 +157,8 @@ DRAWN = {DRAWS_EVENLY: "anywhere on the map", DRAWS_WHERE_LIKELY: "where the pic
 
 def estimated(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Describe the answer."""
-    return f"{_answer(moment, record, scale)} The oval holds most of that group's dots."
+    answer = _answer(moment, record, scale)
+    return f"{answer[:1].lower()}{answer[1:]} The oval holds most of that group's dots."
 
 
 def _answer(moment: Moment, record: StepRecord, scale: Scale) -> str:
