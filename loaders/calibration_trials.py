@@ -70,11 +70,11 @@ def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Ro
         yield _Row(straight, measured, actual, drift, (row.get("floor") or "").strip())
 
 
-def _check_columns(file: Path, found: Sequence[str]) -> None:
-    unknown = [name for name in found if name not in COLUMNS]
-    missing = [name for name in NEEDED if name not in found]
-    if unknown or missing or len(set(found)) < len(found):
-        names = ", ".join(found) or "none"
+def _check_columns(file: Path, columns: Sequence[str]) -> None:
+    unknown = [name for name in columns if name not in COLUMNS]
+    missing = [name for name in NEEDED if name not in columns]
+    if unknown or missing or len(set(columns)) < len(columns):
+        names = ", ".join(columns) or "none"
         wanted = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
         raise InputError(file, f"found columns {names}; expected {wanted}, each once", 1)
 

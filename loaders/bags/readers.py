@@ -168,23 +168,23 @@ class PoseReader:
 
     def records(self, message: Message, number: int, *, recorded: bool) -> Iterator[Timed]:
         """Yield the pose of one message."""
-        for t_s, found in self._found(message, recorded=recorded):
-            flat = not isinstance(found, np.ndarray) and hasattr(found, "theta")
-            yield self.make(t_s + self.offset_s, pose_of(found, self.plane) if flat else self._placed(found))
+        for t_s, pose in self._found(message, recorded=recorded):
+            flat = not isinstance(pose, np.ndarray) and hasattr(pose, "theta")
+            yield self.make(t_s + self.offset_s, pose_of(pose, self.plane) if flat else self._placed(pose))
             if self._note and self.make is TruthPose:
                 yield Note(t_s + self.offset_s, self._note)
 
-    def _placed(self, found: Any) -> F64:
+    def _placed(self, pose: Any) -> F64:
         """Return the pose (3,) of a matrix or a message in space, and look how far it leaves the plane."""
-        matrix = found if isinstance(found, np.ndarray) else matrix_in(found)
+        matrix = pose if isinstance(pose, np.ndarray) else matrix_in(pose)
         self._note = self.out_of_plane.add(*self.plane.place(matrix[:3, 3], matrix[:3, :3]))
         return self.plane.pose(matrix)
 
     def matrices(self, message: Message) -> Iterator[F64]:
         """Yield the pose of one message in space (4, 4), if it is one."""
-        for _, found in self._found(message, recorded=True):
-            if isinstance(found, np.ndarray) or not hasattr(found, "theta"):
-                yield found if isinstance(found, np.ndarray) else matrix_in(found)
+        for _, pose in self._found(message, recorded=True):
+            if isinstance(pose, np.ndarray) or not hasattr(pose, "theta"):
+                yield pose if isinstance(pose, np.ndarray) else matrix_in(pose)
 
     def _found(self, message: Message, *, recorded: bool) -> Iterator[tuple[float, Any]]:
         """Yield the time of a message, and the matrix (4, 4) or the message that holds its pose."""

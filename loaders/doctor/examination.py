@@ -331,22 +331,22 @@ def _about_odometry(
     return odometry_doubts(drive)
 
 
-def _about_reading(found: Gathered) -> list[Finding]:
-    findings, truth = list[Finding](), found.drive.truth.poses
-    for name, (tilt_rad, height_m) in found.tilts.items():
+def _about_reading(gathered: Gathered) -> list[Finding]:
+    findings, truth = list[Finding](), gathered.drive.truth.poses
+    for name, (tilt_rad, height_m) in gathered.tilts.items():
         numbers = {"tilt_deg": math.degrees(tilt_rad), "height_m": height_m}
         evidence = (Evidence("off-plane", {"name": name, **numbers}),)
         findings.append(Finding("out-of-plane", evidence, numbers, details={"name": name}))
-    if found.falls:
-        findings.append(Finding("times-fall", (Evidence("falling"),), details={"falls": found.falls}))
-    large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (found.drive.odometry.values, truth))
+    if gathered.falls:
+        findings.append(Finding("times-fall", (Evidence("falling"),), details={"falls": gathered.falls}))
+    large = sum(int((np.abs(v) > MOST).any(axis=1).sum()) for v in (gathered.drive.odometry.values, truth))
     if large:
         most = {"most": MOST}
         evidence = (Evidence("limits", most),)
         findings.append(Finding("too-large", evidence, {"records": large}, details=most))
-    if found.skipped:
-        evidence = (Evidence("first-problem", {"problem": found.first_problem}),)
-        findings.append(Finding("broken", evidence, details={"records": found.skipped}))
+    if gathered.skipped:
+        evidence = (Evidence("first-problem", {"problem": gathered.first_problem}),)
+        findings.append(Finding("broken", evidence, details={"records": gathered.skipped}))
     return findings
 
 

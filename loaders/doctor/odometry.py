@@ -324,22 +324,22 @@ def _in_degrees(drive: RecordedDrive, segments: TruthSegments) -> tuple[TruthSeg
     return other, [Finding("truth-degrees", (seen,), {"largest": largest}, options)]
 
 
-def _delay(found: Agreement, usual: Agreement) -> Finding:
-    late = round(found.shift_s, 2)
-    seen = Evidence("moved", {"by_s": -late, "before": usual.unexplained, "after": found.unexplained})
+def _delay(best: Agreement, usual: Agreement) -> Finding:
+    late = round(best.shift_s, 2)
+    seen = Evidence("moved", {"by_s": -late, "before": usual.unexplained, "after": best.unexplained})
     return Finding("odometry-delay", (seen,), {"delay_s": late}, {"odometry_offset_s": -late})
 
 
-def _agreement(found: Agreement, usual: Agreement | None = None) -> Evidence:
+def _agreement(best: Agreement, usual: Agreement | None = None) -> Evidence:
     """Return the numbers of a comparison with the truth, with those of the usual interpretation."""
     values: dict[str, float | str] = {
-        "segments": found.segments,
-        "gain": found.gain,
-        "scale": found.scale,
-        "turn_unexplained": found.turn_unexplained,
-        "way_unexplained": found.way_unexplained,
+        "segments": best.segments,
+        "gain": best.gain,
+        "scale": best.scale,
+        "turn_unexplained": best.turn_unexplained,
+        "way_unexplained": best.way_unexplained,
     }
-    if usual is not None and not usual.interpretation == Interpretation() == found.interpretation:
+    if usual is not None and not usual.interpretation == Interpretation() == best.interpretation:
         values |= {"usual_turn": usual.turn_unexplained, "usual_way": usual.way_unexplained}
     return Evidence("agreement", values)
 

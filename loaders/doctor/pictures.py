@@ -109,15 +109,15 @@ def truth_at(track: RecordedTruth, t_s: F64) -> F64:
     return np.asarray(track.poses[before] + step * share[:, None])
 
 
-def _best(found: F64, values: F64, place_of: I32, *, circular: bool) -> Gained | None:
+def _best(log_scores: F64, values: F64, place_of: I32, *, circular: bool) -> Gained | None:
     """Return the value of highest mean: the middle of its neighbors that are nearly as high."""
-    usual = found[:, np.abs(values).argmin()]
+    usual = log_scores[:, np.abs(values).argmin()]
     counted = np.isfinite(usual)
     groups = np.unique(place_of[counted], return_inverse=True)[1]
     if counted.sum() < FEWEST_PICTURES or groups.max() + 1 < FEWEST_PLACES:
         return None
-    floor = float(np.nanmin(found))  # outside free space counts as the worst place inside
-    gains = np.where(np.isfinite(found), found, floor)[counted] - usual[counted, None]
+    floor = float(np.nanmin(log_scores))  # outside free space counts as the worst place inside
+    gains = np.where(np.isfinite(log_scores), log_scores, floor)[counted] - usual[counted, None]
     mean = gains.mean(axis=0)
     top = int(mean.argmax())
     value = _highest(mean, values, circular=circular)
@@ -196,5 +196,5 @@ def _yaw(yaw: Gained) -> Finding:
     return Finding("camera-yaw", (_explained(yaw),), numbers, options)
 
 
-def _explained(found: Gained) -> Evidence:
-    return Evidence("explained", {"pictures": found.pictures, "nats": found.nats, "sigmas": found.sigmas})
+def _explained(gained: Gained) -> Evidence:
+    return Evidence("explained", {"pictures": gained.pictures, "nats": gained.nats, "sigmas": gained.sigmas})

@@ -269,12 +269,12 @@ def _split(name: str) -> tuple[str, str | None]:
     return (name.lower(), None) if matched is None else (matched[1], matched[2])
 
 
-def _whole(found: dict[str, Column], group: tuple[str, ...]) -> None:
+def _whole(columns: dict[str, Column], group: tuple[str, ...]) -> None:
     """Take out incomplete poses; a quaternion goes before a heading."""
     turned = QUATERNIONS[group]
-    unneeded = group[2:] if all(role in found for role in turned) else turned
+    unneeded = group[2:] if all(role in columns for role in turned) else turned
     for role in unneeded:
-        found.pop(role, None)
-    if any(role not in found for role in (*group[:2], *(turned if unneeded != turned else group[2:]))):
+        columns.pop(role, None)
+    if any(role not in columns for role in (*group[:2], *(turned if unneeded != turned else group[2:]))):
         for role in (*group, *turned):
-            found.pop(role, None)
+            columns.pop(role, None)

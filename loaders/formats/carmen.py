@@ -108,11 +108,11 @@ class CarmenRecording:
                 yield line
 
 
-def _set_anew(before: _Pose | None, found: _Pose, last_t_s: float) -> bool:
+def _set_anew(before: _Pose | None, pose: _Pose, last_t_s: float) -> bool:
     """Return whether odometry was set to the pose of a scan, without a time of its own."""
-    untimed = found.t_s < last_t_s - MOST_BACK_S or found.t_s < NO_TIME_S < last_t_s
-    after_scan = before is not None and before.word == "FLASER" and found.word == "ODOM"
-    return untimed and after_scan and before is not None and np.array_equal(before.pose, found.pose)
+    untimed = pose.t_s < last_t_s - MOST_BACK_S or pose.t_s < NO_TIME_S < last_t_s
+    after_scan = before is not None and before.word == "FLASER" and pose.word == "ODOM"
+    return untimed and after_scan and before is not None and np.array_equal(before.pose, pose.pose)
 
 
 class _Continuous:

@@ -106,9 +106,9 @@ def _from_cache(kept: Path) -> Landmarks | None:
         return None
 
 
-def _into_cache(found: Landmarks, kept: Path) -> None:
+def _into_cache(landmarks: Landmarks, kept: Path) -> None:
     data = io.BytesIO()
-    np.savez(data, allow_pickle=False, **found.to_arrays())
+    np.savez(data, allow_pickle=False, **landmarks.to_arrays())
     with suppress(InputError, OSError):
         kept.parent.mkdir(parents=True, exist_ok=True)
         write_whole(kept, data.getvalue(), force=True)

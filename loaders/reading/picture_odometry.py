@@ -190,10 +190,10 @@ class WithPictureOdometry:
                     yield None
 
 
-def _pictures_a_movement(found: Sequence[RelativeMotion | None]) -> float:
+def _pictures_a_movement(motions: Sequence[RelativeMotion | None]) -> float:
     """Return after how many pictures a robot is seen to have moved, in the median; one if it never is."""
     counts, since = list[int](), 1
-    for record in found:
+    for record in motions:
         if record is not None and record.step_m == 0:
             since += 1
             continue
@@ -202,24 +202,24 @@ def _pictures_a_movement(found: Sequence[RelativeMotion | None]) -> float:
     return float(np.median(counts)) if counts else 1.0
 
 
-def _after_turn(found: RelativeMotion, turned_rad: float) -> RelativeMotion:
+def _after_turn(relative: RelativeMotion, turned_rad: float) -> RelativeMotion:
     """Return a movement as seen after a turn that was told before."""
-    turn, direction = found.turn_rad - turned_rad, found.direction_rad - turned_rad
-    return replace(found, turn_rad=turn, direction_rad=direction)
+    turn, direction = relative.turn_rad - turned_rad, relative.direction_rad - turned_rad
+    return replace(relative, turn_rad=turn, direction_rad=direction)
 
 
-def _way_m(found: RelativeMotion, usual_m: float) -> float:
-    if not found.step_m:
-        return usual_m if found.step_m is None else 0.0
-    return math.sqrt(usual_m * found.step_m)
+def _way_m(relative: RelativeMotion, usual_m: float) -> float:
+    if not relative.step_m:
+        return usual_m if relative.step_m is None else 0.0
+    return math.sqrt(usual_m * relative.step_m)
 
 
-def _motion(found: RelativeMotion | None, usual_m: float, unseen_m: float, yaw_rad: float) -> F64:
+def _motion(relative: RelativeMotion | None, usual_m: float, unseen_m: float, yaw_rad: float) -> F64:
     """Return the movement (3,) in the robot's frame."""
-    if found is None:
+    if relative is None:
         return np.array([unseen_m, 0.0, 0.0])
-    way, ahead = _way_m(found, usual_m), found.direction_rad + yaw_rad
-    return np.array([way * math.cos(ahead), way * math.sin(ahead), found.turn_rad or LEAST_TURN_RAD])
+    way, ahead = _way_m(relative, usual_m), relative.direction_rad + yaw_rad
+    return np.array([way * math.cos(ahead), way * math.sin(ahead), relative.turn_rad or LEAST_TURN_RAD])
 
 
 def _lens_of(recording: Recording, options: ReadingOptions) -> _Lens:

@@ -35,27 +35,30 @@ def failures_from_json(value: Any, steps: Any) -> tuple[Failure, ...] | None:
     return tuple(_failure(failure, last) for failure in failures) if known else None
 
 
-def _failure(found: dict[str, Any], steps: int) -> Failure:
-    first = whole(found.get("first"), "failures.first")
-    episode = _episode(mapping(found["episode"], "failures.episode"))
+def _failure(values: dict[str, Any], steps: int) -> Failure:
+    first = whole(values.get("first"), "failures.first")
+    episode = _episode(mapping(values["episode"], "failures.episode"))
     named = [first, episode.first, episode.onset, episode.last]
     if not 1 <= min(named) <= max(named) <= steps:
         raise FieldError(f"found a failure from step {min(named)} to {max(named)}, expected 1 to {steps}")
     return Failure(
-        _kind(found.get("kind")),
+        _kind(values.get("kind")),
         first,
         episode,
-        {str(name): _value(one) for name, one in mapping(found.get("evidence"), "failures.evidence").items()},
-        flag(found.get("truth_known"), "failures.truth_known"),
-        tuple(_kind(kind) for kind in items(found.get("also"), "failures.also")),
+        {
+            str(name): _value(value)
+            for name, value in mapping(values.get("evidence"), "failures.evidence").items()
+        },
+        flag(values.get("truth_known"), "failures.truth_known"),
+        tuple(_kind(kind) for kind in items(values.get("also"), "failures.also")),
     )
 
 
-def _episode(found: dict[str, Any]) -> Episode:
-    kind = found.get("kind")
+def _episode(values: dict[str, Any]) -> Episode:
+    kind = values.get("kind")
     if kind not in (KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST):
         raise FieldError(f"found episode {show(kind)}, expected kidnapped, lost, searching or probably-lost")
-    named: dict[str, Any] = {field.name: found.get(field.name) for field in fields(Episode)[1:]}
+    named: dict[str, Any] = {field.name: values.get(field.name) for field in fields(Episode)[1:]}
     for name, value in named.items():
         named[name] = None if value is None else whole(value, f"failures.episode.{name}")
     return Episode(kind, **named)

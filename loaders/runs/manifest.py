@@ -154,33 +154,33 @@ def _how_to_save(source: Path) -> str:
     return f"make one with: maurice-replay {quote(str(source))} -o none --save-run my-run"
 
 
-def _manifest(found: Mapping[str, Any]) -> RunManifest:
-    start, steps, state = found.get("start"), found.get("steps"), found.get("state")
+def _manifest(values: Mapping[str, Any]) -> RunManifest:
+    start, steps, state = values.get("start"), values.get("steps"), values.get("state")
     if state not in STATES:
         raise FieldError(f"found state {show(state)}, expected one of {', '.join(STATES)}")
     return RunManifest(
-        label=_label(found.get("label")),
-        seed=whole(found.get("seed"), "seed"),
+        label=_label(values.get("label")),
+        seed=whole(values.get("seed"), "seed"),
         start=None if start is None else tuple(numbers(start, 3, "start")),
-        channels=tuple(text(name, "channels") for name in items(found.get("channels"), "channels")),
-        origin_m=tuple(numbers(found.get("origin_m"), 2, "origin_m")),
-        name=text(found.get("name"), "name"),
-        display_units=_units(found.get("display_units")),
-        pictures=whole(found.get("pictures"), "pictures"),
-        has_truth=flag(found.get("has_truth"), "has_truth"),
-        keep_going=flag(found.get("keep_going"), "keep_going"),
-        session=_source(found.get("session"), "session"),
-        library=_source(found.get("library"), "library"),
-        library_content=text(found.get("library_content"), "library_content"),
-        configuration_sha256=text(found.get("configuration_sha256"), "configuration_sha256"),
-        versions={k: text(v, k) for k, v in mapping(found.get("versions"), "versions").items()},
+        channels=tuple(text(name, "channels") for name in items(values.get("channels"), "channels")),
+        origin_m=tuple(numbers(values.get("origin_m"), 2, "origin_m")),
+        name=text(values.get("name"), "name"),
+        display_units=_units(values.get("display_units")),
+        pictures=whole(values.get("pictures"), "pictures"),
+        has_truth=flag(values.get("has_truth"), "has_truth"),
+        keep_going=flag(values.get("keep_going"), "keep_going"),
+        session=_source(values.get("session"), "session"),
+        library=_source(values.get("library"), "library"),
+        library_content=text(values.get("library_content"), "library_content"),
+        configuration_sha256=text(values.get("configuration_sha256"), "configuration_sha256"),
+        versions={k: text(v, k) for k, v in mapping(values.get("versions"), "versions").items()},
         state=str(state),
-        radii=_radii(found.get("radii")),
+        radii=_radii(values.get("radii")),
         steps=None if steps is None else whole(steps, "steps"),
-        reading=reading_from_json(found.get("reading")),
-        sensors={k: text(v, k) for k, v in mapping(found.get("sensors", {}), "sensors").items()},
-        table=None if found.get("table") is None else _source(found["table"], "table"),
-        failures=None if found.get("failures") is None else failures_from_json(found["failures"], steps),
+        reading=reading_from_json(values.get("reading")),
+        sensors={k: text(v, k) for k, v in mapping(values.get("sensors", {}), "sensors").items()},
+        table=None if values.get("table") is None else _source(values["table"], "table"),
+        failures=None if values.get("failures") is None else failures_from_json(values["failures"], steps),
     )
 
 

@@ -206,13 +206,13 @@ def _recovery_columns(test: RecoveryTest | None) -> dict[str, Any]:
     return dict(zip(RECOVERY, values, strict=True))
 
 
-def _library_columns(found: LibraryEvidence | None) -> dict[str, Any]:
-    values = (None, None) if found is None else (found.mean, found.best)
+def _library_columns(evidence: LibraryEvidence | None) -> dict[str, Any]:
+    values = (None, None) if evidence is None else (evidence.mean, evidence.best)
     return dict(zip(LIBRARY, values, strict=True))
 
 
-def _opinion_columns(found: Opinion | None) -> dict[str, Any]:
-    values = (None, None) if found is None else (found.not_lost, found.alarm_below)
+def _opinion_columns(opinion: Opinion | None) -> dict[str, Any]:
+    values = (None, None) if opinion is None else (opinion.not_lost, opinion.alarm_below)
     return dict(zip(OPINION, values, strict=True))
 
 

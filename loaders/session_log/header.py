@@ -54,9 +54,9 @@ def arena_from_json(value: Any) -> Arena:
     return Arena((x_min, y_min, x_max, y_max), np.array(walls, np.float64).reshape(-1, 4), *regions)
 
 
-def _regions(found: dict[str, Any], key: str) -> Iterator[Region]:
+def _regions(values: dict[str, Any], key: str) -> Iterator[Region]:
     what = f"map.{key}"
-    for value in items(found.get(key, []), what):
+    for value in items(values.get(key, []), what):
         region = mapping(value, what)
         corners = [
             numbers(c, 2, f"{what}.polygon_m") for c in items(region.get("polygon_m"), f"{what}.polygon_m")
@@ -104,22 +104,22 @@ def header_from_json(value: Any, path: Path) -> tuple[SessionInfo, Kind]:
     return _info(fields, path), kind
 
 
-def _info(found: dict[str, Any], path: Path) -> SessionInfo:
-    robot = mapping(found.get("robot") or {}, "robot")
-    motion, (start, arena, survey) = robot.get("motion"), map(found.get, ("start", "map", "survey"))
+def _info(values: dict[str, Any], path: Path) -> SessionInfo:
+    robot = mapping(values.get("robot") or {}, "robot")
+    motion, (start, arena, survey) = robot.get("motion"), map(values.get, ("start", "map", "survey"))
     return SessionInfo(
-        name=text(found.get("name", drive_name(path)), "name"),
-        display_units=_units(found.get("display_units", "m")),
+        name=text(values.get("name", drive_name(path)), "name"),
+        display_units=_units(values.get("display_units", "m")),
         robot=text(robot.get("name", "robot"), "robot.name"),
         motion=None if motion is None else _motion(motion),
         cameras=tuple(
             camera_from_json(whole_characters(n, "cameras"), c)
-            for n, c in mapping(found.get("cameras") or {}, "cameras").items()
+            for n, c in mapping(values.get("cameras") or {}, "cameras").items()
         ),
         start=None if start is None else np.array(numbers(start, 3, "start")),
         survey=None if survey is None else _survey(path.parent, text(survey, "survey")),
         arena=_arena(path.parent, arena),
-        notes=tuple(text(n, "notes") for n in items(found.get("notes") or [], "notes")),
+        notes=tuple(text(n, "notes") for n in items(values.get("notes") or [], "notes")),
     )
 
 

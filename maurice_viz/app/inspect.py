@@ -76,10 +76,10 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
     )
 
 
-def _about_places(path: Path, found: Inspection) -> list[str]:
+def _about_places(path: Path, inspection: Inspection) -> list[str]:
     """Return what there is to say of the recording's library: whether its places can be told apart."""
-    named = found.survey if found.survey_found else None
-    library = path if found.kind == "survey" else None if named is None else Path(named)
+    named = inspection.survey if inspection.survey_found else None
+    library = path if inspection.kind == "survey" else None if named is None else Path(named)
     if library is None:
         return []
     try:

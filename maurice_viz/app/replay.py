@@ -162,7 +162,11 @@ def replay_session(
     alone = alone and plain and output.alone and not output.no_recording
     if asked is None and opened.info.survey is None:
         if alone:
-            return _show_alone(opened, output, reading, listener)
+            from ..running.drive import show_alone  # imports Rerun
+
+            written = show_alone(opened, output.named(["drive"]), listener)
+            info = opened.info
+            return RunScores((), info.name, info.display_units, tuple(info.notes), written)
         if not opened.overview()[0]:
             shown = "a replay into a recording, without options of the filter, shows the drive"
             raise InputError(opened.path, f"found no pictures, which the filter needs; {shown}")
@@ -172,16 +176,6 @@ def replay_session(
     survey = asked if isinstance(asked, Path) else opened.info.survey or opened.path
     inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
     return play(playback, output.named(words_of(specs)), listener, saving(runs, inputs, output), report)
-
-
-def _show_alone(
-    session: RecordedSession, output: OutputOptions, reading: ReadingOptions, listener: Listener
-) -> RunScores:
-    """Show a drive for which there is no library; no run is made."""
-    from ..running.drive import show_alone  # imports Rerun
-
-    written = show_alone(session, output.named(["drive"]), listener)
-    return RunScores((), session.info.name, session.info.display_units, tuple(session.info.notes), written)
 
 
 def playback_of_session(

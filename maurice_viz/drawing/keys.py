@@ -13,11 +13,11 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.arrays import U8, U32
 from maurice_mcl.values.map import Arena
 
 from .. import style
-from ..style import RGB, U32, Scale
+from ..style import RGB, Scale
 from .canvas import MAP_MARGINS, Extent, long_side, map_extent, put_text, text_size
 
 HEIGHT_PX = 64

@@ -331,7 +331,7 @@ def entry_weights(weights: F64, entries: I32, count: int, known: F32 | None = No
     return entry_weights(weights * known, entries, count) + unknown / max(count, 1)
 
 
-def log_mean_likelihood(explained: EntryLikelihood, held: F64) -> F64:
+def log_mean_likelihood(explained: EntryLikelihood, weights: F64) -> F64:
     """Return log of the mean of exp(-cost) (...,) over the weight (L,) held near entries; -inf for none."""
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log(explained.relative @ held) + explained.top)
+        return np.asarray(np.log(explained.relative @ weights) + explained.top)

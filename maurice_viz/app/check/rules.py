@@ -148,10 +148,10 @@ def _after(after: Sequence[int | None], found_at: Sequence[Sequence[bool]], what
     return ", ".join(parts)
 
 
-def _missed(found: Sequence[bool]) -> str:
-    if not any(found):
+def _missed(reached: Sequence[bool]) -> str:
+    if not any(reached):
         return "never {}"
-    return "not {} again after a kidnapping" if found[0] else "not {} before a kidnapping"
+    return "not {} again after a kidnapping" if reached[0] else "not {} before a kidnapping"
 
 
 def _localized(runs: Sequence[RunJudgement], scale: Scale) -> str:
