@@ -161,10 +161,6 @@ class RunPaths:
         """Text about this step: one TextDocument."""
         return self.at("text")
 
-    def histogram(self, channel: str, kind: str) -> str:
-        """One BarChart: `kind` is sample, reference, difference or one of the static bands."""
-        return self.at("histogram", channel, kind)
-
     def explain(self, *parts: str) -> str:
         """What explains a step: "table", "marks" on the map, or parts such as "card" and a reference."""
         return self.at("explain", *parts)

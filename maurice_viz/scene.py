@@ -21,7 +21,7 @@ from maurice_mcl.values.session import SessionInfo
 
 from .drawing.contact_sheet import cell_height
 from .entities import RunPaths
-from .style import COLOR_WORDS, RGB, RUN_COLORS, Scale, scale_for
+from .style import RGB, RUN_COLORS, Scale, scale_for
 
 DRAWS_NEVER, DRAWS_EVENLY, DRAWS_WHERE_LIKELY = (
     "never",
@@ -126,11 +126,6 @@ class RunView:
     def color(self) -> RGB:
         """Of its estimate, its path and its curves; a fifth run has the first one's again."""
         return RUN_COLORS[self.number % len(RUN_COLORS)]
-
-    @property
-    def color_word(self) -> str:
-        """The name of its color."""
-        return COLOR_WORDS[self.number % len(COLOR_WORDS)]
 
     @classmethod
     def of(cls, label: str, localizer: Localizer, start: F64 | None = None) -> RunView:

@@ -225,7 +225,6 @@ def weight_colors(log_weights: F64, of: int | None = None) -> U32:
     return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
 
 
-COLOR_WORDS = ("orange", "sky blue", "violet", "green")  # of RUN_COLORS, in order
 DEEPEST = 8.0  # nats below the best place that still have a color
 SAYS_NOTHING = (
     1.0  # nats: if half of the references are less behind the best, a picture tells no places apart

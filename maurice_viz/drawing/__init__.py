@@ -5,7 +5,6 @@ What is logged under an entity path, or reads a step's record, is a panel's.
 canvas         texts on pixel images, their encoding, and the ground of a map: floors, obstacles, ruler
 keys           legends, as strips above a map or beside a plot
 contact_sheet  pictures and captions of references, such as the five best; cards of one over its edges
-bars           bar charts of descriptors
 arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
 indexed        small drawings of palette colors, for what is drawn at every update
 heat           heat maps of two-dimensional histograms

@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maurice_mcl.reasons.explanation import ChannelExplanation, EntryExplanation
+from maurice_mcl.sensor.descriptors.histograms import BINS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F32, F64, I32, U8
 
 from ..style import (
@@ -31,9 +33,8 @@ from ..style import (
     RGB,
     RGBA,
 )
-from .bars import LEAST_HEIGHT, bands_of, channel_color
 from .canvas import blank, put_text, text_size
-from .heat import CHART, EMPTY_INK, HEATS, grid_of, heat_of, place_heat
+from .heat import CHART, EMPTY_INK, HEATS, LEAST_HEIGHT, grid_of, heat_of, place_heat
 from .indexed import fill, write
 
 CHART_PX = (288, 260)  # width and height, in a recording of many updates
@@ -42,13 +43,24 @@ TEXT_SHARE = 0.045  # height of capitals, of the width
 COST_SHARE = 0.32  # of a small chart's height: what each element costs
 TICK_NATS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
 MOST_MARKS = 5
-PLANES = ("R", "G", "B")
+PLANES = ("R", "G", "B")  # equal thirds of a descriptor
 
 # numbers of the colors of charts
 SAMPLE_INK, REFERENCE_INK, COST_INK = (CHART.flat(color) for color in (PICTURE, REFERENCE, BAR))
 TEXT_INK = CHART.ramp(GROUND, PALE)
 GROUND_INK, PALE_INK = CHART.flat(GROUND), CHART.flat(PALE)
 BAR_INKS = {color: CHART.ramp(color, GROUND) for color in CHANNEL_COLORS}  # a bar, and letters on it
+
+
+def channel_color(channel: str) -> RGB:
+    """Return the color of a sensor channel: the same in every run; after the ninth channel they repeat."""
+    known = list(CHANNELS)
+    return CHANNEL_COLORS[(known.index(channel) if channel in known else 0) % len(CHANNEL_COLORS)]
+
+
+def bands_of(bins: int) -> tuple[RGBA, ...]:
+    """Return one band per color if each color has 28 bins, else a single band."""
+    return RED_GREEN_BLUE if bins == len(PLANES) * BINS else (PLAIN,)
 
 
 @dataclass(frozen=True, slots=True)

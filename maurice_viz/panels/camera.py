@@ -1,7 +1,4 @@
-"""What the robot saw: the picture, its edges, and histograms of it over those of its best match.
-
-Static bands behind the bars separate red, green and blue, and fix the height, so that steps can be compared.
-"""
+"""What the robot saw: the picture and its edges; and pictures in general, by name or over a caption."""
 
 from __future__ import annotations
 
@@ -13,24 +10,16 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.sensor.descriptors.histograms import edge_image
-from maurice_mcl.values.arrays import F32, U8
+from maurice_mcl.values.arrays import U8
 
 from .. import entities
-from ..drawing.arrow import blob_of, row_of, tensor_of
-from ..drawing.bars import (
-    REFERENCE_BAR,
-    SAMPLE_BAR,
-    bands_of,
-    place_bars,
-    usual_height,
-)
+from ..drawing.arrow import blob_of, row_of
 from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, put_text
-from ..drawing.heat import AXES_WORDS, CHART, GRIDS, HEATS, grid_of, heat_of, titled_heat
-from ..entities import Phase, RunPaths
-from ..scene import RunView, Scene
-from ..style import GROUND, MISSING, PALE, PICTURE, REFERENCE, RGB, TRUTH, font_safe
+from ..entities import Phase
+from ..scene import RunView
+from ..style import GROUND, MISSING, PALE, RGB, TRUTH, font_safe
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
-from .views import bars_view, picture_view
+from .views import picture_view
 
 NAME, SEES = "name", "the robot sees"
 EDGES_QUALITY = 75  # for display; the channel measures the picture itself
@@ -142,81 +131,3 @@ def camera_view(title: str = "") -> rrb.Spatial2DView:
 def edges_view() -> rrb.Spatial2DView:
     """Show the edge image of what the robot saw."""
     return picture_view(f"Edges x {EDGE_GAIN} (px)", entities.EDGES)
-
-
-# Histograms: the picture's over that of its best match.
-
-KINDS = ("sample", "reference")
-MAPS = "maps"  # of a two-dimensional histogram, instead of bars
-
-
-class HistogramsPanel(Panel):
-    """Draws for each channel the picture's descriptor over that of its best match."""
-
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        self._tops: dict[str, float] = {}  # usual height of an element
-
-    def prepare(self, rec: rr.RecordingStream) -> None:
-        for channel in self._run.distances:
-            index = self._library.index[channel]
-            bins = len(index.relevance)
-            usual = self._tops[channel] = usual_height(index)
-            if grid_of(channel, bins) is not None:
-                heat = rr.EncodedImage.from_fields(media_type="image/png")
-                rec.log(self._paths.histogram(channel, MAPS), heat, static=True)
-                continue
-            self._place_bands(rec, channel, "bands", bins, usual)
-            bin_width = len(bands_of(bins)) / bins
-            for kind, color, offset, width in (
-                ("reference", REFERENCE, *REFERENCE_BAR),
-                ("sample", PICTURE, *SAMPLE_BAR),
-            ):
-                path, lefts = self._paths.histogram(channel, kind), (np.arange(bins) + offset) * bin_width
-                place_bars(rec, path, color, lefts, np.full(bins, width * bin_width))
-
-    def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        comparison = update.record.sighting.comparison
-        if not update.whole or not len(comparison.quality):
-            return
-        set_phase(rec, update.moment, Phase.MEASURE)
-        best = int(comparison.quality.argmax())
-        for channel in comparison.channels:
-            sample, index = comparison.descriptors[channel], self._library.index[channel]
-            reference = index.references[best]
-            grid = grid_of(channel, len(sample))
-            if grid is not None:
-                self._draw_heat(rec, channel, grid, (sample, reference))
-                continue
-            for kind, values in zip(KINDS, (sample, reference), strict=True):
-                bars = row_of(rr.BarChart, values=tensor_of(values))
-                rec.log(self._paths.histogram(channel, kind), bars)
-
-    def clear(self, rec: rr.RecordingStream) -> None:
-        rec.log(self._paths.at("histogram"), rr.Clear(recursive=True))
-
-    def _draw_heat(
-        self, rec: rr.RecordingStream, channel: str, grid: tuple[int, int], parts: tuple[F32, F32]
-    ) -> None:
-        """Log a two-dimensional histogram: picture and match side by side."""
-        top = self._tops[channel]
-        maps = [heat_of(part.reshape(grid), top, ink) for part, ink in zip(parts, HEATS, strict=False)]
-        drawn = CHART.png(titled_heat(maps, ("picture", "best match"), AXES_WORDS))
-        rec.log(self._paths.histogram(channel, MAPS), row_of(rr.EncodedImage, blob=blob_of(drawn)))
-
-    def _place_bands(self, rec: rr.RecordingStream, channel: str, kind: str, bins: int, top: float) -> None:
-        for plane, color in enumerate(bands_of(bins)):
-            band = rr.BarChart([top], abscissa=[float(plane)], widths=[1.0], color=color)
-            rec.log(self._paths.histogram(channel, f"{kind}/{plane}"), band, static=True)
-
-
-def histogram_views(paths: RunPaths, channels: Sequence[str]) -> list[rrb.BarChartView | rrb.Spatial2DView]:
-    """Show the picture's histogram over its best match's, one view per channel."""
-    return [_histogram_view(paths, channel) for channel in channels]
-
-
-def _histogram_view(paths: RunPaths, channel: str) -> rrb.BarChartView | rrb.Spatial2DView:
-    if channel in GRIDS:
-        return picture_view(channel.capitalize(), paths.histogram(channel, MAPS))
-    kinds = ("bands", "reference", "sample")
-    return bars_view(channel.capitalize(), [paths.histogram(channel, kind) for kind in kinds])

@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 
 from ..scene import RunView, Scene
 from .belief import CloseupPanel, CloudPanel, EllipsesPanel, EstimatePanel
-from .camera import CameraPanel, HistogramsPanel
+from .camera import CameraPanel
 from .events import WordsPanel
 from .explanation import ExplanationPanel
 from .inside import InsidePanel, PhasesPanel
@@ -33,7 +33,6 @@ OF_A_RUN: tuple[type[Panel], ...] = (
     WeightBarsPanel,
     MatchCirclesPanel,
     BestReferencesPanel,
-    HistogramsPanel,
     EstimatePanel,
     EllipsesPanel,
     HeadingsPanel,
@@ -47,7 +46,7 @@ OF_REFERENCES: tuple[type[Panel], ...] = (LikelihoodPanel,)  # where the library
 
 
 OF_CHANNELS: frozenset[type[Panel]] = frozenset(
-    (MatchCirclesPanel, BestReferencesPanel, HistogramsPanel, ExplanationPanel)
+    (MatchCirclesPanel, BestReferencesPanel, ExplanationPanel)
 )  # which a robot without a camera has not
 OF_FILTERS: frozenset[type[Panel]] = frozenset((InsidePanel, WeightBarsPanel))  # not of recorded runs
 

@@ -12,9 +12,9 @@ from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.modes import Ancestry
 
 from ..drawing.arrow import doubles_of, row_of, scalars
-from ..drawing.bars import channel_color
 from ..drawing.canvas import png
 from ..drawing.keys import line_key
+from ..drawing.reference_chart import channel_color
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import BAR, FRESH, LOST, PALE, RGB, font_safe

@@ -43,7 +43,7 @@ TRUTH = "; the **white** disk is where the robot really is"
 CROWDED = 3  # runs beside whose pictures there is little room for words
 LANES = "Lanes: **dark** localized, **gray** searching, **magenta** sure of a wrong place, **red** lost."
 LANES_WITHOUT_TRUTH = "Lanes: **dark** dots together, **gray** dots spread, **red** probably lost."
-NOTICED = "Lane noticed: where **few count**, few dots have nearly all weight; where **reseeded**, new dots were drawn"
+NOTICED = "Lane noticed: at **few count** few dots hold nearly all weight, at **reseeded** new ones begin"
 NOTICED_OF_TRUTH = "; at **3 sigma** the truth is far outside of the dots"
 GO_THERE = "Right-click a lane to go there."
 

@@ -96,7 +96,6 @@ def test_phases_and_paths_follow_the_label():
     numbers = [phase_number(step, slot) for step in (1, 2) for slot in Phase]
     assert numbers == list(range(6, 18))
     assert RunPaths("color").particles == "/color/belief/particles"
-    assert RunPaths("color").histogram("edges", "sample") == "/color/histogram/edges/sample"
 
 
 @pytest.mark.parametrize("label", ["", "world", "session", "a/b"])

@@ -24,20 +24,19 @@ from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
-from maurice_viz.drawing.bars import channel_color
 from maurice_viz.drawing.contact_sheet import CARD_PX, blank_card
 from maurice_viz.drawing.heat import CHART, HEATS, SHADES, grid_of, heat_of
 from maurice_viz.drawing.reference_chart import (
     BAR_SHARE,
     CHART_PX,
     TEXT_SHARE,
+    channel_color,
     draw_levels,
     draw_reference_chart,
     scale_of,
 )
 from maurice_viz.entities import Phase, RunPaths
 from maurice_viz.layouts import one_run
-from maurice_viz.panels.camera import HistogramsPanel, histogram_views
 from maurice_viz.panels.explanation import ExplanationPanel
 from maurice_viz.panels.panel import StepUpdate, set_phase
 from maurice_viz.scene import RunView
@@ -136,28 +135,6 @@ def test_two_dimensional_histograms_are_heat_maps():
     assert CHART.colors[heat[0, 0]].tolist() == list(PICTURE)  # the last row is on top
     assert HEATS[0] < heat[15, 15] < HEATS[0] + SHADES - 1
     assert CHART.colors[heat[8, 8]].tolist() == list(EMPTY)
-
-
-def test_the_histogram_panel_draws_heat_maps_in_place_of_bars(library, tmp_path):
-    many, parameters = with_all_channels(library)
-    sensor, updates = play(many, parameters)
-    view = RunView(PATHS.label, tuple(sensor.distances), sensor)
-    panel = HistogramsPanel(view, recordings.scene_with(many))
-    names = ("chromaticity", "color")
-    with sinks.to_file(tmp_path / "out.rrd", "x", rrb.Blueprint()) as rec:
-        panel.prepare(rec)
-        for moment, record in updates:
-            seen = record.sighting.comparison
-            few = replace(record.sighting, comparison=replace(seen, channels=names))
-            panel.draw(rec, StepUpdate(moment, replace(record, sighting=few)))
-    found = recordings.entities_of(tmp_path / "out.rrd")
-    assert PATHS.histogram("chromaticity", "maps") in found
-    assert PATHS.histogram("chromaticity", "sample") not in found
-    assert PATHS.histogram("color", "sample") in found
-    rows = recordings.rows(tmp_path / "out.rrd", PATHS.histogram("chromaticity", "maps"))
-    assert len(recordings.having(rows, "EncodedImage:blob")) == len(updates)
-    views = histogram_views(PATHS, names)
-    assert [type(view) for view in views] == [rrb.Spatial2DView, rrb.BarChartView]
 
 
 def test_cards_show_the_references_pictures_and_are_logged_when_they_change(drawn):

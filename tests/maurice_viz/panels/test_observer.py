@@ -45,7 +45,6 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
 
 def test_every_entity_is_on_three_timelines(drawn):
     found = recordings.entities_of(drawn[0])
-    charts = {RUN.histogram(c, k) for c in ("color", "edges") for k in ("sample", "reference")}
     traces = ("position_error", "heading_error", "spread", "confidence", "effective_sample")
     world = {
         entities.FLOORS,
@@ -55,7 +54,7 @@ def test_every_entity_is_on_three_timelines(drawn):
         RUN.key(MATCHES),
     }
     expected = {entities.CAMERA, entities.EDGES, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
-    expected |= {RUN.circles, RUN.best, RUN.match(1)} | charts | world | {RUN.trace(t) for t in traces}
+    expected |= {RUN.circles, RUN.best, RUN.match(1)} | world | {RUN.trace(t) for t in traces}
     assert expected <= found
     names = {n for chunk in RrdReader(drawn[0]).stream() for n in chunk.to_record_batch().schema.names}
     assert {"step", "session", "phase"} <= names
@@ -81,8 +80,6 @@ def test_a_runs_color_is_of_its_estimate_path_ellipse_and_curves_alone(drawn):
         ]
         if packed(RUN_COLORS[0]) in colors:
             assert entity.rpartition("/")[2] in OF_A_RUN or "/trace/" in entity, entity
-        if "/histogram/" in entity:
-            assert not set(colors) & {packed(color) for color in RUN_COLORS}, entity
 
 
 def test_particles_walk_through_the_phases(drawn, library):
@@ -191,22 +188,6 @@ def test_traces_are_those_of_the_records(drawn):
         ]
 
 
-def test_histograms_are_those_of_the_picture_and_its_best_match(drawn, library):
-    path, played = drawn
-    for channel in ("color", "edges"):
-        rows = {k: recordings.rows(path, RUN.histogram(channel, k)) for k in ("sample", "reference")}
-        for k, (_, record) in enumerate(played):
-            seen = record.sighting.comparison
-            best = int(seen.ranking()[0])
-            sample, index = seen.descriptors[channel], library.index[channel]
-            for kind, values in (
-                ("sample", sample),
-                ("reference", index.references[best]),
-            ):
-                buffer = rows[kind][k].values["BarChart:values"][0]["buffer"]
-                np.testing.assert_allclose(np.asarray(buffer, np.float32), values, rtol=1e-6)
-
-
 def test_circles_grow_with_likelihood(drawn):
     path, played = drawn
     for row, (_, record) in zip(recordings.rows(path, RUN.circles), played, strict=True):
@@ -233,7 +214,6 @@ def test_two_runs_share_world_camera_and_truth(library, tmp_path):
     assert [row.step for row in recordings.rows(path, entities.TRUTH)] == [1, 2, 3]
     for label in ("color", "blended"):
         assert len(recordings.rows(path, RunPaths(label).trace("position_error"))) == 3
-    assert RunPaths("color").histogram("edges", "sample") not in recordings.entities_of(path)
     assert len(RrdReader(path).blueprints()) == 1
 
 
