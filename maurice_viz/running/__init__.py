@@ -5,9 +5,9 @@ The walk of a replay, from the command to a dot on the screen:
 1. `cli/replay.py` parses the command line and calls `app/replay.py`, as a program of Python would.
 2. `run_spec.py` says what run is asked for, `open.py` opens session and library and builds a filter.
 3. `playback.py` (of the package) steps all filters through the session; `run.py` goes through these
-   updates: it scores each, saves it (`saved.py`), and has it drawn.
+   steps: it scores each, saves it (`saved.py`), and has it drawn.
 4. `output.py` opens a file, a viewer or a browser's page to draw to (`viewer/`), laid out by `layouts/`.
-5. `observer.py` gives each update to the panels of its run, in the order of `panels/registry.py`.
+5. `observer.py` gives each step to the panels of its run, in the order of `panels/registry.py`.
 6. A panel, such as that of the cloud in `panels/belief.py`, logs rows: `style.py` scales meters to the
    screen, `entities.py` says under which path they stand and on which timeline, `drawing/arrow.py` makes
    Arrow data of them.

@@ -4,5 +4,5 @@
 - `setting_rules`: what values a setting may have, as annotations of its field
 - `map`, `session`, `library`: where the robot is, what it measured, the surveyed references
 - `pose_sensor`: the seam for sensors of other packages
-- `records`: the values of one update; `radii`: how near is near, for a library
+- `records`: the values of one step; `radii`: how near is near, for a library
 """
