@@ -51,9 +51,33 @@ class Phase(IntEnum):
     ESTIMATE = 5
 
 
+PHASE_NAMES = tuple(phase.name.lower() for phase in Phase)
+
+
 def phase_number(step: int, slot: Phase) -> int:
     """Return the place of one phase of one step on the phase timeline."""
     return PHASES_PER_STEP * step + slot
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the time cursor stands: at a step, or at one phase of it."""
+
+    step: int
+    phase: Phase | None = None
+
+    @property
+    def timeline(self) -> str:
+        """The timeline on which it is a place."""
+        return STEP if self.phase is None else PHASE
+
+    @property
+    def number(self) -> int:
+        """The place on that timeline."""
+        return self.step if self.phase is None else phase_number(self.step, self.phase)
+
+    def __str__(self) -> str:
+        return f"step {self.step}{'' if self.phase is None else f', {self.phase.name.lower()}'}"
 
 
 @lru_cache(maxsize=64)

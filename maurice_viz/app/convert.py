@@ -238,13 +238,20 @@ def _named(files: Files, paths: Sequence[str]) -> Iterator[Path]:
         yield from path_files(file, paths).values() if name in BY_PATH else [file]
 
 
-def only_run(folder: Path) -> SavedRun:
-    """Open a saved run, nothing that it was made from. InputError for a comparison's folder."""
+def only_run(folder: Path, label: str | None = None) -> SavedRun:
+    """Open a saved run, of a comparison the one with this label, nothing that it was made from.
+
+    InputError where none or several match.
+    """
     runs = open_runs(folder)
-    if len(runs) > 1:
+    matching = [run for run in runs if label in (None, run.manifest.label)]
+    if len(matching) == 1:
+        return matching[0]
+    if label is None:
         below = ", ".join(str(run.folder) for run in runs)
         raise InputError(folder, f"holds {len(runs)} runs; name one of them: {below}")
-    return runs[0]
+    labels = ", ".join(run.manifest.label for run in runs)
+    raise InputError(folder, f"found no run {label!r}; it has {labels}")
 
 
 def _open(

@@ -19,6 +19,7 @@ from maurice_mcl.values.arrays import F64
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
+from ..running.output import walk_command
 from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure
 from ..text.score_json import failure_json
@@ -79,6 +80,7 @@ class RunDiagnosis:
         run, step = shlex.quote(str(self.source)), failure.first
         return [
             f"maurice-replay explain {run} --step {step}",
+            walk_command(self.source, step),
             f"maurice-replay snapshot {run} --step {step} -o step-{step}.png",
         ]
 

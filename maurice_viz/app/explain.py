@@ -13,9 +13,11 @@ from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
+from ..entities import Phase
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.open import typed_pose
+from ..running.output import walk_command
 from ..running.saved import Opened, open_saved
 from ..style import Scale
 from ..text.explanation import say_step
@@ -27,17 +29,20 @@ from .snapshot import snapshot
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Explanation:
-    """One explained update of a saved run."""
+    """One explained step of a saved run."""
 
     label: str  # of the run
+    source: Path  # its folder
     step: StepExplanation  # every number, per channel and reference
     of_sensors: tuple[str, ...]  # what the pose sensors say, a paragraph each
     scale: Scale
+    phase: Phase = Phase.WEIGHT  # the one that did most: resampling where that happened
 
     @property
     def text(self) -> str:
         """The explanation in sentences, paragraphs separated by blank lines."""
         paragraphs = [*say_step(self.step, self.scale), *self.of_sensors]
+        paragraphs.append(f"Walk through it: {walk_command(self.source, self.step.step, self.phase)}")
         return "\n\n".join([f"{self.label}, step {self.step.step}", *paragraphs])
 
     def __str__(self) -> str:
@@ -52,6 +57,7 @@ def explain(
     run: str | Path,
     step: int | None = None,
     *,
+    label: str | None = None,
     at: F64 | str | None = None,
     entry: int | None = None,
     particle: int | None = None,
@@ -59,7 +65,7 @@ def explain(
     force: bool = False,
     listener: Listener = SILENT,
 ) -> Explanation:
-    """Explain one update of a saved run, the last one without `step`.
+    """Explain one step of a saved run, the last one without `step`; of a comparison the run of this `label`.
 
     The references nearest to the truth and to the estimate are compared with the one that matches best. One
     more may be asked for: the one nearest to the pose `at`, (3,) in meters and radians or as text
@@ -77,8 +83,7 @@ def explain(
     """
     if sum(given is not None for given in (at, entry, particle)) > 1:
         raise OptionError("--at, --entry and --particle exclude each other")
-    folder = Path(run)
-    only_run(folder)
+    folder = only_run(Path(run), label).folder
     opened = open_saved(folder, listener)
     (restored,) = opened.restored
     library = opened.scene.library
@@ -99,11 +104,12 @@ def explain(
     if at is not None or entry is not None:
         asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
     explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
-    label = restored.saved.manifest.label
+    saved = restored.saved.manifest
     if to is not None:
         snapshot(folder, to=to, step=moment.frame.step, layout="explain", force=force, listener=listener)
     sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
-    return Explanation(label, explained, sensors, scale)
+    phase = Phase.WEIGHT if record.parents is None else Phase.RESAMPLE
+    return Explanation(saved.label, folder, explained, sensors, scale, phase)
 
 
 def _of_readings(record: StepRecord, moment: Moment, origin: F64, scale: Scale) -> str:

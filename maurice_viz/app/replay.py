@@ -108,7 +108,7 @@ def _replayed(
     if path.suffix == ".rrd":
         if not plain:
             raise OptionError(f"{path} is a recording of the viewer: no option applies to it")
-        show_recording(path, listener, output.web)
+        show_recording(path, listener, output)
         return RunScores(())
     if as_recorded:
         if not plain:

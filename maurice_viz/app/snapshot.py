@@ -10,7 +10,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, temporary_folder, write_whole
 from maurice_loaders.runs.store import open_runs
 
-from ..entities import PHASE, PHASES_PER_STEP, SEEN, STEP, Phase, phase_number
+from ..entities import PHASE, PHASE_NAMES, PHASES_PER_STEP, SEEN, STEP, Phase, Place
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.observer import SceneObserver
@@ -22,7 +22,6 @@ from ..viewer.movie import MOST_IN_GIF, film, from_png
 from ..viewer.movie import SUFFIXES as MOVIES
 from ..viewer.snapshot import Viewer, expect_driver, expect_whole_frames, headless_viewer, recorded_steps
 
-PHASES = tuple(phase.name.lower() for phase in Phase)
 SMALLEST_PX, LARGEST_PX = 200, 8000
 SIZE = (1600, 1000)
 EQUAL_PICTURES = 2  # equal pictures that a frame waits for: its step number stands in it, so that it moved on
@@ -36,14 +35,16 @@ def snapshot(
     phase: str | None = None,
     view: str | None = None,
     layout: str | None = None,
+    label: str | None = None,
     size: tuple[int, int] = SIZE,
     force: bool = False,
     listener: Listener = SILENT,
 ) -> Path:
     """Write a picture (.png) of the viewer at one step of a saved run or a recording, and return its path.
 
-    `step` is the last one by default, `phase` one of PHASES within it. `layout` and `view` are names as the
-    viewer shows them: a tab, and the one view to fill the window of `size` (width, height) pixels.
+    `step` is the last one by default, `phase` one of PHASE_NAMES within it. `layout` and `view` are names as
+    the viewer shows them: a tab, and the one view to fill the window of `size` (width, height) pixels.
+    `label` is that of the run whose tab is open in that layout.
 
     Raises OptionError for arguments out of range and InputError if the step, view or layout does not
     exist, the file exists (unless `force`), or no Vulkan driver is installed.
@@ -53,15 +54,13 @@ def snapshot(
         'step-4.png'
     """
     target = _checked(Path(to), (".png",), size, force=force)
-    if phase is not None and phase not in PHASES:
-        raise OptionError(f"no phase called {phase!r}; there are {', '.join(PHASES)}")
+    if phase is not None and phase not in PHASE_NAMES:
+        raise OptionError(f"no phase called {phase!r}; there are {', '.join(PHASE_NAMES)}")
     _check_saved_steps(Path(source), step)
-    with _viewer_on(Path(source), layout, view, size, listener) as viewer:
+    with _viewer_on(Path(source), (layout, label), view, size, listener) as viewer:
         last = _span(viewer, Path(source), step, step)[-1]
-        if phase is None:
-            png = viewer.picture(STEP, last)
-        else:
-            png = viewer.picture(PHASE, phase_number(last, Phase[phase.upper()]))
+        place = Place(last, None if phase is None else Phase[phase.upper()])
+        png = viewer.picture(place.timeline, place.number)
         write_whole(target, png, force=force)
     return target
 
@@ -76,6 +75,7 @@ def movie(
     fps: float = 4.0,
     view: str | None = None,
     layout: str | None = None,
+    label: str | None = None,
     size: tuple[int, int] = SIZE,
     force: bool = False,
     listener: Listener = SILENT,
@@ -94,7 +94,7 @@ def movie(
     if first is not None and last is not None and first > last:
         raise OptionError(f"--from {first} is after --to {last}")
     _check_saved_steps(Path(source), first, last)
-    with _viewer_on(Path(source), layout, view, size, listener) as viewer:
+    with _viewer_on(Path(source), (layout, label), view, size, listener) as viewer:
         steps = _span(viewer, Path(source), first, last)
         timeline, values = STEP, steps
         if phases:
@@ -184,13 +184,18 @@ def _span(viewer: Viewer, source: Path, first: int | None, last: int | None) -> 
 
 @contextmanager
 def _viewer_on(
-    source: Path, layout: str | None, view: str | None, size: tuple[int, int], listener: Listener
+    source: Path,
+    tab: tuple[str | None, str | None],
+    view: str | None,
+    size: tuple[int, int],
+    listener: Listener,
 ) -> Iterator[Viewer]:
     """Open a headless viewer on a recording or a saved run, arranged as asked for."""
     expect_driver(source)  # before a long run is drawn in vain
     with _recording_of(source, listener) as recording, headless_viewer(recording, size) as viewer:
+        layout, label = tab
         if layout is not None:
-            viewer.show_layout(layout)
+            viewer.show_layout(layout, label)
         if view is not None:
             viewer.show_only(view)
         yield viewer

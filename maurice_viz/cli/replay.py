@@ -16,6 +16,8 @@ from rich.text import Text
 from maurice_loaders.live.source import is_live
 from maurice_loaders.session_log.header import drive_name
 
+from ..entities import Phase, Place
+from ..layouts import INSIDE
 from ..style import Scale, Units, units_named
 from ..text.headline import headline
 from ..text.summary import paired_rows, score_rows, short_rows
@@ -71,11 +73,27 @@ def replay(
 
 def open(  # noqa: A001
     recording: Annotated[Path, opt.argument("FILE.rrd|RUN", "A Rerun recording, or a saved run's folder.")],
+    step: Annotated[
+        int | None, opt.option("--step", "Where to begin. [default: where the verdict says]", min=1)
+    ] = None,
+    phase: opt.OnePhase = None,
+    run: opt.RunName = None,
     web: opt.Web = False,
     layout: opt.Layout = None,
 ) -> None:
-    """Open a Rerun recording or a saved run in the viewer, as `maurice-replay FILE.rrd` does."""
-    replay(recording, opt.FilterSet(), opt.DrawingSet(web=web, layout=layout), opt.ReadingSet())
+    """Open a Rerun recording or a saved run in the viewer, at a step or one phase of it."""
+    from ..app.replay import replay as replay_once
+    from ..running.output import serving
+
+    if phase is not None and step is None:
+        raise typer.BadParameter("--phase goes with --step")
+    if run is not None and layout is None and phase is None:
+        raise typer.BadParameter(opt.RUN_NEEDS)
+    tab = layout or (INSIDE if phase is not None else None)
+    place = None if step is None else Place(step, None if phase is None else Phase[phase.upper()])
+    output = opt.DrawingSet(web=web, layout=tab).output(drive_name(recording), place=place, run=run)
+    with listening(usage=False) as listener, serving(output, listener):
+        replay_once(recording, output=output, report=printed(json_output=False), listener=listener)
 
 
 def compare(

@@ -11,14 +11,13 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
-from ..entities import Phase
+from ..entities import PHASE_NAMES
 from .shared import options as opt
 from .shared.console import listening, print_json, results
 from .shared.options import argument, option
 
 MORE, PICTURE, MOVIE = "One more reference", "Picture", "Movie"  # panels of the help
 ALL = "all"
-PHASES = [phase.name.lower() for phase in Phase]
 
 
 def diagnose(
@@ -57,6 +56,7 @@ def diagnose(
 def explain(
     run: opt.Run,
     step: Annotated[int | None, option("--step", "Which step. [default: the last one]", min=1)] = None,
+    name: opt.RunName = None,
     at: Annotated[
         str | None,
         option("--at", "Explain this pose too, in display units and degrees.", MORE, metavar="X,Y,HEADING"),
@@ -73,13 +73,14 @@ def explain(
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Explain why the filter believed what it believed at one update of a saved run."""
+    """Explain why the filter believed what it believed at one step of a saved run."""
     from ..app.explain import explain as explain_run
 
     with listening() as listener:
         explained = explain_run(
             run,
             step,
+            label=name,
             at=at,
             entry=entry,
             particle=particle,
@@ -121,10 +122,10 @@ def snapshot(
         str | None,
         option(
             "--phase",
-            f"One phase of it: {', '.join(PHASES)}; in a movie `all`: six pictures a step instead of one.",
+            f"One phase of it: {', '.join(PHASE_NAMES)}; in a movie `all`: six pictures a step.",
             PICTURE,
             metavar="NAME",
-            **opt.one_of((*PHASES, ALL), "phase"),
+            **opt.one_of((*PHASE_NAMES, ALL), "phase"),
         ),
     ] = None,
     first: Annotated[
@@ -136,6 +137,7 @@ def snapshot(
         str | None, option("--view", "Only this view, by its title or the beginning of its title.")
     ] = None,
     layout: opt.Layout = None,
+    run: opt.RunName = None,
     size: Annotated[str, option("--size", "Size of the window in pixels.", metavar="WxH")] = "1600x1000",
     force: opt.Force = False,
 ) -> None:
@@ -155,8 +157,10 @@ def snapshot(
     window = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", size)  # the functions check its limits
     if window is None:
         raise typer.BadParameter(f"--size is like 1600x1000, found {size!r}")
+    if run is not None and layout is None:
+        raise typer.BadParameter(opt.RUN_NEEDS)
     with listening() as listener:
-        shown: dict[str, Any] = {"to": output, "view": view, "layout": layout, "force": force}
+        shown: dict[str, Any] = {"to": output, "view": view, "layout": layout, "label": run, "force": force}
         shown |= {"size": (int(window[1]), int(window[2])), "listener": listener}
         if is_movie:
             app.movie(source, first=first, last=last, phases=phase == ALL, fps=fps, **shown)

@@ -10,7 +10,8 @@ drive               a drive by itself, without a filter
 # names on their own: the command line lists them without importing Rerun
 from __future__ import annotations
 
-LAYOUT_NAMES = ("story", "overview", "inside-a-step", "explain", "sensors", "compare", "traces")
+INSIDE = "inside-a-step"
+LAYOUT_NAMES = ("story", "overview", INSIDE, "explain", "sensors", "compare", "traces")
 LIGHT_NAMES = ("story", "traces")  # with --detail light: all of their panels are filled
 RECORDED_LAYOUT_NAMES = ("overview", "traces")  # with --as-recorded
 DETAILS = ("full", "events", "light")

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.header import drive_name
 
-from ..entities import VERDICT
+from ..entities import VERDICT, Phase, Place
 from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..listener import Listener
@@ -79,6 +79,8 @@ class OutputOptions:
     force: bool = False  # overwrite what is there
     save_run: Path | None = None  # the folder to save the run to
     layout: str | None = None  # the one that is open at first
+    run: str | None = None  # whose tab is open in that layout
+    place: Place | None = None  # where the viewer stands in the end; None: where its verdict says
     detail: str = DETAILS[0]  # how much of each step is drawn
     fixed_stem: bool = False  # the stem is the whole name, whatever is drawn
     alone: bool = True  # draw a drive without a library by itself; else that is an error
@@ -205,10 +207,11 @@ def sink_of(
     from ..viewer import sinks
 
     if output.web is not None:
-        output.web.serve(listener.remark)
+        output.web.serve()
         with sinks.to_viewer(output.web.data, name, layout) as rec:
             yield rec
-        _remark_step(drawn.step, listener)
+        output.web.remark(listener.remark)  # now that it is complete: a page that waits is empty
+        _remark_place(output.place or _place(drawn.step), listener)
         return
     if output.rrd is None and not output.headless and sinks.has_display():
         try:
@@ -218,22 +221,32 @@ def sink_of(
         else:
             with sinks.to_viewer(port, name, layout) as rec:
                 yield rec
-            _look_at(port, drawn.step, keys, listener)
+            _look_at(port, output.place or _place(drawn.step), keys, listener, output)
             return
     path = _path(output)
     before_file(path)
     with sinks.to_file(path, name, layout, force=output.force, remark=listener.remark) as rec:
         yield rec
     drawn.file = path
-    _remark_written(path, keys, listener)
+    _remark_written(path, keys, listener, drawn.step)
 
 
-def _look_at(port: int, step: int | None, keys: str, listener: Listener) -> None:
-    """Move the viewer on a port to a step, if there is one; remark it, and which keys to press."""
-    from ..viewer.open_viewers import look_at
+def _place(step: int | None) -> Place | None:
+    return None if step is None else Place(step)
 
-    if step is not None and look_at(port, step):
-        listener.remark(f"the viewer stands at step {step}")
+
+def _look_at(port: int, place: Place | None, keys: str, listener: Listener, output: OutputOptions) -> None:
+    """Move the viewer on a port to a place, if there is one; remark it, and which keys to press.
+
+    OptionError for a tab that it does not have.
+    """
+    from ..viewer.open_viewers import LayoutError, look_at
+
+    try:
+        if place is not None and look_at(port, place, output.layout, output.run):
+            listener.remark(f"the viewer stands at {place}")
+    except LayoutError as problem:
+        raise OptionError(str(problem)) from None
     listener.remark(keys)
 
 
@@ -241,9 +254,19 @@ def _path(output: OutputOptions) -> Path:
     return output.rrd or Path(f"{output.stem}.rrd")
 
 
-def _remark_written(path: Path, keys: str, listener: Listener) -> None:
-    listener.remark(f"{path} written; open it with: {_command('maurice-replay')} {shlex.quote(str(path))}")
-    listener.remark(keys)
+def _remark_written(path: Path, keys: str, listener: Listener, step: int | None = None) -> None:
+    command, name = _command("maurice-replay"), shlex.quote(str(path))
+    listener.remark(f"{path} written; open it with: {command} {name}")
+    if step is None:
+        listener.remark(keys)
+    else:
+        listener.remark(f"walk through step {step}: {walk_command(path, step)}")
+
+
+def walk_command(source: Path, step: int, phase: Phase = Phase.PREDICT) -> str:
+    """Return the command that opens a recording or a saved run at one phase of a step."""
+    name = shlex.quote(str(source))
+    return f"maurice-replay open {name} --step {step} --phase {phase.name.lower()}"
 
 
 @contextmanager
@@ -260,27 +283,30 @@ def serving(output: OutputOptions, listener: Listener) -> Iterator[None]:
         output.web.close()
 
 
-def _remark_step(step: int | None, listener: Listener) -> None:
-    if step is not None:
-        listener.remark(f"the step to look at is {step}: type it into the field at the lower right")
+def _remark_place(place: Place | None, listener: Listener) -> None:
+    if place is not None:
+        field = f"type {place.number} into the field at the lower right"
+        chosen = "" if place.phase is None else f"choose the timeline `{place.timeline}` at the bottom and "
+        listener.remark(f"to look at {place}, {chosen}{field}")
 
 
-def show_recording(path: Path, listener: Listener, web: WebViewer | None = None) -> None:
-    """Open a Rerun recording in the viewer, at the step that its verdict names; with `web`, in browsers.
+def show_recording(path: Path, listener: Listener, output: OutputOptions) -> None:
+    """Open a Rerun recording in the viewer, where the output says or its verdict; with `web`, in browsers.
 
-    InputError, SinkError.
+    InputError, OptionError, SinkError.
     """
     from ..viewer import sinks
 
-    step = decisive_step_of(path)
+    web, place = output.web, output.place or _place(decisive_step_of(path))
     if web is not None:
-        web.serve(listener.remark, [str(path)])
-        _remark_step(step, listener)
+        web.serve([str(path)])
+        web.remark(listener.remark)
+        _remark_place(place, listener)
         return
     if not sinks.has_display():
         how = "found no display to open it on; add --web for a browser, or copy it to where there is one"
         raise SinkError(path, how)
-    _look_at(sinks.bring_up_viewer([str(path)]), step, KEYS_HINT, listener)
+    _look_at(sinks.bring_up_viewer([str(path)]), place, KEYS_HINT, listener, output)
 
 
 def decisive_step_of(path: Path) -> int | None:

@@ -1,7 +1,11 @@
-"""The viewer as a process: starting it, and moving its time cursor. Servers listen on this machine alone."""
+"""The viewer as a process: starting it, moving its time cursor, choosing its tab.
+
+Servers listen on this machine alone.
+"""
 
 from __future__ import annotations
 
+import copy
 import os
 import socket
 import subprocess
@@ -10,11 +14,12 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import rerun_cli  # type: ignore[import-untyped]  # has no types, comes with rerun-sdk
 from rerun.experimental import ViewerClient
 
-from ..entities import STEP
+from ..entities import Place
 
 HOST = "127.0.0.1"
 PROBE_EVERY_S = 0.1
@@ -111,8 +116,60 @@ def ends_within(viewer: subprocess.Popen[bytes], seconds: float) -> bool:
     return True
 
 
-def look_at(port: int, step: int, patience_s: float = LOADS_S) -> bool:
-    """Move the viewer on a port to a step once it shows one; return whether it could be moved in time."""
+CONTAINER, VIEWPORT = "ContainerBlueprint", "ViewportBlueprint"
+
+Blueprint = dict[str, Any]
+
+
+class LayoutError(ValueError):
+    """No layout or view of that name, or several; the message lists the known ones."""
+
+
+def with_layout(blueprint: Blueprint, name: str, run: str | None = None) -> Blueprint:
+    """Bring the tab of that name to the front, and in it that of a run.
+
+    Raises LayoutError where the recording lacks it.
+    """
+    changed = copy.deepcopy(blueprint)
+    containers = {
+        path: fields[CONTAINER] for path, fields in changed.items() if path.startswith("/container/")
+    }
+    root = containers.get(f"/container/{changed['/viewport'][VIEWPORT].get('root_container')}", {})
+    tabs = _tabs_under(root, containers)
+    if name not in tabs:
+        raise LayoutError(f"found no layout {name!r}; it has {', '.join(tabs) or 'none by name'}")
+    holder, member = tabs[name]
+    holder["active_tab"] = member
+    if run is not None:
+        of_runs = _tabs_under(containers.get("/" + member.removeprefix("/"), {}), containers)
+        if run not in of_runs:
+            runs = ", ".join(of_runs) or "all runs in one"
+            raise LayoutError(f"found no tab of the run {run!r} in the layout {name}; it has {runs}")
+        holder, member = of_runs[run]
+        holder["active_tab"] = member
+    return changed
+
+
+def _tabs_under(holder: dict[str, Any], containers: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
+    """Return each named tab with its container; an unnamed tab is searched."""
+    tabs: dict[str, tuple[Any, str]] = {}
+    contents = holder.get("contents", [])
+    for member in [contents] if isinstance(contents, str) else contents:
+        inner = containers.get("/" + member.removeprefix("/"), {})  # the viewer writes it either way
+        if inner.get("display_name"):
+            tabs[inner["display_name"]] = (holder, member)
+        elif inner.get("container_kind") == "Tabs":
+            tabs |= _tabs_under(inner, containers)
+    return tabs
+
+
+def look_at(
+    port: int, place: Place, layout: str | None = None, run: str | None = None, patience_s: float = LOADS_S
+) -> bool:
+    """Move the viewer on a port to a place once it shows one; return whether it could be moved in time.
+
+    LayoutError if it shows no tab of the name `layout`, or none of `run` in it.
+    """
     deadline = time.monotonic() + patience_s
     while time.monotonic() < deadline:
         try:
@@ -121,10 +178,16 @@ def look_at(port: int, step: int, patience_s: float = LOADS_S) -> bool:
             recordings = list(state.recordings)
             active = [item for item in recordings if item.store_id == state.active_recording]
             recording = next(iter(active + recordings), None)
-            if recording is not None and any(timeline.name == STEP for timeline in recording.timelines):
+            if recording is not None and any(item.name == place.timeline for item in recording.timelines):
                 client.set_location(recording.location)
-                client.set_time(STEP, sequence=step, play_state="paused", recording=recording.store_id)
+                if layout is not None:
+                    blueprint = with_layout(client.get_blueprint().blueprint, layout, run)
+                    client.set_blueprint(blueprint, store_id=recording.store_id)
+                store = recording.store_id
+                client.set_time(place.timeline, sequence=place.number, play_state="paused", recording=store)
                 return True
+        except LayoutError:
+            raise
         except (ConnectionError, OSError, RuntimeError, ValueError):
             pass  # still starting, or still loading
         time.sleep(PROBE_EVERY_S)

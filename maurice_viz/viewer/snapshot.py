@@ -22,43 +22,16 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import temporary_folder
 
 from ..entities import PHASE, STEP
-from .open_viewers import Tied, address, free_port, start_viewer
-
-CONTAINER, VIEWPORT = "ContainerBlueprint", "ViewportBlueprint"
-
-Blueprint = dict[str, Any]
-
-
-class LayoutError(ValueError):
-    """No layout or view of that name, or several; the message lists the known ones."""
-
-
-def with_layout(blueprint: Blueprint, name: str) -> Blueprint:
-    """Bring the tab of that name to the front. Raises LayoutError where the recording lacks it."""
-    changed = copy.deepcopy(blueprint)
-    containers = {
-        path: fields[CONTAINER] for path, fields in changed.items() if path.startswith("/container/")
-    }
-    root = containers.get(f"/container/{changed['/viewport'][VIEWPORT].get('root_container')}", {})
-    tabs = _tabs_under(root, containers)
-    if name not in tabs:
-        raise LayoutError(f"found no layout {name!r}; it has {', '.join(tabs) or 'none by name'}")
-    holder, member = tabs[name]
-    holder["active_tab"] = member
-    return changed
-
-
-def _tabs_under(holder: dict[str, Any], containers: Mapping[str, Any]) -> dict[str, tuple[Any, str]]:
-    """Return each named tab with its container; an unnamed tab is searched."""
-    tabs: dict[str, tuple[Any, str]] = {}
-    contents = holder.get("contents", [])
-    for member in [contents] if isinstance(contents, str) else contents:
-        inner = containers.get("/" + member.removeprefix("/"), {})  # the viewer writes it either way
-        if inner.get("display_name"):
-            tabs[inner["display_name"]] = (holder, member)
-        elif inner.get("container_kind") == "Tabs":
-            tabs |= _tabs_under(inner, containers)
-    return tabs
+from .open_viewers import (
+    VIEWPORT,
+    Blueprint,
+    LayoutError,
+    Tied,
+    address,
+    free_port,
+    start_viewer,
+    with_layout,
+)
 
 
 def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blueprint:
@@ -119,9 +92,12 @@ class Viewer:
                 return int(known.start), int(known.end)
         raise InputError(self._file, f"found no timeline {timeline!r}; was it made by maurice-replay?")
 
-    def show_layout(self, name: str) -> None:
-        """Bring the tab of a layout to the front. Raises InputError with the known names for any other."""
-        self._arrange(with_layout, name)
+    def show_layout(self, name: str, run: str | None = None) -> None:
+        """Bring the tab of a layout to the front, and in it that of a run.
+
+        Raises InputError with the known names for any other.
+        """
+        self._arrange(with_layout, name, run)
 
     def show_only(self, name: str) -> None:
         """Let one view fill the window, by its title or its beginning.

@@ -39,7 +39,7 @@ class WebViewer:
     @property
     def url(self) -> str:
         """The address to open in a browser."""
-        return f"http://{HOST}:{self.page}/?url={quote(address(self.data), safe='')}"
+        return f"http://{HOST}:{self.page}/?url={quote(address(self.data), safe='')}&theme=dark"
 
     @property
     def tunnel(self) -> str:
@@ -52,10 +52,10 @@ class WebViewer:
         self.page, self.data = _free(PAGE_PORT), _free(DATA_PORT)
         return self.data
 
-    def serve(self, remark: Callable[[str], None], sources: Sequence[str] = ()) -> None:
+    def serve(self, sources: Sequence[str] = ()) -> None:
         """Serve the page and a recording: a file, one that is sent to the port `data`, or one served there.
 
-        Remarks how to look at it. Raises SinkError when the server does not come up.
+        Raises SinkError when the server does not come up.
         """
         if not self.page:
             self.reserve()
@@ -68,6 +68,9 @@ class WebViewer:
         if not all(wait_until_listening(server, port, PATIENCE_S) for port in (self.page, self.data)):
             self.close()
             raise SinkError(viewer_binary(), f"serves no page on the ports {self.page} and {self.data}")
+
+    def remark(self, remark: Callable[[str], None]) -> None:
+        """Remark how to look at it, once there is something to see."""
         remark(f"in a browser: {self.url}")
         remark(f"from another machine, first type there, and leave it running: {self.tunnel}")
 

@@ -14,6 +14,7 @@ from maurice_loaders.reading.options import FIELDS, ReadingOptions
 from maurice_mcl.config.parameters import PRESETS, RULES
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 
+from ...entities import PHASE_NAMES
 from ...errors import OptionError
 from ...layouts import DETAILS, LAYOUT_NAMES
 from .startup import skip_pandas
@@ -209,6 +210,20 @@ Layout = Annotated[
         OUTPUT,
         metavar="NAME",
         **one_of(LAYOUT_NAMES, "layout"),
+    ),
+]
+RunName = Annotated[
+    str | None,
+    option("--run", "Of several runs, the one of this name.", metavar="NAME"),
+]
+RUN_NEEDS = "--run goes with a --layout that has a tab a run: overview, inside-a-step, explain, sensors"
+OnePhase = Annotated[
+    str | None,
+    option(
+        "--phase",
+        f"One phase of the step, in the tab `inside-a-step`: {', '.join(PHASE_NAMES)}.",
+        metavar="NAME",
+        **one_of(PHASE_NAMES, "phase"),
     ),
 ]
 Detail = Annotated[

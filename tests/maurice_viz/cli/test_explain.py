@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import shutil
 from pathlib import Path
 
@@ -96,3 +97,21 @@ def test_a_picture_is_the_real_viewers(saved):
     assert len(set(map(tuple, picture[::7, ::7].reshape(-1, 3)))) > 200
     assert not list(Path().glob("*.rrd"))
     assert "--force" in one_line(ask(saved, "-o", "warum.png", expect=1)[1])
+
+
+def test_the_command_it_prints_opens_that_phase(saved, tmp_path):
+    out = ask(saved, "--step", "4")[0]
+    words = shlex.split(out.splitlines()[-1].removeprefix("Walk through it: "))
+    assert words[:2] == ["maurice-replay", "open"]
+    assert words[2:] == [str(saved), "--step", "4", "--phase", words[-1]]
+    assert words[-1] in ("weight", "resample")
+    _, err = maurice(*words[1:])  # without a display a file is written
+    assert "walk through step" in err
+    assert "--phase goes with --step" in maurice("open", saved, "--phase", "resample", expect=2)[1]
+
+
+def test_a_run_of_a_comparison_is_named(small_session, tmp_path):
+    run("compare", small_session, "--particles", 50, "--save-run", tmp_path / "both", "-o", "none")
+    assert ask(tmp_path / "both", "--run", "color", "--step", "2")[0].startswith("color, step 2\n")
+    err = one_line(ask(tmp_path / "both", "--run", "none", expect=1)[1])
+    assert err.endswith("found no run 'none'; it has color, blended")

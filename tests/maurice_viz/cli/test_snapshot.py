@@ -107,7 +107,7 @@ def test_pictures_and_a_movie_of_a_recording(small_session, tmp_path):
         "snapshot", "a.rrd", "-o", "weight.png", "--step", "7", "--phase", "weight", "--layout", "overview"
     )
     assert shape(tmp_path / "weight.png") == (1000, 1600, 3)
-    assert "'Camera (px)'" in one_line(
+    assert "'the robot sees'" in one_line(
         maurice("snapshot", "a.rrd", "-o", "x.png", "--view", "?", expect=1)[1]
     )
     maurice("snapshot", "a.rrd", "-o", "m.gif", "--from", "3", "--to", "4", "--view", "belief",

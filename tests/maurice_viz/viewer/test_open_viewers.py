@@ -11,6 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from helpers.commands import maurice
+from maurice_viz.entities import Phase, Place
+from maurice_viz.viewer import open_viewers, snapshot
+from maurice_viz.viewer.snapshot import software_driver
+
 KILLED = """
 import os, pathlib, sys
 from maurice_viz.viewer import open_viewers
@@ -54,3 +59,23 @@ def test_a_tied_viewer_ends_with_us_however_we_end_and_a_window_stays(
     assert is_running(viewer) != tied
     if not tied:
         os.kill(viewer, signal.SIGKILL)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
+def test_a_viewer_is_moved_to_a_phase_and_a_tab(small_session, tmp_path, monkeypatch):
+    maurice("compare", small_session, "--particles", "50", "-o", "a.rrd")
+    port = open_viewers.free_port()
+    monkeypatch.setattr(snapshot, "free_port", lambda: port)
+    with snapshot.headless_viewer(tmp_path / "a.rrd"):
+        assert open_viewers.look_at(port, Place(3, Phase.RESAMPLE), "inside-a-step", "blended")
+        client = open_viewers.ViewerClient.connect(open_viewers.address(port))
+        until = time.monotonic() + 20
+        while (recording := client.get_state().recordings[0]).current_timeline != "phase":
+            assert time.monotonic() < until
+            time.sleep(0.1)
+        assert "21" in str(recording.current_time)  # 6 * 3 + 3
+        views = {view.name for view in client.get_state().views}
+        assert "Before" in views
+        with pytest.raises(open_viewers.LayoutError, match="it has color, blended"):
+            open_viewers.look_at(port, Place(3), "inside-a-step", "none")

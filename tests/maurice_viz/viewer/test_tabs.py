@@ -10,7 +10,8 @@ import pytest
 from helpers import viz_fakes as fakes
 from helpers import viz_recordings as recordings
 from maurice_loaders.errors import InputError
-from maurice_viz.viewer.snapshot import LayoutError, expect_whole_frames, maximized, with_layout
+from maurice_viz.viewer.open_viewers import LayoutError, with_layout
+from maurice_viz.viewer.snapshot import expect_whole_frames, maximized
 
 VIEWS = {"Belief: particles (in)": "b", "Edges": "e", "Edges difference": "d", "Camera (px)": "c"}
 
@@ -44,6 +45,21 @@ def test_a_layout_comes_to_the_front():
     assert after["/container/tabs"]["ContainerBlueprint"]["active_tab"] == "/container/two"
     with pytest.raises(LayoutError, match="'map'; it has overview, traces"):
         with_layout(blueprint(), "map")
+
+
+def test_the_tab_of_a_run_comes_to_the_front_in_a_layout():
+    before = blueprint() | {
+        "/container/two": container("Tabs", ["container/a", "container/b"], display_name="traces"),
+        "/container/a": container("Horizontal", ["view/e"], display_name="thesis"),
+        "/container/b": container("Horizontal", ["view/d"], display_name="robust"),
+    }
+    after = with_layout(before, "traces", "robust")
+    assert after["/container/tabs"]["ContainerBlueprint"]["active_tab"] == "container/two"
+    assert after["/container/two"]["ContainerBlueprint"]["active_tab"] == "container/b"
+    with pytest.raises(LayoutError, match="'none' in the layout traces; it has thesis, robust"):
+        with_layout(before, "traces", "none")
+    with pytest.raises(LayoutError, match="it has all runs in one"):
+        with_layout(before, "overview", "robust")
 
 
 @pytest.mark.parametrize(
