@@ -34,7 +34,7 @@ from .story import HEIGHT_PX, OWN_LANES, over_events
 
 INSIDE_WORDS_PX = 78  # two lines
 SENSOR_WORDS, SENSOR_PICTURES = 1.45, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
-FIGURES_PX, FIGURE_PX = 160, 23  # of a table without channels, and of each channel's row
+FIGURES_PX, FIGURE_PX = 188, 23  # of a table without channels, and of each channel's row
 MAP_PERCENT = 40  # of the width: the map of a run
 
 
