@@ -105,7 +105,8 @@ def static(path: Path, entity: str) -> dict[str, Any]:
     for chunk in RrdReader(path).stream().filter(content=entity):
         batch = chunk.to_record_batch()
         if "phase" not in batch.schema.names:
-            found |= _row(batch, 0).values
+            for k in range(batch.num_rows):  # the latest counts
+                found |= _row(batch, k).values
     return found
 
 
