@@ -24,7 +24,6 @@ FLOORS = "/world/floors"
 BARE_FLOORS = "/world/floors-bare"  # without names, for what is drawn over them
 WALLS = "/world/walls"
 NODES = "/world/nodes"
-PATHS_KEY = "/world/key/paths"  # of a drive by itself
 
 SEEN = "/session/**"  # everything that the runs of a recording share
 CAMERA = "/session/camera"

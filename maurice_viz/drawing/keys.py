@@ -80,10 +80,6 @@ def _rows(*rows: U8) -> U8:
     return np.concatenate([np.concatenate([row, _strip(width - row.shape[1])], axis=1) for row in rows])
 
 
-def _truth_disk(has_truth: bool, text: str = "truth  ") -> list[U8]:
-    return [_disk(style.TRUTH, 13), _text(text)] if has_truth else []
-
-
 def explain_key(has_truth: bool, color: RGB = style.RUN_COLORS[0]) -> U8:
     """Draw the key of the map with the references explained: circles, and whose reference an arrow is."""
     truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
@@ -114,13 +110,6 @@ def _kept(key: U8) -> U8:
     """Return a key as one that several share, and nobody changes."""
     key.flags.writeable = False
     return key
-
-
-def paths_key(moves: bool, has_truth: bool) -> U8:
-    """Draw the key of a drive by itself: the true path, and the one by odometry alone."""
-    return _joined(
-        *_truth_disk(has_truth), *([_disk(style.ODOMETRY, 13), _text("odometry alone")] if moves else [])
-    )
 
 
 def _arrow(color: RGB) -> U8:

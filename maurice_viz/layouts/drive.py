@@ -5,8 +5,6 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TextLogColumn, TextLogColumnKind, TimelineColumn
 
-from maurice_mcl.sensor.descriptors.registry import CHANNELS
-
 from .. import entities
 from ..panels.camera import camera_view, edges_view
 from ..panels.drive import EVENTS, HISTOGRAM, TEXT, TRACE, DriveView, path_view
@@ -45,10 +43,7 @@ def _right(drive: DriveView) -> rrb.Vertical | None:
     shares: list[float] = []
     if drive.pictures:
         charts = [
-            bars_view(
-                f"{channel.capitalize()} ({CHANNELS[channel].unit}): red, green, blue from 0, 1, 2",
-                [f"{HISTOGRAM}/{channel}"],
-            )
+            bars_view(f"{channel.capitalize()}: R, G, B", [f"{HISTOGRAM}/{channel}"])
             for channel in drive.channels
         ]
         parts += [rrb.Horizontal(camera_view(), edges_view()), rrb.Tabs(*charts, active_tab=0)]
@@ -60,20 +55,15 @@ def _right(drive: DriveView) -> rrb.Vertical | None:
 
 def _motion_plots(drive: DriveView) -> list[rrb.TimeSeriesView]:
     """Plot each movement by odometry and by truth: a wrong sign or unit is visible at once."""
-    unit, each = drive.scale.units.name, "picture" if drive.pictures else "moment"
-    kinds = [
-        ("odometry", "odometry orange", drive.paths.moves),
-        ("truth", "truth blue dots", len(drive.paths.true)),
-    ]
-    known = [(kind, words) for kind, words, has in kinds if has]
-    who = ", ".join(words for _, words in known)
+    unit = drive.scale.units.name
+    kinds = {"odometry": drive.paths.moves, "truth": len(drive.paths.true)}
+    known = [kind for kind, has in kinds.items() if has]
     plots = []
     if known:
-        for quantity, what, of in (("forward", "Forward", unit), ("turn", "Turned left", "deg")):
-            lines = [f"{TRACE}/{quantity}/{kind}" for kind, _ in known]
-            plots.append(plot(f"{what} since the last {each} ({of}): {who}", lines))
+        for quantity, title in (("forward", f"Forward ({unit})"), ("turn", "Turned left (deg)")):
+            plots.append(plot(title, [f"{TRACE}/{quantity}/{kind}" for kind in known]))
     if len(known) == len(kinds):
-        plots.append(plot(f"Distance between odometry and truth ({unit})", [f"{TRACE}/apart"]))
+        plots.append(plot(f"Odometry off truth ({unit})", [f"{TRACE}/apart"]))
     if drive.pictures and len(plots) < len(kinds) + 1:
-        plots.append(plot("Brightness of the picture (mean of 0 to 255)", [f"{TRACE}/brightness"]))
+        plots.append(plot("Brightness (0 to 255)", [f"{TRACE}/brightness"]))
     return plots

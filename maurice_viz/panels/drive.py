@@ -22,14 +22,13 @@ from maurice_mcl.values.session import Moment, SessionInfo
 
 from .. import entities, style
 from ..drawing.canvas import Extent, long_side, map_extent
-from ..drawing.keys import paths_key
 from ..style import BAR, RGB, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
 from .belief import ARROW_SHARE, estimate_marker, truth_marker
 from .camera import draw_camera, prepare_camera
 from .panel import MARKDOWN
-from .views import MAP, plane_view
-from .world import draw_key, draw_world
+from .views import MAP, Overrides, labeled, plane_view
+from .world import draw_world
 
 MOST_POINTS = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
 PATH_MARGIN = 0.08  # around the paths, as a share of the longer side
@@ -165,7 +164,6 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
     if drive.arena is not None:
         alone = Library(drive.info.name, np.zeros((0, 3)), (), {}, drive.arena, drive.info.display_units)
         draw_world(rec, alone, scale)
-        draw_key(rec, entities.PATHS_KEY, paths_key(paths.moves, len(paths.true) > 0), drive.arena, scale)
     for name, points, color in (("odometry", paths.measured, style.ODOMETRY), ("truth", paths.true, TRUTH)):
         if len(points):
             thin, faint = rr.components.Radius.ui_points(0.75), [(*color, FAINT_ALPHA)]
@@ -235,9 +233,9 @@ class _Pen:
     def _words(self, moment: Moment) -> str:
         frame, scale = moment.frame, self.drive.scale
         what = "Picture" if self.drive.pictures else "Moment"
-        parts = [f"### {what} {frame.step}, {frame.time_s:.2f} s"]
+        parts = [f"#### {what} {frame.step}, {frame.time_s:.2f} s"]
         if self.drive.paths.moves:
-            parts.append(f"By odometry the robot {said_motion(frame.motions, scale)}.")
+            parts.append(f"Odometry says {said_motion(frame.motions, scale)}.")
         if moment.truth is not None:
             parts.append(f"True pose: {scale.say_pose(moment.truth)}.")
         parts += [f"Log: {text}." for text in moment.events[:3]]
@@ -256,9 +254,9 @@ def _bars(values: F32, plane: int, color: RGB) -> rr.BarChart:
 def path_view(drive: DriveView) -> rrb.Spatial2DView:
     """Show the map with both paths, and where the robot is."""
     extent, unit = reach(drive), drive.scale.units.name
-    name = f"Path ({unit}): complete path faint, robot and trail bright"
-    contents = [*MAP, entities.PATHS_KEY, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
-    return plane_view(name, contents, extent)
+    contents = [*MAP, f"{PATHS}/**", f"{entities.TRUTH}/**", f"{ODOMETRY}/**"]
+    names: Overrides = {entities.TRUTH: labeled("truth"), ODOMETRY: labeled("odometry alone")}
+    return plane_view(f"Path ({unit})", contents, extent, names)
 
 
 def reach(drive: DriveView) -> Extent:
