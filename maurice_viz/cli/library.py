@@ -254,7 +254,7 @@ def _pair_lines(library: Library, similarity: SelfSimilarity, scale: Scale) -> I
         pose, alias = (scale.say_pose(library.poses[k]) for k in (entry, similarity.alias[entry]))
         by, share = -similarity.margin[entry], similarity.confusion[entry]
         taken = (
-            f"its neighbors are match {similarity.rank[entry]}, and {share:.0%} of the likelihood is far away"
+            f"its best neighbor ranks {similarity.rank[entry]}, and {share:.0%} of the likelihood is far away"
         )
         yield f"alias: {pose} is more like {alias} than like its neighbors, by {by:.2f} nats: {taken}"
     if len(similarity.aliased) > MOST_PAIRS:

@@ -65,6 +65,9 @@ class LimitsPanel(Panel):
             rec.log(LIMITS, rr.Scalars(self._scale.length(self._run.radii.lost_m)))
 
 
+AT_THE_END = "The replay runs. What happened stands here when it ends."
+
+
 class VerdictDrawing:
     """Draws the verdict on all runs of a recording. It is known at the end; of a live drive, so far."""
 
@@ -73,7 +76,7 @@ class VerdictDrawing:
         self._words = words(runs, scene.has_truth)
         self._times_s: dict[int, float] = {}  # of each step
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        self._log(NOTHING_YET)
+        self._log(NOTHING_YET if scene.live else AT_THE_END)
 
     def see(self, moment: Moment, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
         """Take the next update; log the verdict of a live drive now and then: deciding it costs much."""

@@ -51,7 +51,7 @@ def maximized(blueprint: Blueprint, views: Mapping[str, str], name: str) -> Blue
     return changed
 
 
-PATIENCE_S = 60.0  # for a recording to load, and again for a picture to settle
+PATIENCE_S = 180.0  # for a recording to load, and again for a picture to settle: machines are busy
 LOOK_EVERY_S = 0.2
 CUT_OFF_ERROR = "exceeds file size"  # in the error about a file that ends inside of a frame
 EQUAL_PICTURES = 3  # this many equal pictures in a row show that drawing is done
@@ -209,4 +209,5 @@ def _connect(recording: Path, process: subprocess.Popen[bytes], url: str, patien
             if state.recordings and not state.loading and state.recordings[0].timelines:
                 return Viewer(client, state.recordings[0], recording)
         time.sleep(LOOK_EVERY_S)
-    raise InputError(recording, f"the viewer loaded no recording within {patience_s:.0f} s")
+    busy = "where the machine is busy, try again, or draw less with --detail light"
+    raise InputError(recording, f"the viewer loaded no recording within {patience_s:.0f} s; {busy}")

@@ -13,12 +13,15 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     SpinnerColumn,
+    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.segment import Segment
+from rich.text import Text
 
 from .errors import one_line_errors
 from .visible import CONTROLS, visible
@@ -54,6 +57,15 @@ def print_json(value: object) -> None:
     results.print(JSONHighlighter()(escaped), soft_wrap=True)
 
 
+class RateColumn(ProgressColumn):
+    """How many are done in a second."""
+
+    def render(self, task: Task) -> Text:
+        """Return the rate, nothing before it is known."""
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.3g}/s")
+
+
 class ConsoleListener:
     """Writes remarks and warnings to standard error and shows progress there, one bar at a time."""
 
@@ -80,6 +92,7 @@ class ConsoleListener:
                 TextColumn("{task.description}", markup=False),
                 BarColumn(),
                 MofNCompleteColumn(),
+                RateColumn(),
             )
             times = (TimeElapsedColumn(), TimeRemainingColumn(compact=True), TextColumn("left", markup=False))
             self._bar = Progress(*columns, *times, console=notes, transient=True, redirect_stdout=False)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from helpers import viz_fakes as fakes
@@ -20,6 +22,7 @@ from maurice_viz.drawing.keys import MATCHES, WEIGHTS
 from maurice_viz.entities import PHASES_PER_STEP, Phase, RunPaths
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.belief import PoseMarker
+from maurice_viz.panels.story import VerdictDrawing
 from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors
@@ -290,3 +293,11 @@ def test_with_little_detail_the_best_match_is_drawn(tmp_path, library):
         recordings.observe(RerunObserver(rec, view, scene, Detail.LIGHT), played)
     drawn = {rank: recordings.rows(path, f"{run_paths.match(rank)}/**") for rank in (1, 2)}
     assert len(drawn[1]) > len(drawn[2])
+
+
+@pytest.mark.parametrize(("live", "expected"), [(False, "when it ends"), (True, "No step yet")])
+def test_before_there_is_a_verdict_the_headline_says_what_it_waits_for(live, expected, tmp_path):
+    scene = replace(recordings.scene_of(fakes.arena(2, 2)), live=live)
+    with sinks.to_file(tmp_path / "a.rrd", "x", rrb.Blueprint()) as rec:
+        VerdictDrawing(rec, [], scene)
+    assert expected in str(recordings.static(tmp_path / "a.rrd", entities.VERDICT))
