@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -186,7 +187,7 @@ def _write_demo(folder: Path, story: str, *, force: bool, json_output: bool) -> 
         print_json({"session": written.session, "survey": written.survey})
     else:
         results.print(f"{written.session}\n{written.survey}")
-    note(f"now try: maurice-replay {written.session}")
+    note(f"now try: {shlex.join(['maurice-replay', str(written.session)])}")
 
 
 def verify(run: opt.Run, json_output: opt.Json = False) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -170,7 +171,7 @@ def simulate(
         print_json({"session": written.session, "survey": written.survey})
     else:
         results.print(f"{written.session}\n{written.survey}")
-    note(f"now try: maurice-replay {written.session}")
+    note(f"now try: {shlex.join(['maurice-replay', str(written.session)])}")
 
 
 def _serve(plan: SimulationPlan, options: LiveSet) -> None:

@@ -42,7 +42,7 @@ SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it 
 ELSEWHERE_ADVICE = "use -o FILE.rrd, and open it where there is a screen"
 SERVED_MEMORY = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
 LEAST_FREE_BYTES = 1 << 20  # bytes: a disk with less than that is called full
-PROBE_BYTES = 1 << 18  # bytes that are written to try the disk
+PROBE_BYTES = 1 << 22  # bytes that are written to try the disk: more than a blueprint of four runs
 
 
 Remark = Callable[[str], None]  # receives a line for people

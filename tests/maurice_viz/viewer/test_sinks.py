@@ -12,6 +12,10 @@ from rerun.chunk import RrdReader
 from rerun.experimental import ViewerClient
 from rerun_bindings import check_for_rrd_footer
 
+from helpers import viz_fakes as fakes
+from helpers.viz_recordings import scene_of
+from maurice_viz.layouts.registry import runs_blueprint
+from maurice_viz.scene import RunView
 from maurice_viz.viewer import blocks, sinks
 from maurice_viz.viewer import open_viewers as viewer
 from maurice_viz.viewer.snapshot import software_driver
@@ -121,6 +125,17 @@ def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(monkeyp
         for _, process in started:
             process.kill()
             process.wait()
+
+
+def test_the_disk_is_tried_with_more_than_opening_a_recording_writes(tmp_path):
+    """Where a blueprint does not fit on the disk, Rerun never returns from opening the file."""
+    channels = ("color", "edges", "smoothed", "blurred", "cumulative", "chromaticity")
+    runs = [RunView(f"run-{number}", channels) for number in range(4)]
+    recording, path = rr.RecordingStream("test"), tmp_path / "a.rrd"
+    recording.save(path, default_blueprint=runs_blueprint(runs, scene_of(fakes.arena(5, 4), "in", True)))
+    recording.flush()
+    recording.disconnect()
+    assert path.stat().st_size < sinks.PROBE_BYTES
 
 
 def test_a_recording_that_cannot_be_flushed_is_said_in_one_line(tmp_path, monkeypatch):
