@@ -199,10 +199,10 @@ def _groups(groups: list[Group], metric: str) -> Table:
 
 def _differences(differences: list[Difference], metric: str) -> Table:
     title, factor = metric_title(metric)
-    if metric in TIMES:
-        title += ", the whole drive where never"
     against = ", ".join(_cell(value) for value in differences[0].against.values())
-    table = _table(f"{title}, less that of {against}, on the same drives", differences[0].by)
+    table = _table(f"{title}, less that of {against}", differences[0].by)
+    never = "; a run that never localized counts with its whole drive" if metric in TIMES else ""
+    table.caption = f"on the same drives{never}"
     several = any(row.figure.drives != row.figure.count for row in differences)  # pairs of a drive
     names = ("difference", "95 % interval", "pairs", "drives")[: 3 + several]
     for name in names:
