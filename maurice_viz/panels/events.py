@@ -289,6 +289,8 @@ class LanesDrawing:
         lost = [look_of_state(state) for state in (kinds.LOST, kinds.PROBABLY_LOST)]
         for number, run in enumerate(self._runs):
             for failure in failures.get(run.label, ()):
+                if failure.kind == UNKNOWN:  # the lane says what it was, as before
+                    continue
                 first, last = failure.episode.first, failure.episode.last
                 cause = look_of_state(kinds.LOST, failure.kind)
                 self._shared.explain(1 + number, first, last, lost, cause)

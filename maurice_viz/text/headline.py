@@ -131,7 +131,7 @@ def _without_truth(verdict: RunVerdict) -> Outcome:
     """Return what can be said of a run that no truth judges."""
     if verdict.failures:
         failure = verdict.failures[0]
-        why = f": {CAUSES[failure.kind].title}"
+        why = "" if failure.kind == UNKNOWN else f": {CAUSES[failure.kind].title}"
         return Outcome(
             "{was} probably lost; no truth is known", str(failure.episode.first), "from step ", why
         )

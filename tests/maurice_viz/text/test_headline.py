@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, Failure
+from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, UNKNOWN, Failure
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
 from maurice_mcl.scoring.comparison import ErrorDifference
@@ -87,6 +87,16 @@ def test_one_run(verdict, facts):
     assert len(text) <= TWO_LINES
     for fact in facts:
         assert fact in text
+
+
+def test_a_cause_that_is_not_known_is_not_told():
+    doubt = Episode(PROBABLY_LOST, 9, 20, noticed=9)
+    run = RunVerdict(
+        updates=90, converged_share=0.9, failures=(Failure(UNKNOWN, 9, doubt, truth_known=False),)
+    )
+    text = headline({"robust": run}, INCHES)
+    assert "from step 9" in text
+    assert "not known" not in text
 
 
 def test_runs_that_did_the_same_are_told_together():
