@@ -260,7 +260,8 @@ def _remark_written(path: Path, keys: str, listener: Listener, step: int | None 
     if step is None:
         listener.remark(keys)
     else:
-        listener.remark(f"walk through step {step}: {walk_command(path, step)}")
+        walk = walk_command(path, step).replace("maurice-replay", command, 1)
+        listener.remark(f"walk through step {step}, phase by phase with Ctrl or Cmd + right arrow: {walk}")
 
 
 def walk_command(source: Path, step: int, phase: Phase = Phase.PREDICT) -> str:
