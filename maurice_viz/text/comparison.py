@@ -98,11 +98,12 @@ def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
         paired = result.paired
         if paired is None:
             continue
+        parted = "" if paired.parted_at is None else f" They part at step {paired.parted_at}."
         if paired.position is not None:
-            lines.append(_difference(result, paired.position, scale))
+            lines.append(f"{_difference(result, paired.position, scale)}{parted}")
         elif paired.apart_mean_m is not None:
             apart = scale.say(paired.apart_mean_m)
-            lines.append(f"`{result.label}` is {apart} away.")
+            lines.append(f"`{result.label}` is {apart} away.{parted}")
     if not lines:
         return NOT_YET
     return "\n".join(

@@ -18,7 +18,7 @@ from maurice_loaders.formats.registry import open_session
 from maurice_loaders.runs.writer import RunWriter
 from maurice_viz.app.compare import names_of
 from maurice_viz.app.snapshot import draw_saved
-from maurice_viz.entities import APART, RESULT, TEXT
+from maurice_viz.entities import RESULT, TEXT, cloud_of
 from maurice_viz.playback import run_together
 from maurice_viz.running.open import make_runs, open_library_for
 from maurice_viz.running.run_spec import RunSpec
@@ -294,4 +294,4 @@ def test_a_snapshot_of_a_saved_comparison_has_what_the_runs_share(small_session,
     maurice("compare", small_session, "--particles", "40", "--save-run", "both", "-o", "none")
     draw_saved(Path("both"), tmp_path / "both.rrd")
     there = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "both.rrd").stream()}
-    assert {APART, TEXT, RESULT} <= there
+    assert {cloud_of("color"), TEXT, RESULT} <= there

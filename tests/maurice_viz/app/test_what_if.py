@@ -79,7 +79,7 @@ def test_a_branch_that_finds_itself_parts_from_the_lost_run(folder):
     batches = _texts(found.scores.rrd)
     assert "'branch'" in batches["/what_happened"]
     assert "'parted'" in batches["/what_happened"]
-    assert f"apart, since step {found.parted_at}" in batches["/compare/text"]
+    assert f"They part at step {found.parted_at}." in batches["/compare/result"]
 
 
 def test_a_branch_may_compare_pictures_by_other_channels(folder):
