@@ -12,7 +12,7 @@ from maurice_mcl.values.map import Arena
 
 from .. import entities
 from ..drawing import keys
-from ..drawing.canvas import draw_ground, long_side, map_extent
+from ..drawing.canvas import draw_ground, long_side
 from ..entities import Phase
 from ..scene import RunView, Scene
 from ..style import CARRIED, NODE, WALL, Scale
@@ -127,14 +127,9 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 
 
 def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
-    """Log one key (H, W, 3) above the map, static."""
-    extent = map_extent(arena, scale)
-    per_px = extent.width / strip.shape[1]
-    if len(strip) > keys.HEIGHT_PX:  # of several rows: its view has room for it, see `extent_with`
-        extent = keys.key_extent(strip, arena, scale)
-    else:
-        per_px = min(per_px, 0.036 * extent.width / keys.HEIGHT_PX)
-    place_drawing(rec, path, strip, (extent.left, extent.top), per_px, -10.0)
+    """Log one key (H, W, 3) above the map, static; its view has room for it, see `extent_with`."""
+    extent = keys.key_extent(strip, arena, scale)
+    place_drawing(rec, path, strip, (extent.left, extent.top), extent.width / strip.shape[1], -10.0)
 
 
 def distinct_places(poses: F64) -> F64:
