@@ -217,7 +217,7 @@ class EllipsesPanel(Panel):
         self._drawn: deque[F32] = deque(maxlen=1 if self._is_own else TRAIL_POSES)
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        radius = rr.components.Radius.ui_points(0.75)
+        radius = rr.components.Radius.ui_points(1.0)
         lines = rr.LineStrips2D.from_fields(colors=[self._run.color], radii=radius, draw_order=46.0)
         rec.log(self._path, lines, static=True)
 

@@ -18,7 +18,7 @@ from .. import entities
 from ..drawing.canvas import map_extent
 from ..entities import ERROR_UNIT, LIMITS, TOUR, VERDICT, Phase
 from ..scene import RunView, Scene
-from ..style import STATES, faint, font_safe
+from ..style import STATES, font_safe
 from ..text.headline import headline
 from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
@@ -131,9 +131,9 @@ def story_map(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
     for run in runs:
         cloud = run.paths.particles if len(runs) == 1 else entities.cloud_of(run.label)
         contents += [cloud, run.paths.estimate, run.paths.ellipses, run.paths.name]
-        color, radius = (faint(run.color), FINE_DOT) if len(runs) == 1 else (run.color, DOT)
+        radius = FINE_DOT if len(runs) == 1 else DOT  # larger ones of a whole cloud would cover its oval
         overrides[cloud] = rr.Points2D.from_fields(
-            colors=[color], radii=rr.components.Radius.ui_points(radius)
+            colors=[run.color], radii=rr.components.Radius.ui_points(radius)
         )
         if scene.has_truth:
             truth = entities.truth_of(run.label, run.own_drive)
