@@ -27,6 +27,9 @@ class WorldPanel(Panel):
         draw_world(rec, self._library, self._scale)
 
 
+KEY_ORDER = -9.0  # over the ground of the map, whose margin the last row of a key reaches into
+
+
 class KeysPanel(Panel):
     """Draws the keys above the maps of one run."""
 
@@ -129,7 +132,7 @@ def clipped(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
 def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale: Scale) -> None:
     """Log one key (H, W, 3) above the map, static; its view has room for it, see `extent_with`."""
     extent = keys.key_extent(strip, arena, scale)
-    place_drawing(rec, path, strip, (extent.left, extent.top), extent.width / strip.shape[1], -10.0)
+    place_drawing(rec, path, strip, (extent.left, extent.top), extent.width / strip.shape[1], KEY_ORDER)
 
 
 def distinct_places(poses: F64) -> F64:
