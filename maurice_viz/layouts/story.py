@@ -20,6 +20,7 @@ from ..panels.story import error_axis, error_unit_view, errors_plot, story_map, 
 from ..panels.views import untitled
 from ..scene import RunView, Scene
 
+BETWEEN_PX = 1440  # width at which lanes and plot begin together; at 1280 and 1600 within 4 pixels
 WIDTH_PX, HEIGHT_PX = 1280, 702  # what is left of 1280 x 800 below the tabs and above the time panel
 HEADLINE_PX, ERRORS_PX = 92, 124
 PICTURES, WORDS = 5, 3  # shares of the height beside the map
@@ -58,7 +59,7 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
 
 def errors_row(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
     """Lay out the plot of errors below lanes, with its unit: it begins where they do."""
-    axis = _axis_px(runs, scene) / WIDTH_PX
+    axis = _axis_px(runs, scene) / BETWEEN_PX
     shares = [NAMES_SHARE - axis, 1 - NAMES_SHARE + axis]
     return rrb.Horizontal(error_unit_view(), errors_plot(runs, scene), column_shares=shares)
 
