@@ -140,10 +140,12 @@ class Look:
         """The word of an event on the ground, to follow it."""
         return Look(self.word, GROUND, follows=True)
 
-    @property
-    def width_px(self) -> float:
-        """The room that its word needs."""
-        return len(self.word) * LETTER_PX + AROUND_PX
+    def within(self, width_px: float) -> Look:
+        """Return it with what so much room holds of its word: "lost" of "lost: carried away", or nothing."""
+        for word in (self.word, self.word.split(":")[0]):
+            if len(word) * LETTER_PX + AROUND_PX <= width_px:
+                return replace(self, word=word)
+        return replace(self, word="")
 
 
 NOTHING = Look("", GROUND)
@@ -211,11 +213,10 @@ class Lanes:
             ends = [*(change.step for change in changes[1:]), steps + 1][: len(changes)]
             has_word = False  # whether the event before shows its word itself
             for change, end in zip(changes, ends, strict=True):
-                look = change.look
-                has_room = (end - change.step) * step_px >= look.width_px
-                if not has_room or (look.follows and has_word):
+                look = change.look.within((end - change.step) * step_px)
+                if look.follows and has_word:
                     look = replace(look, word="")
-                has_word = has_room and look.is_mark
+                has_word = look.is_mark and look.word != ""
                 if change.name in self._looks:
                     self._looks[change.name] = look
         _describe(rec, self._path, self._looks)

@@ -126,6 +126,14 @@ def test_the_log_says_how_far_a_robot_was_carried(tmp_path):
     assert lane_of(path, 0, SHARED) == lane_of(path, LOG)
 
 
+def test_where_the_whole_word_has_no_room_its_first_part_may_have(tmp_path):
+    steps: list[Step] = [("localized", []) for _ in range(100)]
+    steps[50:60] = [("lost", [])] * 10
+    failures = [Failure(LIGHTING, 51, Episode("lost", 51, 60, 51, lost=51))]
+    path = drawn(tmp_path / "a.rrd", steps, failures=failures)
+    assert lane_of(path, STATUS)[1] == (51, "lost")
+
+
 def test_a_drive_with_very_many_changes_keeps_its_colors_and_few_names(tmp_path):
     states = ["localized", "lost"] * (2 * MOST_NAMES)
     path = drawn(tmp_path / "a.rrd", [(state, []) for state in states])
