@@ -60,7 +60,7 @@ ARROW_SHARE = 0.035  # length of the arrows on the map, as a share of the arena'
 ARROW_PT = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT_WORDS = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
-GLOSSARY = "https://github.com/maurice-replay/maurice-replay/blob/main/docs/explain.md#what-the-numbers-mean"
+GLOSSARY = "One nat lost: 2.7 times less likely. Rank 1: the best of all. Quality: likeness, 0 to 1."
 CAMERA_CARD = "camera"
 NARROW = 0.17  # of a card's width: how far above it its name stands
 NAMES = {CAMERA_CARD: SEES, WINNER: "best match", TRUTH: "nearest to truth", ESTIMATE: "nearest to estimate"}
@@ -114,7 +114,7 @@ class ExplanationPanel(Panel):
         self._draw_charts(rec, shown)
         self._draw_marks(rec, [*shown[1:], shown[0]], references.sensor)
         words = "\n\n".join([f"#### {headline(step)}", *say_step(step, self._scale)[1:]])
-        table = f"{brief_table(step, self._scale)}\n\n[What these words mean]({GLOSSARY})"
+        table = f"{brief_table(step, self._scale)}\n\n{GLOSSARY}"
         for part, text in (("words", words), ("table", table)):
             rec.log(self._paths.explain(part), row_of(rr.TextDocument, text=text_of(text)))
 

@@ -120,7 +120,16 @@ def output_of(
     if output is None:
         stem = drive_name(Path(source)) if isinstance(source, (str, Path)) else "replay"
         rrd, folder = None if to is None else Path(to), None if save_run is None else Path(save_run)
-        return OutputOptions(stem, rrd, True, rrd is None, force, folder, layout, detail)
+        return OutputOptions(
+            stem,
+            rrd,
+            headless=True,
+            no_recording=rrd is None,
+            force=force,
+            save_run=folder,
+            layout=layout,
+            detail=detail,
+        )
     if (to, save_run, layout, detail, force) != (None, None, None, DETAILS[0], False):
         raise OptionError(
             "`output` says all that `to`, `save_run`, `layout`, `detail` and `force` do; give one"
