@@ -48,7 +48,7 @@ def typed_pose(text: str, units: Units, wanted: str) -> F64:
         x = y = heading_deg = np.nan
     pose = np.array([x / units.per_m, y / units.per_m, np.deg2rad(heading_deg)])
     if not (np.abs(pose) <= FARTHEST_M).all():
-        raise OptionError(f"{wanted} in {units.name} and degrees, found {text!r}")
+        raise OptionError(f"{wanted} ({units.name} and degrees), found {text!r}")
     return pose
 
 
