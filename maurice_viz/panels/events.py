@@ -175,14 +175,15 @@ class _Change:
 class Lanes:
     """Draws lanes into one entity. What names mean is told anew when causes and lengths are known."""
 
-    def __init__(self, path: str, names: Mapping[str, RGB]) -> None:
-        self._path, self._names = path, names
-        self._changes: list[list[_Change]] = [[] for _ in names]
+    def __init__(self, path: str, heads: Sequence[Look]) -> None:
+        """Take what stands left of each lane, its name in its color; two lanes may have the same name."""
+        self._path, self._heads = path, {f"{number} {head.word}": head for number, head in enumerate(heads)}
+        self._changes: list[list[_Change]] = [[] for _ in heads]
         self._looks: dict[str, Look] = {}  # of the names that are logged
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         """Log the names of the lanes."""
-        _describe(rec, names_of(self._path), {name: Look(name, color) for name, color in self._names.items()})
+        _describe(rec, names_of(self._path), self._heads)
 
     def draw(self, rec: rr.RecordingStream, step: int, time_s: float, looks: Sequence[Look]) -> None:
         """Begin what each lane shows from this step on, where it is another than before."""
@@ -197,8 +198,8 @@ class Lanes:
         if any(change is not last for change, last in zip(now, before, strict=True)):
             set_place(rec, step, time_s, Phase.PREDICT)
             if is_first:
-                rec.log(names_of(self._path), rr.StateChange(state=list(self._names)))
-            rec.log(self._path, rr.StateChange(state=[change.name for change in now]))
+                rec.log(names_of(self._path), rr.StateChange(state=[font_safe(name) for name in self._heads]))
+            rec.log(self._path, rr.StateChange(state=[font_safe(change.name) for change in now]))
 
     def explain(self, lane: int, first: int, last: int, old: Sequence[Look], new: Look) -> None:
         """Give what begins between two steps another look."""
@@ -235,9 +236,10 @@ class Lanes:
 
 def _describe(rec: rr.RecordingStream, path: str, looks: Mapping[str, Look]) -> None:
     """Log word and color of names, static."""
-    labels = [look.word or " " for look in looks.values()]
+    labels = [font_safe(look.word) or " " for look in looks.values()]
     colors = np.array([packed(look.color) for look in looks.values()], np.uint32)
-    rec.log(path, rr.StateConfiguration(values=list(looks), labels=labels, colors=colors), static=True)
+    values = [font_safe(name) for name in looks]
+    rec.log(path, rr.StateConfiguration(values=values, labels=labels, colors=colors), static=True)
 
 
 class LanesDrawing:
@@ -245,11 +247,13 @@ class LanesDrawing:
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._runs, self._scale = rec, runs, scene.scale
-        log = {LOG: PALE}
-        self._shared = Lanes(SHARED, log | {run.label: run.color for run in runs})
-        noticed = {NOTICED: PALE}
-        self._own = [Lanes(own_path(run.paths), log | {run.label: run.color} | noticed) for run in runs]
-        self._closer = [Lanes(CLOSER, log | {WHO: PALE})] if len(runs) > 1 and scene.has_truth else []
+        log, noticed, who = Look(LOG, PALE), Look(NOTICED, PALE), Look(WHO, PALE)
+        named = [Look(run.label, run.color) for run in runs]
+        self._shared = Lanes(SHARED, [log, *named])
+        self._own = [
+            Lanes(own_path(run.paths), [log, name, noticed]) for run, name in zip(runs, named, strict=True)
+        ]
+        self._closer = [Lanes(CLOSER, [log, who])] if len(runs) > 1 and scene.has_truth else []
         self._truth: F64 | None = None  # the first run's at the update before
         self._steps = 0
         for lanes in (self._shared, *self._own, *self._closer):

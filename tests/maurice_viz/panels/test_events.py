@@ -21,19 +21,26 @@ from maurice_viz.panels.events import MOST_NAMES, NAMES, NOTHING, SHARED, LanesD
 from maurice_viz.panels.panel import StepUpdate
 from maurice_viz.scene import RunView, Scene, numbered
 from maurice_viz.style import STATES as STATE_COLORS
-from maurice_viz.style import packed
+from maurice_viz.style import font_safe, packed
 from maurice_viz.viewer import sinks
 
-OWN = own_path(RunPaths("blended"))
+LABELS = ("blended", "color")
+OWN = own_path(RunPaths(LABELS[0]))
 LOG, STATUS, NOTICED = range(3)  # the lanes of one run
 Step = tuple[str, list[tuple[str, str]]]  # state, kinds and texts
 
 
-def drawn(path: Path, *runs: Sequence[Step], failures: Sequence[Failure] = (), finished: bool = True) -> Path:
+def drawn(
+    path: Path,
+    *runs: Sequence[Step],
+    failures: Sequence[Failure] = (),
+    finished: bool = True,
+    labels: Sequence[str] = LABELS,
+) -> Path:
     """Draw steps 1, 2, ... of some runs into a recording; the failures are the first one's."""
     library = fakes.make_library()
     session = fakes.make_session(library, len(runs[0]))
-    views = numbered([RunView("blended", ()), RunView("color", ())][: len(runs)])
+    views = numbered(RunView(label, ()) for label in labels[: len(runs)])
     with sinks.to_file(path, "x", rrb.Blueprint()) as rec:
         lanes = LanesDrawing(rec, views, Scene(session.info, library, True))
         for row, (moment, record) in enumerate(fakes.play(session, "color", 5)):
@@ -45,6 +52,14 @@ def drawn(path: Path, *runs: Sequence[Step], failures: Sequence[Failure] = (), f
         if finished:
             lanes.end({"blended": failures})
     return path
+
+
+def heads_of(path: Path) -> list[str]:
+    """Return the names that stand left of the lanes of all runs, from top to bottom."""
+    style = recordings.static(path, NAMES)
+    words = dict(zip(style["StateConfiguration:values"], style["StateConfiguration:labels"], strict=True))
+    (row,) = recordings.having(recordings.rows(path, NAMES), "StateChange:state")
+    return [words[name] for name in row.values["StateChange:state"]]
 
 
 def lane_of(path: Path, lane: int, entity: str = OWN) -> list[tuple[int | None, str]]:
@@ -60,15 +75,23 @@ def lane_of(path: Path, lane: int, entity: str = OWN) -> list[tuple[int | None, 
 def test_lanes_stand_in_the_order_of_the_runs_under_their_names(tmp_path):
     lost, found = [("lost", [])] * 3, [("searching", []), ("localized", []), ("localized", [])]
     path = drawn(tmp_path / "a.rrd", lost, found)
-    assert recordings.having(recordings.rows(path, NAMES), "StateChange:state")[0].values[
-        "StateChange:state"
-    ] == ["log", "blended", "color"]
+    assert heads_of(path) == ["log", "blended", "color"]
     assert lane_of(path, 1, SHARED) == [(1, "lost")]
     assert lane_of(path, 2, SHARED) == [(1, "searching"), (2, "localized")]
     assert lane_of(path, STATUS, own_path(RunPaths("color"))) == lane_of(path, 2, SHARED)
     runs = numbered([RunView("blended", ()), RunView("color", ())])
     colors = recordings.static(path, NAMES)["StateConfiguration:colors"]
     assert list(colors[1:]) == [packed(run.color) for run in runs]
+
+
+def test_a_run_may_have_any_name(tmp_path):
+    """One like a lane's own, or one that the viewer has no letters for, which would end it."""
+    lost, localized = [("lost", [])] * 3, [("localized", [])] * 3
+    path = drawn(tmp_path / "a.rrd", lost, localized, labels=("log", "走"))
+    assert heads_of(path) == ["log", "log", font_safe("走")]
+    assert (lane_of(path, 1, SHARED), lane_of(path, 2, SHARED)) == ([(1, "lost")], [(1, "localized")])
+    values = recordings.static(path, SHARED)["StateConfiguration:values"]
+    assert all(value == font_safe(value) for value in values)
 
 
 def test_a_state_too_short_for_its_word_loses_it_when_the_length_is_known(tmp_path):
