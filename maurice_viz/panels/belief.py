@@ -51,7 +51,6 @@ EXTENT_MARGIN = 1.25  # of the view, over what it must hold
 FOLLOW_SHARE = 0.15  # of half the frame: the frame follows a cloud farther from its middle
 SHRINK_SHARE = 0.6  # of the frame: a smaller cloud makes the frame smaller
 TRUTH_TIMES = 2.5  # times the cloud: a truth that needs more is pointed to
-RULER_SHARE = 0.4  # of the arena's long side: half the frame where the ruler of the map is in view
 LEAST_SIDE_M = 0.05  # of what is shown
 BAR_LEFT, BAR_BOTTOM = -0.96, 0.93
 
@@ -267,6 +266,7 @@ class CloseupFrame:
     def __init__(self, path: str, scene: Scene) -> None:
         self._path, self._scale = path, scene.scale
         self._long = long_side(scene.arena, scene.scale)
+        self._corner = scene.scale.screen(np.array([scene.arena.bounds[:2]]))[0]  # left and low, as drawn
         self._half = 0.0  # of its side, in display units
         self._at = np.zeros(2, np.float32)  # its middle, as drawn
         self._points = False  # whether it points to a truth
@@ -295,13 +295,13 @@ class CloseupFrame:
             self._half, self._at = needed if resized else self._half, at
             size = [self._half] * 3
             rec.log(self._path, rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=size))
-            if resized:
-                self._draw_bar(rec)
+            self._draw_bar(rec)
         self._draw_away(rec, truths)
 
     def _draw_bar(self, rec: rr.RecordingStream) -> None:
         """Draw the scale bar; where the map's ruler is in view, there is none."""
-        if self._half > RULER_SHARE * self._long:
+        left, low = self._at[0] - self._half, self._at[1] + self._half
+        if left < self._corner[0] or low > self._corner[1]:
             rec.log(f"{self._path}/bar", rr.LineStrips2D.from_fields(strips=[]))
             rec.log(f"{self._path}/length", rr.Points2D.from_fields(positions=[], labels=[]))
             return

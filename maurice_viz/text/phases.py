@@ -66,8 +66,8 @@ def step_words(moment: Moment, record: StepRecord, scale: Scale) -> str:
     fresh = "" if record.injected is None else f", {int(record.injected.sum()):,} are new"
     moved, size = motion(record.frame.motions, scale), record.weighted.size
     return (
-        f"Step {moment.frame.step}: odometry says {moved} (left), then the picture weighs {size:,} dots "
-        f"(right): {survive}{fresh}. {_answer(moment, record, scale)}"
+        f"Step {moment.frame.step}, left: odometry says {moved}. Right: the picture weighs {size:,} dots, "
+        f"{survive}{fresh}. {_answer(moment, record, scale)}"
     )
 
 
