@@ -270,7 +270,7 @@ def _table(file: Path, columns: int) -> F64:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OdometryFolder:
-    """The folder as a recording, one row for each second; where the truth jumps, the robot counts as carried."""
+    """The folder as a recording with one row each second; where the truth jumps, the robot was carried."""
 
     path: Path
 
