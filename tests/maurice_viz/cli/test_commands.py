@@ -113,7 +113,7 @@ def test_starts_and_motion_are_checked(small_session, tmp_path):
     run(small_session, "-o", "none", "--start", "global")
     run(small_session, "-o", "none", "--start", "1.6,0.6,17")
     wrong = run(small_session, "-o", "none", "--start", "somewhere", expect=2)
-    assert "X,Y,HEADING in m and degrees" in " ".join(wrong.stderr.replace("│", " ").split())
+    assert "X,Y,HEADING (m and degrees)" in " ".join(wrong.stderr.replace("│", " ").split())
     lines = small_session.read_text().splitlines(keepends=True)
     header = json.loads(lines[0])
     header["robot"] = {"name": "Maurice", "motion": {"model": "maurice", "turn_gian": 0.7}}

@@ -57,7 +57,7 @@ def test_an_entry_a_pose_and_a_particle_can_be_asked_for(saved):
         (("--step", "15"), 1, "has no step 15; it has 1 to 14"),
         (("--entry", "160"), 2, "there is no entry 160; they are 0 to 159"),
         (("--particle", "200"), 2, "there is no particle 200; they are 0 to 199"),
-        (("--at", "1,2"), 2, "--at is X,Y,HEADING in m and degrees"),
+        (("--at", "1,2"), 2, "--at is X,Y,HEADING (m and degrees)"),
         (("--at", "1,2,nan"), 2, "--at is X,Y,HEADING"),
         (("--entry", "1", "--particle", "1"), 2, "exclude each other"),
         (("-o", "out.jpg"), 2, "'out.jpg' should end in .png"),
