@@ -15,7 +15,7 @@ from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import decode_picture, picture_format
 from ..formats.registry import open_recording
 from ..reading.options import ReadingOptions
-from ..reading.recording import LeftOut, Motion, Note, Picture, Readings, Record, TruthPose, checked
+from ..reading.recording import LeftOut, Motion, Note, Picture, Readings, Record, Scan, TruthPose, checked
 from ..reading.session import RecordedSession
 from ..reading.time_alignment import TimeSpan
 from ..reading.transforms import PLACEHOLDER
@@ -109,6 +109,8 @@ class _Tally:
             self._add_event(record.t_s, record.text)
         elif isinstance(record, Readings):
             self._count("reading", record.t_s)
+        elif isinstance(record, Scan):
+            self._count("scan", record.t_s)
         elif isinstance(record, LeftOut):
             self._add_picture(record.picture)
         elif isinstance(record, Picture):

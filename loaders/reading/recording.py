@@ -15,6 +15,7 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import wrap_angle
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
@@ -85,7 +86,15 @@ class Readings:
     values: Mapping[str, float]
 
 
-Record = Picture | LeftOut | OdometryPose | Motion | TruthPose | Note | Readings
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """A scan of a planar laser."""
+
+    t_s: float
+    scan: LaserScan
+
+
+Record = Picture | LeftOut | OdometryPose | Motion | TruthPose | Note | Readings | Scan
 
 
 class Recording(Protocol):

@@ -11,6 +11,7 @@ import numpy as np
 
 from .arrays import F32, F64
 from .map import Arena
+from .occupancy import OccupancyMap
 from .pose_sensor import PoseSensor
 from .session import Camera
 
@@ -70,6 +71,7 @@ class Library:
     display_units: str = "m"
     sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # besides the channels, by name
     camera: Camera | None = None  # what is known of the one that took the pictures
+    occupancy: OccupancyMap | None = None  # what scans of a laser are compared with; None: no such map
 
     @property
     def size(self) -> int:

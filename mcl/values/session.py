@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from .arrays import F64, U8
 from .map import Arena
+from .scan import LaserScan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,6 +30,7 @@ class Frame:
     picture: str  # where the image is stored, for people; "" when nowhere
     # numbers by name, of other sensors than the camera: the newest of each name since the last frame
     readings: Mapping[str, float] = field(default_factory=dict)
+    scan: LaserScan | None = None  # of a planar laser, taken at the frame's pose
 
 
 @dataclass(frozen=True, slots=True, eq=False)
