@@ -6,7 +6,6 @@ separate message at nearly the same time.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
@@ -22,7 +21,7 @@ from maurice_mcl.values.map import Arena, open_arena
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files.maps import MOST_CELLS, cell_walls
+from ..files.maps import arena_of_message
 from ..reading.options import ReadingOptions
 from ..reading.plane import Plane
 from ..reading.recording import Motion, OdometryPose, Picture, Record, TruthPose
@@ -317,6 +316,9 @@ def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
     return min(poses, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
 
 
+GRID = "nav_msgs/OccupancyGrid"
+
+
 def _map_of(bag: BagSource) -> Arena | None:
     """Return the first valid map of the bag; costmaps are left out."""
     for topic in readable(bag.topics, {GRID}):
@@ -324,27 +326,5 @@ def _map_of(bag: BagSource) -> Arena | None:
             continue
         for _, grid in first_messages(bag, topic.name, 1):
             with suppress(InputError, *MESSAGE_ERRORS):
-                return arena_of(grid)
+                return arena_of_message(grid)
     return None
-
-
-# The map of a bag, an occupancy grid, as walls.
-
-OCCUPIED = 65  # percent; map_server's occupied_thresh
-GRID = "nav_msgs/OccupancyGrid"
-
-
-def arena_of(grid: Any) -> Arena:
-    """Return the map of an OccupancyGrid: walls run along the edges of occupied cells. ValueError."""
-    info = grid.info
-    width, height, side_m = int(info.width), int(info.height), float(info.resolution)
-    if not (0 < width * height <= MOST_CELLS and math.isfinite(side_m) and side_m > 0):
-        raise ValueError(f"found a map of {width} x {height} cells of {side_m} m, expected a grid")
-    cells = np.asarray(grid.data, np.int16)
-    if len(cells) != width * height:
-        raise ValueError(f"found {len(cells)} cells, expected {width} x {height}")
-    at, q = info.origin.position, info.origin.orientation
-    heading = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
-    occupied = cells.reshape(height, width) >= OCCUPIED
-    walls, bounds = cell_walls(occupied, side_m, np.zeros(2), (float(at.x), float(at.y), heading), np.any)
-    return Arena(bounds, walls)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, Bool
 from maurice_mcl.values.geometry import rotated
 from maurice_mcl.values.map import Arena, open_arena
+from maurice_mcl.values.occupancy import FREE, OCCUPIED, OccupancyMap
 
-from ..errors import FieldError, InputError, PictureError
-from .pictures import expect_size, picture_file, picture_size
-from .text import MOST, expect_regular, number, read_number_rows, show, text, up_to
+from ..errors import FieldError, InputError
+from .ros_maps import ENDINGS, grid_of_message, read_grid
+from .ros_maps import write_ros_map as write_ros_map
+from .text import MOST, read_number_rows, up_to
 
 # How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
 
@@ -51,12 +51,11 @@ def _corners(arena: Arena) -> F64:
 # A map that is given with poses: a ROS map if its suffix says so, else a file of wall segments.
 
 METERS = {"m": 1.0, "mm": 0.001}
-ROS_ENDINGS = (".yaml", ".yml")
 
 
 def read_map(file: Path, unit: str, poses: F64) -> Arena:
     """Read a ROS `map.yaml`, or a file of segments in `unit`, for poses (L, 2 or 3). Raises InputError."""
-    if file.suffix.lower() in ROS_ENDINGS:
+    if file.suffix.lower() in ENDINGS:
         arena = read_ros_map(file)
         check_span(file, poses, arena)
         return arena
@@ -87,118 +86,62 @@ def _near(walls: F64, bounds: tuple[float, float, float, float]) -> F64:
     return near
 
 
-# ROS's map.yaml, as map_server and map_saver write it: flat keys, of which one is a list of three numbers.
-
-MOST_MAP_BYTES = 2**16
-THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # defaults of map_server
-MODES = ("trinary", "scale")  # which differ only in what lies between free and occupied
-_LINE = re.compile(r"(?P<key>\w+)\s*:(?:\s+(?P<value>.*))?$")
-_ITEM = re.compile(r"\s*-\s+(?P<value>.*)$")
-_COMMENT = re.compile(r"(?:^|\s)#.*$")
-_QUOTED = re.compile(r"""(["'])(.*)\1$""")
-
-
 def read_ros_map(file: Path) -> Arena:
     """Read `map.yaml` and its picture (PGM, PNG and others) as walls. Raises InputError.
 
     Robots can only be in free cells. Walls run along the borders between free cells and those that are
     occupied or unknown; the bounds are those of the free cells.
     """
-    try:
-        values = _yaml_values(file)
-        side_m = number(values.get("resolution"), "resolution")
-        origin = [number(item, "origin") for item in _three(values.get("origin"))]
-        occupied, free = (number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
-        mode, picture = str(values.get("mode", MODES[0])), text(values.get("image"), "image")
-        if not 1e-4 <= side_m <= 1e3 or mode not in MODES or not 0 <= free <= occupied <= 1:
-            expected = f"resolution of 0.1 mm to 1 km, mode {' or '.join(MODES)}, 0 <= free <= occupied <= 1"
-            raise FieldError(
-                f"found {side_m:g} m, mode {mode!r}, {free:g} and {occupied:g}, expected {expected}"
-            )
-    except FieldError as problem:
-        raise InputError(file, f"{problem}; is this a ROS map?") from None
-    shade = _shades(file, file.parent / picture)
-    taken = shade if values.get("negate") in (1.0, "true") else 1 - shade
-    is_free = np.flipud(taken < free)  # the picture's top row is the farthest in y
+    grid = read_grid(file)
+    is_free = grid.cells == FREE
     rows, columns = (np.flatnonzero(is_free.any(axis=axis)) for axis in (1, 0))
     if not len(rows):
-        fault = f"found no free cell in {picture} ({(taken > occupied).mean():.0%} occupied)"
+        fault = f"found no free cell ({(grid.cells == OCCUPIED).mean():.0%} occupied)"
         raise InputError(file, f"{fault}, expected some; see negate and free_thresh")
     low = np.array([columns[0], rows[0]], np.float64)
     cropped = is_free[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    walls, frame = cell_walls(cropped, side_m, low * side_m, (origin[0], origin[1], origin[2]), np.all)
+    walls, frame = cell_walls(cropped, grid.cell_m, low * grid.cell_m, grid.origin, np.all)
     return Arena(frame, walls)
 
 
-def _yaml_values(file: Path) -> dict[str, Any]:
-    expect_regular(file, "a map")
+def read_occupancy(file: str | Path) -> OccupancyMap:
+    """Read `map.yaml` and its picture as a grid along the map's axes. Raises InputError.
+
+    What map_server's modes trinary, scale and raw leave between free and occupied is unknown, and so are
+    transparent pixels. A map with a turned origin is resampled to cells of the same size.
+
+        >>> import numpy as np
+        >>> from maurice_loaders.files.maps import read_occupancy, write_ros_map
+        >>> from maurice_mcl.values.occupancy import OccupancyMap
+        >>> grid = OccupancyMap(np.array([[0, 1, 2]], np.uint8), 0.05, np.array([-1.5, 2.0]))
+        >>> write_ros_map(grid, "office.yaml", force=True)
+        >>> read_occupancy("office.yaml").cells.tolist()
+        [[0, 1, 2]]
+    """
     try:
-        data = file.read_bytes()[: MOST_MAP_BYTES + 1]
-        lines = data.decode("utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as problem:
-        raise InputError(file, f"cannot be read as a map: {problem}") from None
-    if len(data) > MOST_MAP_BYTES:
-        raise InputError(file, "found more than 64 KiB, expected a map.yaml")
-    found: dict[str, Any] = {}
-    key = ""
-    for at, line in enumerate(lines, 1):
-        words = _COMMENT.sub("", line).rstrip()
-        if not words or words.startswith(("---", "%")):
-            continue
-        if item := _ITEM.match(words):
-            found[key] = [*(found.get(key) or []), _yaml_value(item["value"])]
-        elif pair := _LINE.match(words):
-            key = pair["key"]
-            found[key] = _yaml_value(pair["value"] or "")
-        else:
-            raise InputError(file, f"found {show(line)}, expected KEY: VALUE as in a ROS map", at)
-    return found
+        return read_grid(Path(file)).aligned()
+    except FieldError as problem:
+        raise InputError(Path(file), problem.message) from None
 
 
-def _yaml_value(words: str) -> Any:
-    words = words.strip()
-    if words.startswith("[") and words.endswith("]"):
-        return [_yaml_value(word) for word in words[1:-1].split(",")]
-    if quoted := _QUOTED.match(words):
-        return quoted[2]
-    try:
-        return float(words)
-    except ValueError:
-        return words or None
+def occupancy_of_message(message: Any) -> OccupancyMap:
+    """Return the map of an OccupancyGrid: percents, of which -1 is unknown. ValueError for a broken one.
+
+    From 65 a cell is occupied, up to 25 free, as to map_saver; what is between them is unknown.
+    """
+    return grid_of_message(message).aligned()
 
 
-def _three(value: Any) -> Sequence[Any]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise FieldError(f"found origin {show(value)}, expected [x, y, yaw]")
-    return value
-
-
-PGM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")  # its width and height
-
-
-def _shades(file: Path, picture: Path) -> F64:
-    """Read a map's picture as shades (H, W), 0 black to 1 white; transparent pixels are unknown, 0.5."""
-    try:
-        data = picture_file(picture)
-        pgm = PGM.match(data)
-        expect_size(*((int(pgm[1]), int(pgm[2])) if pgm else picture_size(data)))
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    except (PictureError, cv2.error) as problem:
-        reason = str(problem) if isinstance(problem, PictureError) else "it is not a picture"
-        raise InputError(file, f"its image {picture} cannot be read: {reason}") from None
-    if image is None or image.dtype not in (np.uint8, np.uint16):
-        raise InputError(file, f"its image {picture} cannot be read as a picture, expected PGM or PNG")
-    shades: F64 = np.asarray(image, np.float64) / (255 if image.dtype == np.uint8 else 65535)
-    if shades.ndim == 2:
-        return shades
-    gray: F64 = shades[..., :3].mean(axis=2)
-    return np.where(shades[..., 3] > 0, gray, 0.5) if shades.shape[2] == 4 else gray
+def arena_of_message(message: Any) -> Arena:
+    """Return the map of an OccupancyGrid with walls along the edges of occupied cells. ValueError."""
+    grid = grid_of_message(message)
+    walls, bounds = cell_walls(grid.cells == OCCUPIED, grid.cell_m, np.zeros(2), grid.origin, np.any)
+    return Arena(bounds, walls)
 
 
 # Cells as walls.
 
 MOST_WALLS = 20_000  # segments; a finer grid is coarsened
-MOST_CELLS = 2**28
 
 
 def cell_walls(

@@ -17,12 +17,11 @@ from maurice_loaders.bags.localizer import (
     STAND_INS,
     RecordedLocalizer,
     RecordedUpdate,
-    arena_of,
     stand_ins,
 )
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, ReadingNotes
-from maurice_loaders.files.maps import MOST_WALLS
+from maurice_loaders.files.maps import MOST_WALLS, arena_of_message
 from maurice_loaders.formats.registry import guess, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.filter.estimate import modes, share_within
@@ -290,7 +289,7 @@ def test_one_cell_has_four_walls() -> None:
     cells = np.zeros((4, 6), int)
     cells[1, 2] = 100
     cells[3, 3] = -1  # unknown is no wall
-    arena = arena_of(grid(cells, at=(10.0, 20.0, 0.0)))
+    arena = arena_of_message(grid(cells, at=(10.0, 20.0, 0.0)))
     assert arena.bounds == (10.0, 20.0, 13.0, 22.0)
     walls = {tuple(wall) for wall in arena.walls.tolist()}
     assert walls == {
@@ -304,11 +303,11 @@ def test_one_cell_has_four_walls() -> None:
 def test_long_turned_and_fine_maps() -> None:
     cells = np.zeros((3, 9), int)
     cells[1] = 100
-    assert len(arena_of(grid(cells)).walls) == 4
-    arena = arena_of(grid(np.full((2, 4), 100), at=(0.0, 0.0, np.pi / 2)))
+    assert len(arena_of_message(grid(cells)).walls) == 4
+    arena = arena_of_message(grid(np.full((2, 4), 100), at=(0.0, 0.0, np.pi / 2)))
     np.testing.assert_allclose(arena.bounds, (-1.0, 0.0, 0.0, 2.0), atol=1e-12)
     cells = np.indices((300, 300)).sum(axis=0) % 2 * 100
-    arena = arena_of(grid(cells, side_m=0.1))
+    arena = arena_of_message(grid(cells, side_m=0.1))
     assert len(arena.walls) <= MOST_WALLS
     np.testing.assert_allclose(arena.bounds, (0, 0, 30, 30))
 
@@ -320,4 +319,4 @@ def test_maps_that_cannot_be(change: dict[str, float]) -> None:
     wrong = grid(np.zeros((4, 6), int))
     vars(wrong.info).update(change)
     with pytest.raises(ValueError, match="found"):
-        arena_of(wrong)
+        arena_of_message(wrong)

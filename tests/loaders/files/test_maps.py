@@ -83,9 +83,9 @@ def test_negate_thresholds_lists_and_quotes_are_respected(tmp_path: Path) -> Non
     ("head", "told"),
     [
         ("", "found resolution nothing"),
-        (HEAD.replace("0.5", "-1"), "found -1 m"),
+        (HEAD.replace("0.5", "-1"), "found cells of -1 m"),
         (HEAD.replace(", 0.0]", "]"), "found origin .* expected .x, y, yaw."),
-        (HEAD.replace("negate: 0", "mode: raw"), "mode 'raw'"),
+        (HEAD.replace("negate: 0", "mode: gray"), "mode 'gray'"),
         (HEAD.replace("negate: 0", "what"), "map.yaml:4: found 'what', expected KEY: VALUE"),
         (HEAD.replace("negate: 0", "image: none.pgm"), "none.pgm cannot be read"),
         (HEAD.replace("negate: 0", "image: map.yaml"), "begins with"),

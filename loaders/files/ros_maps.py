@@ -1,0 +1,284 @@
+"""Occupancy grids as ROS has them: `map.yaml` with its picture, and the message OccupancyGrid."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.geometry import rotated
+from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+
+from ..errors import FieldError, InputError, PictureError
+from .pictures import expect_size, picture_file, picture_size
+from .text import MOST, expect_regular, number, show, text, up_to
+from .writing import expect_absent, write_whole
+
+MOST_CELLS = 2**28
+STRAIGHT_RAD = 1e-6  # a grid that is turned by less lies along the axes
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedGrid:
+    """An occupancy grid in a frame of its own, which may be turned on the map. FieldError for bad sizes."""
+
+    cells: U8  # (H, W) FREE, OCCUPIED or UNKNOWN; row 0 has the lowest y of the grid's frame
+    cell_m: float
+    origin: tuple[float, float, float]  # x_m, y_m, heading_rad of the outer corner of cell (0, 0) on the map
+
+    def __post_init__(self) -> None:
+        """Check what the numbers may be."""
+        if not 1e-4 <= self.cell_m <= 1e3:
+            raise FieldError(f"found cells of {self.cell_m:g} m, expected 0.1 mm to 1 km")
+        reach_m = max(self.cells.shape) * self.cell_m + max(map(abs, self.origin))
+        if not reach_m <= MOST:
+            raise FieldError(f"found a map at {reach_m:g} m, expected {up_to()}")
+
+    def aligned(self) -> OccupancyMap:
+        """Return the grid along the map's axes; a turned one is resampled to cells of the same size.
+
+        Raises FieldError for a grid that is useless to a laser: without free or without occupied cells.
+        """
+        for state, name in ((FREE, "free"), (OCCUPIED, "occupied")):
+            if not (self.cells == state).any():
+                raise FieldError(f"found no {name} cell, expected some; see its thresholds")
+        x_m, y_m, heading = self.origin
+        if abs(math.remainder(heading, math.tau)) < STRAIGHT_RAD:
+            return OccupancyMap(self.cells, self.cell_m, np.array([x_m, y_m]))
+        rows, columns = self.cells.shape
+        x, y = rotated(np.array([0, columns, 0, columns]), np.array([0, 0, rows, rows]), heading)
+        low = np.array([x.min(), y.min()])
+        width, height = (math.ceil(float(np.ptp(side)) - 1e-6) for side in (x, y))
+        if width * height > MOST_CELLS:
+            raise FieldError(
+                f"found a turned map of {width} x {height} cells, expected {MOST_CELLS} or fewer"
+            )
+        return OccupancyMap(self._turned(low, height, width), self.cell_m, low * self.cell_m + [x_m, y_m])
+
+    def _turned(self, low: F64, height: int, width: int) -> U8:
+        """Return what lies at the centers of cells along the map's axes, whose corner is at `low` cells.
+
+        An occupied cell stays occupied: walls of one cell would have holes otherwise.
+        """
+        cells, heading = np.full((height, width), UNKNOWN, np.uint8), self.origin[2]
+        across: F64 = np.linspace(low[0] + 0.5, low[0] + width - 0.5, width)
+        for row in range(height):
+            column, line = rotated(across, np.full_like(across, low[1] + row + 0.5), -heading)
+            cells[row] = _at(self.cells, line, column)
+        line, column = (np.argwhere(self.cells == OCCUPIED) + 0.5).T
+        x, y = rotated(column, line, heading)
+        cells[_index(y - low[1], height), _index(x - low[0], width)] = OCCUPIED
+        return cells
+
+
+def _at(cells: U8, rows: F64, columns: F64) -> U8:
+    row, column = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
+    inside = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
+    return np.where(inside, cells[row * inside, column * inside], UNKNOWN).astype(np.uint8)
+
+
+def _index(places: F64, count: int) -> Any:
+    return np.clip(np.floor(places).astype(np.int64), 0, count - 1)
+
+
+# The message. Its thresholds are those of map_saver, which makes three states of percents as well.
+
+OCCUPIED_FROM, FREE_TO = 65, 25  # percent
+
+
+def grid_of_message(message: Any) -> PlacedGrid:
+    """Return the grid of an OccupancyGrid: percents, of which -1 is unknown. ValueError for a broken one."""
+    info = message.info
+    width, height = int(info.width), int(info.height)
+    if not 0 < width * height <= MOST_CELLS:
+        raise FieldError(f"found a map of {width} x {height} cells, expected at least one cell")
+    percents = np.asarray(message.data, np.int16)
+    if len(percents) != width * height:
+        raise FieldError(f"found {len(percents)} cells, expected {width} x {height}")
+    at, q = info.origin.position, info.origin.orientation
+    heading = math.atan2(2 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    cells = _of_percents(percents.reshape(height, width), FREE_TO, OCCUPIED_FROM)
+    return PlacedGrid(cells, float(info.resolution), (float(at.x), float(at.y), heading))
+
+
+def _of_percents(percents: Any, free: float, occupied: float) -> U8:
+    known = (percents >= 0) & (percents <= 100)
+    states = np.full(percents.shape, UNKNOWN, np.uint8)
+    states[known & (percents <= free)] = FREE
+    states[known & (percents >= occupied)] = OCCUPIED
+    return states
+
+
+# map.yaml, as map_server and map_saver write it: flat keys, of which one is a list of three numbers.
+
+MOST_MAP_BYTES = 2**16
+ENDINGS = (".yaml", ".yml")
+THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # defaults of map_server
+MODES = ("trinary", "scale", "raw")  # what is between free and occupied in "scale" is unknown, as to AMCL
+SAVED = (0, 205, 254)  # the shades of map_saver: occupied, unknown, free
+MISREAD = 0.25  # a free_thresh that map_saver long wrote in ROS 2, and by which its 205 would be free
+_LINE = re.compile(r"(?P<key>\w+)\s*:(?:\s+(?P<value>.*))?$")
+_ITEM = re.compile(r"\s*-\s+(?P<value>.*)$")
+_COMMENT = re.compile(r"(?:^|\s)#.*$")
+_QUOTED = re.compile(r"""(["'])(.*)\1$""")
+
+
+def read_grid(file: Path) -> PlacedGrid:
+    """Read `map.yaml` and its picture (PGM, PNG and others). Raises InputError."""
+    try:
+        values = _yaml_values(file)
+        cell_m = number(values.get("resolution"), "resolution")
+        x_m, y_m, heading = (number(item, "origin") for item in _three(values.get("origin")))
+        occupied, free = (number(values.get(key, usual), key) for key, usual in THRESHOLDS.items())
+        mode, picture = str(values.get("mode") or MODES[0]), text(values.get("image"), "image")
+        if mode not in MODES or not 0 <= free <= occupied <= 1:
+            expected = f"mode {', '.join(MODES)}, and 0 <= free <= occupied <= 1"
+            raise FieldError(f"found mode {mode!r}, {free:g} and {occupied:g}, expected {expected}")
+        shades = _Shades(mode, _is_true(values.get("negate")), free, occupied)
+        cells = shades.cells(_image(file, file.parent / picture))
+        return PlacedGrid(np.flipud(cells), cell_m, (x_m, y_m, heading))  # its top row is the farthest in y
+    except FieldError as problem:
+        raise InputError(file, f"{problem}; is this a ROS map?") from None
+
+
+@dataclass(frozen=True, slots=True)
+class _Shades:
+    """What shades of a picture mean, by the rules of map_server."""
+
+    mode: str
+    negate: bool
+    free: float
+    occupied: float
+
+    def cells(self, image: Any) -> U8:
+        """Return the states (H, W) of a picture; transparent pixels are unknown."""
+        most = int(np.iinfo(image.dtype).max)
+        if image.ndim == 2:
+            rules = replace(self, free=THRESHOLDS["free_thresh"]) if self._misreads(image) else self
+            cells: U8 = rules.states(np.arange(most + 1) / most)[image]
+            return cells
+        cells = self.states(image[..., :3].mean(axis=2) / most)
+        if image.shape[2] == 4:
+            cells[image[..., 3] < (most if self.mode == "scale" else 1)] = UNKNOWN
+        return cells
+
+    def _misreads(self, image: Any) -> bool:
+        """Return whether what map_saver wrote as unknown would be free by its own threshold."""
+        saved = np.zeros(2**16, np.bool_)
+        saved[list(SAVED)] = True
+        asked = self.mode == "trinary" and not self.negate and self.free == MISREAD
+        return asked and image.dtype == np.uint8 and bool(saved[image].all())
+
+    def states(self, shades: F64) -> U8:
+        """Return the states of shades, 0 black to 1 white."""
+        dark = shades if self.negate else 1 - shades
+        if self.mode == "raw":
+            return _of_percents(np.rint(255 * (1 - dark)), 100 * self.free, 100 * self.occupied)
+        states = np.full(shades.shape, UNKNOWN, np.uint8)
+        states[dark < self.free] = FREE
+        states[dark > self.occupied] = OCCUPIED
+        return states
+
+
+def _is_true(value: Any) -> bool:
+    return value == 1.0 or str(value).lower() in ("true", "yes", "on")
+
+
+def _yaml_values(file: Path) -> dict[str, Any]:
+    expect_regular(file, "a map")
+    try:
+        data = file.read_bytes()[: MOST_MAP_BYTES + 1]
+        lines = data.decode("utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as problem:
+        raise InputError(file, f"cannot be read as a map: {problem}") from None
+    if len(data) > MOST_MAP_BYTES:
+        raise InputError(file, "found more than 64 KiB, expected a map.yaml")
+    found: dict[str, Any] = {}
+    key = ""
+    for at, line in enumerate(lines, 1):
+        words = _COMMENT.sub("", line).rstrip()
+        if not words or words.startswith(("---", "%")):
+            continue
+        if item := _ITEM.match(words):
+            found[key] = [*(found.get(key) or []), _yaml_value(item["value"])]
+        elif pair := _LINE.match(words):
+            key = pair["key"]
+            found[key] = _yaml_value(pair["value"] or "")
+        else:
+            raise InputError(file, f"found {show(line)}, expected KEY: VALUE as in a ROS map", at)
+    return found
+
+
+def _yaml_value(words: str) -> Any:
+    words = words.strip()
+    if words.startswith("[") and words.endswith("]"):
+        return [_yaml_value(word) for word in words[1:-1].split(",")]
+    if quoted := _QUOTED.match(words):
+        return quoted[2]
+    try:
+        return float(words)
+    except ValueError:
+        return words or None
+
+
+def _three(value: Any) -> Sequence[Any]:
+    if not isinstance(value, list) or len(value) != 3:
+        raise FieldError(f"found origin {show(value)}, expected [x, y, yaw]")
+    return value
+
+
+PGM = re.compile(rb"P[1-6](?:\s|#[^\n]*\n)+(\d{1,9})(?:\s|#[^\n]*\n)+(\d{1,9})\s")  # its width and height
+
+
+def _image(file: Path, picture: Path) -> Any:
+    """Read a map's picture (H, W) or (H, W, 3 or 4), 8 or 16 bits, top row first."""
+    try:
+        data = picture_file(picture)
+        pgm = PGM.match(data)
+        expect_size(*((int(pgm[1]), int(pgm[2])) if pgm else picture_size(data)))
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except (PictureError, cv2.error) as problem:
+        reason = str(problem) if isinstance(problem, PictureError) else "it is not a picture"
+        raise InputError(file, f"its image {picture} cannot be read: {reason}") from None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        raise InputError(file, f"its image {picture} cannot be read as a picture, expected PGM or PNG")
+    return image
+
+
+# Writing one, as map_saver does.
+
+
+def write_ros_map(occupancy: OccupancyMap, path: str | Path, *, force: bool = False) -> None:
+    """Write a map as `map.yaml` and, beside it, the picture that it names (PGM); read back it is the same.
+
+    InputError for a file that exists, unless `force`, or cannot be written, and for a map too large to read.
+    """
+    path = Path(path)
+    picture = path.with_suffix(".pgm")
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(path, f"expected a name that ends with {' or '.join(ENDINGS)}")
+    for target in (path, picture):
+        expect_absent(target, force=force)
+    shades = np.empty(3, np.uint8)
+    shades[[OCCUPIED, UNKNOWN, FREE]] = SAVED
+    height, width = occupancy.cells.shape
+    expect_size(width, height)
+    head = b"P5\n%d %d\n255\n" % (width, height)
+    write_whole(picture, head + np.flipud(shades[occupancy.cells]).tobytes(), force=force)
+    x_m, y_m = (float(value) for value in occupancy.corner)
+    values = {
+        "image": picture.name,
+        "mode": MODES[0],
+        "resolution": float(occupancy.cell_m),
+        "origin": [x_m, y_m, 0.0],
+        "negate": 0,
+        **THRESHOLDS,
+    }
+    write_whole(path, "".join(f"{key}: {value}\n" for key, value in values.items()).encode(), force=force)
