@@ -11,4 +11,5 @@ Nothing here moves, weighs or resamples particles, which is the work of `filter`
 - `ahead`: pictures measured and compared ahead of the filter, on a thread of their own
 - `outside`: pose sensors of other packages, loaded by name
 - `landmarks`: points of the library's pictures whose place in space is known, a pose sensor of its own
+- `laser`: a planar laser on an occupancy grid, another pose sensor
 """

@@ -1,0 +1,11 @@
+"""A planar laser on an occupancy grid, as a pose sensor.
+
+- `parameters`: which model of the laser, and its constants, by AMCL's names
+- `reading`: the beams of a scan that are compared with the map
+- `field`: what a beam that ends in a cell is worth, and the sum over beams for many poses at once
+- `rays`: how far beams reach on the map
+- `models`: the nats of a scan at many poses: our model, and those of AMCL
+- `beams`: each beam of a scan judged at one pose: agrees, short, beyond, unknown, miss
+- `sensor`: the pose sensor `Laser`
+- `picture`: what people are shown: the scan on the map, the beams that disagree, a sentence
+"""

@@ -1,0 +1,67 @@
+"""The beams of a scan that are compared with the map."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...values.arrays import F32, F64, I32, Bool
+from ...values.scan import LaserScan
+from .parameters import LaserParameters
+
+LEAST_HITS = 8  # fewer beams that hit something do not tell where the robot is
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserReading:
+    """B chosen beams of one scan, in the robot's frame; beams without an answer are left out."""
+
+    scan: LaserScan
+    beams: I32  # (B,) their numbers in the scan
+    angles_rad: F64  # (B,) counter-clockwise from the robot's forward
+    ranges_m: F32  # (B,) `max_m` where nothing was hit
+    hits: Bool  # (B,) which hit something
+    max_m: float  # the reach in use
+
+    @property
+    def size(self) -> int:
+        """The number of beams B."""
+        return len(self.beams)
+
+    @property
+    def ends(self) -> F64:
+        """Where the beams that hit something end, (K, 2) x_m, y_m in the robot's frame."""
+        angles, ranges = self.angles_rad[self.hits], self.ranges_m[self.hits].astype(np.float64)
+        ends: F64 = self.scan.mount[:2] + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        return ends
+
+
+def read_scan(scan: LaserScan, parameters: LaserParameters) -> LaserReading | None:
+    """Choose beams as the model does; None where fewer than `LEAST_HITS` hit something.
+
+    As in AMCL, a range below the least one counts as nothing hit.
+    """
+    least = max(scan.min_m, parameters.laser_min_range)
+    most = min(scan.max_m, parameters.laser_max_range) if parameters.laser_max_range > 0 else scan.max_m
+    ranges = scan.ranges_m
+    with np.errstate(invalid="ignore"):
+        hits = (ranges > least) & (ranges < most)
+    beams = _chosen(hits, parameters)
+    beams = beams[~np.isnan(ranges[beams])].astype(np.int32)
+    if hits[beams].sum() < LEAST_HITS:
+        return None
+    kept = np.where(hits[beams], ranges[beams], np.float32(most)).astype(np.float32)
+    return LaserReading(scan, beams, scan.angles_rad[beams], kept, hits[beams], most)
+
+
+def _chosen(hits: Bool, parameters: LaserParameters) -> I32:
+    """Return numbers of beams: AMCL's every n-th, ours evenly among those that hit something."""
+    size, wanted = len(hits), parameters.max_beams
+    if parameters.model == "calibrated":
+        there = np.flatnonzero(hits)
+        count = min(wanted, len(there))
+        return there[(2 * np.arange(count) + 1) * len(there) // max(2 * count, 1)].astype(np.int32)
+    rounded_up = parameters.model == "likelihood_field_prob"
+    step = -(-size // wanted) if rounded_up else (size - 1) // (wanted - 1)
+    return np.arange(0, size, max(step, 1), dtype=np.int32)

@@ -1,0 +1,82 @@
+"""The pose sensor `Laser`: any pose is as likely as the scan fits the map there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from ...values.arrays import F32, F64
+from ...values.occupancy import OccupancyMap
+from ...values.pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
+from ...values.session import Frame
+from .beams import BeamJudgment, judge
+from .models import MODELS, LaserMap
+from .parameters import LaserParameters
+from .picture import shown
+from .rays import Rays
+from .reading import LaserReading, read_scan
+
+SPREAD_STEPS = 2  # a spread's standard deviation is rounded to this many steps an octave: each has a field
+
+
+@dataclass(frozen=True, eq=False)
+class Laser:
+    """A sensor model of a planar laser on an occupancy grid; see `maurice_mcl.PoseSensor`."""
+
+    occupancy: OccupancyMap
+    parameters: LaserParameters = field(default_factory=LaserParameters)
+    name: ClassVar[str] = "laser"  # the key of `sensor.weights`
+    proposes: ClassVar[bool] = False
+
+    @property
+    def summary(self) -> str:
+        """One line for tables."""
+        height, width = self.occupancy.cells.shape
+        return f"{self.parameters.model}, {width} x {height} cells of {self.occupancy.cell_m:g} m"
+
+    def read(self, frame: Frame) -> LaserReading | None:
+        """Return the beams to compare; None without a scan, and where too few beams hit something."""
+        return None if frame.scan is None else read_scan(frame.scan, self.parameters)
+
+    def log_likelihood(
+        self, reading: LaserReading, poses: F32, origin: F64, spread: PoseSpread = EXACT
+    ) -> F32:
+        """Return the nats (N,) of poses (N, 3): at most 0, where every beam ends at what the map has."""
+        model = MODELS[self.parameters.model]
+        nats = model(self._map, reading, poses, origin, _blur_m(reading, spread))
+        return np.minimum(nats, np.float32(0))
+
+    def propose(self, reading: LaserReading) -> PoseProposal | None:
+        """Return None: this model only weighs poses."""
+        return None
+
+    def shown(self, reading: LaserReading, poses: Mapping[str, F64]) -> Shown:
+        """Return the scan on the map, which beams disagree with the estimate and how, and how many agree."""
+        places = np.stack([*poses.values()])
+        origin = places[0, :2].copy()
+        there = (places - [*origin, 0.0]).astype(np.float32)
+        nats = dict(zip(poses, self.log_likelihood(reading, there, origin).tolist(), strict=True))
+        return shown(reading, self.judged(reading, poses["estimate"]), poses, nats)
+
+    def judged(self, reading: LaserReading, pose: F64) -> BeamJudgment:
+        """Return what each beam says at a pose (3,) in the map's frame."""
+        return judge(self._map, self._rays, reading, pose)
+
+    @cached_property
+    def _rays(self) -> Rays:
+        return Rays.of(self.occupancy)
+
+    @cached_property
+    def _map(self) -> LaserMap:
+        return LaserMap(self.occupancy, self.parameters)
+
+
+def _blur_m(reading: LaserReading, spread: PoseSpread) -> float:
+    """Return how far apart a spread puts the ends of beams: by position, and heading at their range."""
+    ranges = reading.ranges_m[reading.hits]
+    apart = float(np.hypot(spread.position_m, spread.heading_rad * float(np.median(ranges))))
+    return 0.0 if apart <= 0 else float(2.0 ** (round(np.log2(apart) * SPREAD_STEPS) / SPREAD_STEPS))

@@ -1,0 +1,310 @@
+"""A planar laser on an occupancy grid: AMCL's formulas as plain loops, and laws that hold for every model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.ndimage import distance_transform_edt
+
+from maurice_mcl.sensor.laser import field as laser_field
+from maurice_mcl.sensor.laser.beams import JUDGMENTS
+from maurice_mcl.sensor.laser.models import UNKNOWN_NATS
+from maurice_mcl.sensor.laser.parameters import MODELS, LaserParameters
+from maurice_mcl.sensor.laser.rays import Rays, cast
+from maurice_mcl.sensor.laser.sensor import Laser
+from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.values.pose_sensor import PoseSpread
+from maurice_mcl.values.scan import LaserScan
+
+CELL_M = 0.05
+MOUNT = np.array([0.1, 0.05, 0.2])
+TRUTH = np.array([2.6, 1.7, 0.4])
+ZERO = np.zeros(2)
+
+
+def room(shift=0):
+    """A room of 6 x 4 m with a box in it; beyond its walls nothing is known."""
+    cells = np.full((100, 140), UNKNOWN, np.uint8)
+    cells[10:90, 10 : 130 + shift] = OCCUPIED
+    cells[11:89, 11 : 129 + shift] = FREE
+    cells[60:70, 30:44] = OCCUPIED
+    return OccupancyMap(cells, CELL_M, np.array([-0.5, -0.5]))
+
+
+def scan_at(grid, pose, mount=MOUNT, size=121, max_m=8.0):
+    start, step = -2.1, 4.2 / (size - 1)
+    angles = start + step * np.arange(size)
+    laser = compose(pose, mount)
+    ranges = cast(grid, laser, angles, max_m)[0]
+    return LaserScan(ranges, start, step, 0.05, max_m, mount)
+
+
+def reading_of(laser, scan):
+    return laser.read(SimpleNamespace(scan=scan))
+
+
+def around(pose, count=200, seed=3):
+    spread = np.random.default_rng(seed).normal(0, [0.3, 0.3, 0.2], (count, 3))
+    return (pose + spread).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return room()
+
+
+@pytest.fixture(scope="module")
+def scan(grid):
+    scan = scan_at(grid, TRUTH)
+    ranges = scan.ranges_m.copy()
+    ranges[[4, 40]], ranges[[9, 64]], ranges[100:106] = np.nan, 8.0, 0.7
+    return replace(scan, ranges_m=ranges)
+
+
+def amcl_field(grid, scan, pose, p, step, value):
+    """AMCL's loop over beams, of amcl_laser.cpp and likelihood_field_model.cpp, for one pose."""
+    apart = distance_transform_edt(grid.cells != OCCUPIED) * grid.cell_m
+    x0, y0, heading = compose(pose, scan.mount)
+    for k in range(0, scan.size, step):
+        reach = float(scan.ranges_m[k])
+        if math.isnan(reach) or reach >= scan.max_m:
+            continue
+        angle = heading + scan.start_rad + k * scan.step_rad
+        column = math.floor((x0 + reach * math.cos(angle) - grid.corner[0]) / grid.cell_m)
+        row = math.floor((y0 + reach * math.sin(angle) - grid.corner[1]) / grid.cell_m)
+        away = p.laser_likelihood_max_dist
+        if 0 <= row < len(apart) and 0 <= column < len(apart[0]):
+            away = min(away, apart[row, column])
+        pz = p.z_hit * math.exp(-(away**2) / (2 * p.sigma_hit**2)) + p.z_rand / scan.max_m
+        value(pz)
+
+
+@pytest.mark.parametrize("name", ["likelihood_field", "likelihood_field_prob"])
+def test_fields_are_amcls_up_to_a_constant(grid, scan, name):
+    p = LaserParameters(model=name, max_beams=50)
+    laser, poses = Laser(grid, p), around(TRUTH, 40)
+    step = (
+        (scan.size - 1) // (p.max_beams - 1) if name == "likelihood_field" else -(-scan.size // p.max_beams)
+    )
+    expected = []
+    for pose in poses.astype(float):
+        values = []
+        amcl_field(grid, scan, pose, p, step, values.append)
+        cubes = 1 + sum(pz**3 for pz in values)
+        expected.append(math.log(cubes) if name == "likelihood_field" else sum(map(math.log, values)))
+    nats = laser.log_likelihood(reading_of(laser, scan), poses, ZERO)
+    assert np.ptp(nats) > 0.5
+    # an end point at the very edge of a cell may be rounded into the next
+    assert np.median(np.abs((nats - nats[0]) - (np.array(expected) - expected[0]))) < 1e-3
+
+
+def test_the_beam_model_is_amcls_up_to_a_constant(grid, scan):
+    p = LaserParameters(model="beam")
+    laser, poses = Laser(grid, p), around(TRUTH, 40)
+    reading = reading_of(laser, scan)
+    lasers = np.array([compose(pose, MOUNT) for pose in poses.astype(float)])
+    angles = scan.start_rad + scan.step_rad * reading.beams
+    expected = Rays.of(grid, unknown_blocks=True).cast(lasers, angles, scan.max_m)
+    total = np.ones(len(poses))
+    for b, z in enumerate(reading.ranges_m.astype(float)):
+        for n, mapped in enumerate(expected[:, b].astype(float)):
+            pz = p.z_hit * math.exp(-((z - mapped) ** 2) / (2 * p.sigma_hit**2))
+            pz += p.z_short * p.lambda_short * math.exp(-p.lambda_short * z) if z < mapped else 0
+            pz += p.z_max if z >= scan.max_m else p.z_rand / scan.max_m
+            total[n] += pz**3
+    nats = laser.log_likelihood(reading, poses, ZERO)
+    np.testing.assert_allclose(nats - nats[0], np.log(total) - math.log(total[0]), atol=1e-4)
+
+
+def test_skipped_beams_are_those_that_a_converged_cloud_disagrees_with(grid, scan):
+    blocked = replace(scan, ranges_m=np.where(np.arange(scan.size) % 2 == 0, 0.5, scan.ranges_m))
+    poses = (TRUTH + np.random.default_rng(1).normal(0, 0.02, (50, 3))).astype(np.float32)
+    plain = Laser(grid, LaserParameters(model="likelihood_field_prob"))
+    skips = Laser(grid, LaserParameters(model="likelihood_field_prob", do_beamskip=True))
+    reading = reading_of(plain, blocked)
+    all_beams, kept = (laser.log_likelihood(reading, poses, ZERO) for laser in (plain, skips))
+    assert kept.min() > all_beams.max() + 5
+    far = np.concatenate([poses, poses + np.float32(1)])
+    np.testing.assert_array_equal(*(laser.log_likelihood(reading, far, ZERO) for laser in (plain, skips)))
+    # where hardly a beam agrees, none is skipped
+    lost = poses + np.array([0.3, 0.4, 1.5], np.float32)
+    strict = Laser(grid, replace(skips.parameters, beam_skip_error_threshold=0.1))
+    np.testing.assert_allclose(
+        strict.log_likelihood(reading, lost, ZERO), plain.log_likelihood(reading, lost, ZERO), atol=1e-3
+    )
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_nats_are_finite_at_most_zero_and_best_near_the_truth(grid, model):
+    laser = Laser(grid, LaserParameters(model=model))
+    reading = reading_of(laser, scan_at(grid, TRUTH))
+    far = np.array([[1e6, -1e6, 3.0], [-0.4, -0.4, 0.0], [6.4, 4.4, -9.0]], np.float32)
+    poses = np.concatenate([TRUTH[None].astype(np.float32), around(TRUTH), far])
+    for spread in (PoseSpread(), PoseSpread(0.3, 0.2)):
+        nats = laser.log_likelihood(reading, poses, ZERO, spread)
+        assert nats.dtype == np.float32
+        assert nats.shape == (len(poses),)
+        assert np.isfinite(nats).all()
+        assert nats.max() <= 0
+        assert nats[0] > np.percentile(nats, 95)
+        assert laser.log_likelihood(reading, poses[:0], ZERO, spread).shape == (0,)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_only_where_the_robot_is_on_the_map_counts(grid, scan, model):
+    """A map elsewhere, or poses off another origin, are worth the same."""
+    laser = Laser(grid, LaserParameters(model=model))
+    reading, poses = reading_of(laser, scan), around(TRUTH, 60)
+    nats = laser.log_likelihood(reading, poses, ZERO)
+    away = np.array([512.0, -1024.0])
+    moved = Laser(replace(grid, corner=grid.corner + away), laser.parameters)
+    np.testing.assert_allclose(moved.log_likelihood(reading, poses, away), nats, atol=0.3)
+    assert np.median(np.abs(moved.log_likelihood(reading, poses, away) - nats)) < 1e-3
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_map_turned_by_a_right_angle_turns_the_poses(grid, model):
+    scan, poses = scan_at(grid, TRUTH), around(TRUTH, 100)
+    turned_grid = OccupancyMap(np.ascontiguousarray(np.rot90(grid.cells, -1)), CELL_M, np.array([-4.5, -0.5]))
+    turned = np.stack([-poses[:, 1], poses[:, 0], poses[:, 2] + np.float32(np.pi / 2)], axis=1)
+    both = [Laser(each, LaserParameters(model=model)) for each in (grid, turned_grid)]
+    reading = reading_of(both[0], scan)
+    nats = both[0].log_likelihood(reading, poses, ZERO)
+    again = both[1].log_likelihood(reading, turned, ZERO)
+    assert np.corrcoef(nats, again)[0, 1] > 0.999
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_wall_that_moved_lowers_the_likelihood(grid, model):
+    scan = scan_at(grid, TRUTH)
+    p = LaserParameters(model=model)
+    nats = [
+        float(laser.log_likelihood(reading_of(laser, scan), TRUTH[None].astype(np.float32), ZERO)[0])
+        for laser in (Laser(grid, p), Laser(room(shift=-12), p))
+    ]
+    assert nats[0] > nats[1] + 0.1
+
+
+def test_a_mount_turned_over_is_the_same_scan(grid):
+    scan = scan_at(grid, TRUTH, mount=np.zeros(3))
+    over = replace(scan, ranges_m=scan.ranges_m[::-1], start_rad=-scan.start_rad, step_rad=-scan.step_rad)
+    over = replace(over, ranges_m=scan.ranges_m[::-1], start_rad=scan.angles_rad[-1])
+    laser, poses = Laser(grid), around(TRUTH, 50)
+    nats = [laser.log_likelihood(reading_of(laser, each), poses, ZERO) for each in (scan, over)]
+    np.testing.assert_allclose(nats[0], nats[1], rtol=0.2, atol=2)
+    assert abs(np.median(nats[0] - nats[1])) < 0.3
+
+
+def test_unknown_space_is_neither_right_nor_wrong(grid):
+    """A beam that ends where nobody has been costs less than one in free space, more than one at a wall."""
+    laser = Laser(grid)
+    lookup = laser._map.field("calibrated", 0.1, 0.0)
+    wall, free, behind, outside = lookup.at(np.array([[0.025, 1.0], [2.5, 0.5], [-0.4, -0.4], [-9.0, 3.0]]))
+    assert free < behind == outside == np.float32(UNKNOWN_NATS) < wall == 0
+
+
+def test_a_large_map_in_bytes_says_the_same(grid, scan, monkeypatch):
+    fine = Laser(grid)
+    reading, poses = reading_of(fine, scan), around(TRUTH)
+    nats = fine.log_likelihood(reading, poses, ZERO)
+    monkeypatch.setattr(laser_field, "FINE_CELLS", 100)
+    coarse = Laser(grid)
+    np.testing.assert_allclose(coarse.log_likelihood(reading, poses, ZERO), nats, atol=0.1)
+    assert coarse._map.field("calibrated", 0.1, 0.0).values.dtype == np.uint8
+
+
+def test_a_spread_forgives_a_pose_beside(grid):
+    laser = Laser(grid)
+    reading = reading_of(laser, scan_at(grid, TRUTH))
+    beside = np.add(TRUTH, [0.3, 0.0, 0.0]).astype(np.float32)[None]
+    exact, spread = (
+        laser.log_likelihood(reading, beside, ZERO, each)[0] for each in (PoseSpread(), PoseSpread(0.3))
+    )
+    assert spread > exact + 3
+
+
+def test_rays_reach_what_blocks_them(grid):
+    poses = np.array([[1.0, 1.0, 0.0], [1.2, 1.0, np.pi / 2], [1.0, 1.0, np.pi], [-0.45, -0.45, -2.0]])
+    reach = cast(grid, poses, np.zeros(1), 9.0)[:, 0]
+    np.testing.assert_allclose(reach, [4.95, 1.5, 0.95, 9.0], atol=1.1 * CELL_M)
+    blocked = Rays.of(grid, unknown_blocks=True).cast(poses, np.zeros(1), 9.0)[:, 0]
+    np.testing.assert_allclose(blocked, [4.95, 1.5, 0.95, 0.0], atol=1.1 * CELL_M)
+    assert cast(grid, poses[:1], np.zeros(1), 2.0) == 2.0
+
+
+def test_rays_are_those_of_small_steps(grid):
+    poses = np.random.default_rng(8).uniform([0.1, 0.1, -3], [5.2, 3.2, 3], (40, 3))
+    angles = np.linspace(-3, 3, 23)
+    reach = Rays.of(grid).cast(poses, angles, 9.0)
+    steps = np.arange(0, 9, 0.005)
+    for pose, row in zip(poses, reach, strict=True):
+        for angle, reached in zip(pose[2] + angles, row, strict=True):
+            path = pose[:2] + steps[:, None] * [np.cos(angle), np.sin(angle)]
+            there = grid.states_at(path) == OCCUPIED
+            assert there.any()
+            # a ray may slip past the very corner of a cell
+            assert reached > steps[there.argmax()] - 0.01
+    first = [
+        steps[(grid.states_at(p[:2] + steps[:, None] * [np.cos(p[2]), np.sin(p[2])]) == OCCUPIED).argmax()]
+        for p in poses
+    ]
+    assert np.abs(reach[:, 11] - first).max() < 1.5 * CELL_M
+
+
+def test_each_beam_is_judged_by_where_it_ends(grid):
+    truth = np.array([2.6, 1.7, 0.0])
+    scan = scan_at(grid, truth, mount=np.zeros(3), size=60)
+    ranges = scan.ranges_m.copy()
+    ranges[5:10] *= np.float32(0.5)
+    ranges[30] += np.float32(0.4)
+    ranges[50:52] = np.inf
+    laser = Laser(grid, LaserParameters(model="beam"))
+    reading = reading_of(laser, replace(scan, ranges_m=ranges))
+    judgment = laser.judged(reading, truth)
+    words = [JUDGMENTS[k] for k in judgment.judged]
+    assert words[5:10] == ["short"] * 5
+    assert words[30] == "beyond"
+    assert words[50:52] == ["miss"] * 2
+    assert judgment.count("agrees") == 60 - 8
+    np.testing.assert_allclose(judgment.expected_m, scan.ranges_m, atol=CELL_M)
+    assert (judgment.nats <= 0).all()
+    assert judgment.nats[5:10].max() < judgment.nats[judgment.are("agrees")].min()
+    open_map = replace(grid, cells=np.where(grid.cells == OCCUPIED, UNKNOWN, grid.cells))
+    assert Laser(open_map).judged(reading_of(Laser(open_map), scan), truth).count("unknown") > 50
+
+
+def test_what_is_shown_says_how_beams_disagree(grid):
+    scan = scan_at(grid, TRUTH)
+    ranges = np.where(np.arange(scan.size) < 40, np.maximum(scan.ranges_m - 0.4, 0.1), scan.ranges_m)
+    laser = Laser(grid)
+    reading = reading_of(laser, replace(scan, ranges_m=ranges.astype(np.float32)))
+    shown = laser.shown(reading, {"estimate": TRUTH, "truth": np.add(TRUTH, [0.1, 0, 0])})
+    assert "before the wall: something stands there" in shown.text("{:.1f} m".format)
+    assert "0.4 m" in shown.text("{:.1f} m".format)
+    marks = {mark.name: mark for mark in shown.marks}
+    assert marks["scan at the truth"].of == "truth"
+    assert len(marks["scan at the estimate"].strips) == reading.scan.hits.sum()
+    short = marks["beams that end short of the wall"]
+    assert short.strips.shape[1:] == (2, 2)
+    assert 10 < len(short.strips) <= 20
+
+
+def test_a_scan_with_too_few_hits_says_nothing(grid):
+    laser = Laser(grid)
+    assert laser.read(SimpleNamespace(scan=None)) is None
+    for nothing in (np.inf, np.nan, 0.0, 8.0):
+        scan = LaserScan(np.full(100, nothing, np.float32), -1.0, 0.02, 0.05, 8.0)
+        assert reading_of(laser, scan) is None
+
+
+def test_ranges_in_use_can_be_narrowed(grid):
+    scan = scan_at(grid, TRUTH)
+    narrow = Laser(grid, LaserParameters(laser_min_range=1.0, laser_max_range=2.0))
+    reading = reading_of(narrow, scan)
+    assert reading.max_m == 2.0
+    assert ((reading.ranges_m > 1) & (reading.ranges_m < 2)).all()
