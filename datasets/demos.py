@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from .folders import SimulationPaths, cached, paths_in
-from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, UPDATES, simulation_key
+from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, LASER_SEED, UPDATES, simulation_key
 
 Progress = Callable[[int, int, str], None]  # done, all, what is being made
 
@@ -32,3 +32,14 @@ def kidnapping_paths(progress: Progress | None = None) -> SimulationPaths:
 
     key = simulation_key("kidnapped", DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES)
     return paths_in(cached("demos", key, make))
+
+
+def laser_paths(progress: Progress | None = None) -> SimulationPaths:
+    """Return the demo of a robot with a laser, carried away in an office, from the user's cache."""
+
+    def make(folder: Path) -> None:
+        from .sessions import laser_plan, write_simulation
+
+        write_simulation(folder, laser_plan(), progress=progress)
+
+    return paths_in(cached("demos", simulation_key("laser-kidnapped", DEMO, LASER_SEED, UPDATES), make))

@@ -18,26 +18,27 @@ from maurice_loaders.files.writing import FolderKind, cache_root, discard
 from maurice_loaders.libraries.remembered import remembered
 from maurice_loaders.session_log.header import SESSION_LOG
 
-from .tasks import SURVEY
+from .tasks import MAP, SURVEY
 
 NOTE, FORMAT = "simulation.json", "maurice-simulation"  # written last: a folder without it is not finished
 _SURVEY = r"survey\.log|pictures/survey-\d{5,}\.jpg"
 _SESSION = r"session\.log|pictures/session-\d{5,}\.jpg"
-SIMULATION = FolderKind("a simulation", NOTE, FORMAT, rf"{NOTE}|{_SESSION}|survey/(?:{_SURVEY})")
+_MAP = r"map/map\.(?:yaml|pgm)"
+SIMULATION = FolderKind("a simulation", NOTE, FORMAT, rf"{NOTE}|{_SESSION}|survey/(?:{_SURVEY})|{_MAP}")
 SIMULATED_SURVEY = FolderKind("a simulated survey", NOTE, FORMAT, rf"{NOTE}|{_SURVEY}")
 
 
 @dataclass(frozen=True, slots=True)
 class SimulationPaths:
-    """Where the two logs are."""
+    """Where the session's log is, and its survey's: of a robot with a laser its map."""
 
     session: Path
     survey: Path
 
 
 def paths_in(folder: Path) -> SimulationPaths:
-    """Return where the two logs of a simulation's folder are."""
-    return SimulationPaths(folder / SESSION_LOG, folder / SURVEY)
+    """Return where the session's log and survey of a simulation's folder are."""
+    return SimulationPaths(folder / SESSION_LOG, folder / (MAP if (folder / MAP).exists() else SURVEY))
 
 
 def seal(folder: Path, key: str) -> None:

@@ -10,15 +10,19 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.files.pictures import PictureKind
+from maurice_loaders.files.ros_maps import write_ros_map
 from maurice_loaders.files.writing import expect_apart, new_folder
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
-from maurice_mcl.values.session import KIDNAPPED, Frame, Moment, SessionInfo
+from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.session import KIDNAPPED, NO_PICTURE, Frame, Moment, SessionInfo
 
 from .folders import SIMULATION, SimulationPaths, copy_whole, paths_in, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
+from .render.laser import SimulatedLaser, occupancy_of
 from .robot.segments import Happened, Log, Moved, Progress, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
@@ -27,6 +31,8 @@ from .tasks import (
     GENERATOR,
     KIDNAPPING_SEED,
     KIDNAPPING_UPDATES,
+    LASER_SEED,
+    MAP,
     SURVEY,
     TASKS,
     UPDATES,
@@ -64,6 +70,7 @@ def simulate(
     people: int = 0,
     gain: str = "fixed",
     half_resolution: bool = False,
+    laser: bool = False,
     motion_from: str | Path | None = None,
     force: bool = False,
     progress: Progress | None = None,
@@ -75,6 +82,7 @@ def simulate(
     update (default: halfway), `slip_at` an update or a range like 34-37 at which the wheels spin, `lights`
     as in docs/simulate.md, `moved` a number of pieces of furniture, `people` the percentage of pictures
     with people in view, `gain` fixed or auto.
+    `laser` gives the robot a laser in place of its camera, and a map in place of the survey.
     `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
 
     Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
@@ -99,6 +107,7 @@ def simulate(
         people=people,
         gain=gain,
         half_resolution=half_resolution,
+        laser=laser,
         recording=None if motion_from is None else Path(motion_from),
     )
     return write_simulation(Path(to), plan, force=force, progress=progress)
@@ -106,15 +115,15 @@ def simulate(
 
 def session_info(set_up: Stage) -> SessionInfo:
     """Return the header of a session: its map is the survey's, which does not know of things moved since."""
-    plan = set_up.plan
+    plan, eye = set_up.plan, set_up.eye
     return SessionInfo(
         name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
         display_units="in",
         robot="Maurice (simulated)",
         motion=set_up.course.motion,
-        cameras=(camera_of(set_up.camera.lens),),
+        cameras=() if isinstance(eye, SimulatedLaser) else (camera_of(eye.lens),),
         start=set_up.course.start if plan.task.start_known else None,
-        survey=SURVEY,
+        survey=MAP if plan.laser else SURVEY,
         arena=set_up.surveyed.arena,
         notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *_notes_of(set_up)),
     )
@@ -123,13 +132,13 @@ def session_info(set_up: Stage) -> SessionInfo:
 def _notes_of(set_up: Stage) -> tuple[str, ...]:
     moved = set_up.plan.moved
     things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
-    return (f"tier {set_up.plan.tier}", *set_up.camera.notes, *things, *set_up.course.notes)
+    return (f"tier {set_up.plan.tier}", *set_up.eye.notes, *things, *set_up.course.notes)
 
 
 def play(set_up: Stage, log: Log, report: Progress) -> None:
     """Drive the robot and write the session."""
     course, arena = set_up.course, set_up.world.arena
-    write_segments(log, course.start, course.segments(), set_up.camera, arena, course.total, report)
+    write_segments(log, course.start, course.segments(), set_up.eye, arena, course.total, report)
 
 
 def write_simulation(
@@ -151,7 +160,10 @@ def write_simulation(
     expect_apart(folder, *(() if plan.recording is None else (plan.recording,)))
     with new_folder(folder, SIMULATION, force=force) as filling, one_thread():
         set_up = stage(plan)
-        if surveyor is None:
+        if plan.laser:
+            occupancy = occupancy_of(set_up.surveyed.arena, set_up.surveyed.nodes)
+            write_ros_map(occupancy, filling / MAP)
+        elif surveyor is None:
             half = plan.half_resolution
             kept = cached_survey(set_up.surveyed, plan.arena_seed, report, half_resolution=half)
             copy_whole(kept, filling / SURVEY.parent)
@@ -189,8 +201,22 @@ def kidnapping_plan() -> SimulationPlan:
     return SimulationPlan(task, arena_seed=DEMO, seed=KIDNAPPING_SEED, updates=updates)
 
 
+def laser_plan() -> SimulationPlan:
+    """Return the demo's drive with a laser: a robot that is carried away in an office."""
+    task = TASKS["kidnapped"]
+    return SimulationPlan(task, "office", arena_seed=DEMO, seed=LASER_SEED, laser=True)
+
+
 def _key_of(plan: SimulationPlan) -> str:
-    return simulation_key(plan.task.name, plan.arena_seed, plan.seed, plan.updates)
+    name = f"laser-{plan.task.name}" if plan.laser else plan.task.name
+    return simulation_key(name, plan.arena_seed, plan.seed, plan.updates)
+
+
+def frame_of(number: int, t_s: float, motions: F64, seen: U8 | LaserScan) -> Frame:
+    """Return the frame of what the robot saw, after movements (M, 3)."""
+    if isinstance(seen, LaserScan):
+        return Frame(number, t_s, motions, NO_PICTURE, "", scan=seen)
+    return Frame(number, t_s, motions, seen, "")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,15 +228,15 @@ class SimulatedSession:
 
     def moments(self) -> Iterator[Moment]:
         """Drive and look from the beginning, on every call."""
-        camera, carried = self.set_up.camera, False
+        eye, carried = self.set_up.eye, False
         for number, segment in enumerate(self.set_up.course.segments(), start=1):
             motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
             texts = [KIDNAPPED] if carried else []
             texts += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
             carried = segment.kidnapped_to is not None
-            image = camera.take(number, segment.pose)
-            frame = Frame(number, segment.t_s, np.array(motions).reshape(-1, 3), image, "")
-            yield Moment(frame, segment.pose, (*texts, *camera.events(number)))
+            moved = np.array(motions).reshape(-1, 3)
+            frame = frame_of(number, segment.t_s, moved, eye.take(number, segment.pose))
+            yield Moment(frame, segment.pose, (*texts, *eye.events(number)))
 
 
 def simulated_session(plan: SimulationPlan, surveyed: World | None = None) -> SimulatedSession:

@@ -16,6 +16,7 @@ from maurice_mcl.values.randomness import Domain, stream
 
 from .render.camera_session import CameraSession, session_camera
 from .render.conditions import GAINS, Conditions, LightChange, conditions_for
+from .render.laser import SimulatedLaser
 from .robot.drive import KIDNAP_M, Robot, drive
 from .robot.motion import Chassis
 from .robot.planner import SCALES, Raster, fit, raster
@@ -48,6 +49,7 @@ class SimulationPlan:
     slip_chance: float = SLIP_CHANCE
     slip_at: range = range(0)  # updates at which the wheels spin
     half_resolution: bool = False  # of survey and session alike: it is one camera
+    laser: bool = False  # the robot has a laser in place of its camera
 
     def __post_init__(self) -> None:
         if self.tier not in TIERS:
@@ -60,6 +62,8 @@ class SimulationPlan:
             raise ValueError(f"found {self.updates} updates, expected 1 or more")
         if not 0 <= self.people <= 100:
             raise ValueError(f"found people in {self.people} percent of the pictures, expected 0 to 100")
+        if self.laser and (self.lights or self.gain != "fixed" or self.half_resolution):
+            raise ValueError("found a laser with lights, gain or half resolution, which are a camera's")
         self.task.kidnap_at(self.updates, self.kidnap_at)
         if self.slip_at and (self.recording is not None or self.slip_at[-1] > self.updates):
             why = f"of {self.updates}" if self.recording is None else "on a recorded path"
@@ -94,7 +98,7 @@ class Stage:
     plan: SimulationPlan
     surveyed: World  # as the survey saw it
     world: World  # as it is now
-    camera: CameraSession  # the session's camera
+    eye: CameraSession | SimulatedLaser  # the session's camera or laser
     course: Course
 
 
@@ -120,6 +124,9 @@ def stage(plan: SimulationPlan, surveyed: World | None = None) -> Stage:
         raise InputError(Path(plan.world), why)
     path = plan.recording
     course = driven(plan, world, map_) if path is None else followed(plan, world, map_, path)
+    if plan.laser:
+        share = max(plan.people / 100, TIERS[plan.tier].occluded)
+        return Stage(plan, surveyed, world, SimulatedLaser(world, plan.seed, share), course)
     try:
         camera = session_camera(world, plan.seed, plan.conditions)
     except ValueError as problem:  # a lamp that this world does not have

@@ -95,6 +95,7 @@ class SimPurpose(IntEnum):
     WANDER = 16
     PROXIMITY = 17
     BARE = 18
+    SCAN_NOISE = 19
 
 
 # Which seeds may be fitted on and which may only be tested on: the split never changes.
@@ -108,6 +109,8 @@ TEST = range(1000, 2000)  # nothing ever is
 
 GENERATOR = 2  # raise it whenever the same seed gives other files: old caches are then not used
 SURVEY = Path("survey") / "survey.log"  # beside the session's log
+MAP = Path("map") / "map.yaml"  # in its place, of a robot with a laser
+LASER_SEED = 1  # of the drive with a laser
 KIDNAPPING_SEED, KIDNAPPING_UPDATES = 2, 80  # a drive after which the thesis's filter is lost, and sure of it
 
 

@@ -9,7 +9,7 @@ The chapters are
 * `libraries`: built from surveys and drives; `runs`: saved runs
 * `export`, `importing`, `calibration_trials`: files for and from other programs
 * `doctor`: what is in a recording, and what is wrong with it
-* `config_files`: configuration as TOML
+* `config_files`: configuration as TOML; `amcl`: AMCL's parameters
 
 A new format is one file in `formats` and one line in its registry.
 """

@@ -9,14 +9,21 @@ from typing import Any
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.filter.motion import MOTION_MODELS
 
+from .amcl import read_amcl
 from .errors import InputError
+from .files.ros_maps import ENDINGS
 from .files.text import read_toml, toml_value
 
 PREFIX = "MAURICE_FILTER_"  # MAURICE_FILTER_SENSOR__SHARPNESS=2 sets sensor.sharpness
 
 
 def read_config(path: Path) -> Layer:
-    """Read a configuration file. InputError for one that is no TOML; what its keys mean is checked later."""
+    """Read a configuration file, or AMCL's parameters as YAML; what its keys mean is checked later.
+
+    InputError for one that is neither.
+    """
+    if path.suffix.lower() in ENDINGS:
+        return Layer(str(path), read_amcl(path).settings)
     return Layer(str(path), flatten(read_toml(path, "settings of a filter")))
 
 

@@ -11,8 +11,9 @@ import numpy as np
 
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
+from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
@@ -76,7 +77,7 @@ class Scene:
     @cached_property
     def nearest(self) -> NearestReference | None:
         """The library's own rule for which entry represents a pose; None for a library without entries."""
-        return nearest_reference(self.library.poses, self.arena) if self.library.size else None
+        return reference_of(self.library, self.arena) if self.library.size else None
 
     def entry_at(self, pose: F64) -> int:
         """Return the entry that represents a pose (3,) in the map's frame; -1 outside free space."""

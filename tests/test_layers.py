@@ -47,6 +47,7 @@ ROOMS = {
         ("formats",),
         ("session_log",),
         ("bags",),
+        ("amcl",),
         ("config_files",),
         ("libraries", "live"),
         ("runs",),

@@ -11,7 +11,7 @@ import polars as pl
 
 from maurice_datasets.robot.behaviors import BehaviorProposal
 from maurice_datasets.robot.drive import Robot
-from maurice_datasets.sessions import session_info
+from maurice_datasets.sessions import frame_of, session_info
 from maurice_datasets.simulation import stage
 from maurice_datasets.trials.drives import Drive, RenderedSession, bench_of, plan_of, world_of
 from maurice_datasets.trials.plan import SessionSpec
@@ -22,7 +22,7 @@ from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import spacing
 from maurice_mcl.values.records import Belief, FilterState, StepRecord
-from maurice_mcl.values.session import Frame, Moment
+from maurice_mcl.values.session import Moment
 from maurice_viz.plots.calibration import ACTUAL, figure
 
 from . import maps
@@ -51,7 +51,7 @@ def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> 
     for step in range(1, turns + 1):
         turned = robot.move(step, pose, BehaviorProposal("turning", 0, turn_rad))
         pose, motions = turned.pose, turned.turn.measured[None]
-        frame = Frame(step, float(step), motions, set_up.camera.take(step, pose), "")
+        frame = frame_of(step, float(step), motions, set_up.eye.take(step, pose))
         moments.append(Moment(frame, pose))
     bench = bench_of(spec.world, plan.arena_seed, spec.tier)
     return Drive(

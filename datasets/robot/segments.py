@@ -11,6 +11,7 @@ import numpy as np
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import Arena
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import KIDNAPPED
 
 from ..worlds.world import floor_at
@@ -36,6 +37,10 @@ class Log(Protocol):
         """Write a picture."""
         ...
 
+    def scan(self, t_s: float, scan: LaserScan) -> None:
+        """Write a scan."""
+        ...
+
     def truth(self, t_s: float, pose: F64) -> None:
         """Write a true pose."""
         ...
@@ -46,10 +51,10 @@ class Log(Protocol):
 
 
 class Eye(Protocol):
-    """A camera on one day, such as a `CameraSession`."""
+    """A camera or a laser on one day, such as a `CameraSession`."""
 
-    def take(self, number: int, pose: F64) -> U8:
-        """Take picture `number` (H, W, 3) from a true pose (3,)."""
+    def take(self, number: int, pose: F64) -> U8 | LaserScan:
+        """Take picture `number` (H, W, 3), or a scan, from a true pose (3,)."""
         ...
 
     def events(self, number: int) -> tuple[str, ...]:
@@ -98,7 +103,11 @@ def write_segments(
                 log.event(entry.t_s, entry.text)
         for text in eye.events(number):
             log.event(segment.t_s, text)
-        log.image(segment.t_s, eye.take(number, segment.pose), camera="front")
+        seen = eye.take(number, segment.pose)
+        if isinstance(seen, LaserScan):
+            log.scan(segment.t_s, seen)
+        else:
+            log.image(segment.t_s, seen, camera="front")
         log.truth(segment.t_s, segment.pose)
         if segment.kidnapped_to is not None:
             log.event(segment.t_s + CARRY_S, KIDNAPPED)

@@ -17,7 +17,8 @@ from maurice_loaders.libraries.store import open_library
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.scoring.metrics import FIRST_SCORED
-from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.sensor.map_places import reference_of
+from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.library import Library
@@ -49,7 +50,7 @@ class Bench:
     @classmethod
     def of(cls, library: Library) -> Bench:
         """Make one for a library."""
-        return cls(library, nearest_reference(library.poses, library.arena))
+        return cls(library, reference_of(library))
 
     def localizer(self, settings: Settings) -> Localizer:
         """Return the filter that `make_localizer` would make, without a seed. InputError for what none is."""

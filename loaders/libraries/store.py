@@ -12,13 +12,15 @@ import cv2
 import numpy as np
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe
+from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena, open_arena
 from maurice_mcl.values.session import Camera
 
 from ..errors import FieldError, InputError, ReadingNotes
-from ..files.maps import check_span, read_map
+from ..files.maps import check_span, read_map, read_occupancy
+from ..files.ros_maps import ENDINGS
 from ..files.writing import cache_root, discard
 from ..reading.options import ReadingOptions
 from ..session_log.header import arena_to_json
@@ -171,7 +173,7 @@ def open_library(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Library:
-    """Read a library folder, or build a survey's library unless the cache has it.
+    """Read a library folder, or build a survey's library unless the cache has it; a `map.yaml` is one, too.
 
     A survey is a log, a folder with a `survey.log`, or a table (CSV) of pictures with poses, without times.
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
@@ -183,7 +185,10 @@ def open_library(
         >>> library.poses.shape
         (2, 3)
     """
-    path = survey_in(Path(path))
+    path = Path(path)
+    if path.suffix.lower() in ENDINGS:
+        return map_library(read_occupancy(path), path.stem)
+    path = survey_in(path)
     log = open_table(path) if is_table(path) else None
     if path.is_dir() and log is None:
         return load_library(path)

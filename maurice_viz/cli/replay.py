@@ -27,12 +27,16 @@ from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from maurice_datasets.folders import SimulationPaths
+
     from ..playback import RunResult
     from ..running.run import Report, RunScores
 
 QUIET = "warn,re_log_encoding=error"  # a live recording has no footer on purpose, of which Rerun warns
-KIDNAPPED, FEATURES = STORIES = ("kidnapped", "features")  # of the demo
-KIDNAPPING_PRESETS = ("thesis", "robust")
+KIDNAPPED, FEATURES, LASER = STORIES = ("kidnapped", "features", "laser")  # of the demo
+STORY_PRESETS = {KIDNAPPED: ("thesis", "robust"), FEATURES: (), LASER: ("amcl", "laser")}
 
 
 def replay(
@@ -138,8 +142,8 @@ def demo(
         str,
         opt.argument(
             "STORY",
-            "kidnapped: a kidnapped robot, two presets; features: color and blended on one drive. "
-            "[default: kidnapped]",
+            "kidnapped: a kidnapped robot, two presets; features: color and blended on one drive; laser: "
+            "a kidnapped robot with a laser, AMCL beside ours. [default: kidnapped]",
             **opt.one_of(STORIES, "story"),
         ),
     ] = KIDNAPPED,
@@ -150,7 +154,7 @@ def demo(
     all_rows: opt.AllRows = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Replay a drive through a simulated two-room arena: a kidnapping, or two features side by side."""
+    """Replay a simulated drive: a kidnapping with a camera or a laser, or two features side by side."""
     from maurice_datasets import demos
 
     if session_only is not None:
@@ -160,15 +164,19 @@ def demo(
     from ..app.compare import compare as compare_runs
     from ..running.output import serving
 
-    kidnapped = story == KIDNAPPED
+    made_by: dict[str, Callable[..., SimulationPaths]] = {
+        KIDNAPPED: demos.kidnapping_paths,
+        FEATURES: demos.demo_paths,
+        LASER: demos.laser_paths,
+    }
     with listening(usage=False) as listener:
-        paths = (demos.kidnapping_paths if kidnapped else demos.demo_paths)(progress=listener.progress)
-        output = drawing.output("demo" if kidnapped else f"demo-{story}", fixed_stem=True)
+        paths = made_by[story](progress=listener.progress)
+        output = drawing.output("demo" if story == KIDNAPPED else f"demo-{story}", fixed_stem=True)
         with serving(output, listener):
             compare_runs(
                 paths.session,
-                presets=KIDNAPPING_PRESETS if kidnapped else (),
-                features=() if kidnapped else COLOR_AND_BLENDED,
+                presets=STORY_PRESETS[story],
+                features=COLOR_AND_BLENDED if story == FEATURES else (),
                 output=output,
                 report=printed(json_output, all_rows=all_rows),
                 listener=listener,
@@ -176,13 +184,14 @@ def demo(
 
 
 def _write_demo(folder: Path, story: str, *, force: bool, json_output: bool) -> None:
-    from maurice_datasets.sessions import kidnapping_plan, write_demo, write_simulation
+    from maurice_datasets.sessions import kidnapping_plan, laser_plan, write_demo, write_simulation
 
     with listening(usage=False) as listener:
         if story == FEATURES:
             written = write_demo(folder, force=force, progress=listener.progress)
         else:
-            written = write_simulation(folder, kidnapping_plan(), force=force, progress=listener.progress)
+            plan = laser_plan() if story == LASER else kidnapping_plan()
+            written = write_simulation(folder, plan, force=force, progress=listener.progress)
     if json_output:
         print_json({"session": written.session, "survey": written.survey})
     else:

@@ -100,6 +100,9 @@ class DriveSet:
             autocompletion=completed(("fixed", "auto")),
         ),
     ] = "fixed"
+    laser: Annotated[
+        bool, option("--laser", "A robot with a laser in place of its camera, over a map.", WORLD)
+    ] = False
     recording: Annotated[
         Path | None,
         option(

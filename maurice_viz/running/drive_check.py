@@ -18,7 +18,7 @@ from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.drive_score import DrivePicture, DriveScore, score_drive, spread_groups
-from maurice_mcl.sensor.references import nearest_reference
+from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 
@@ -49,7 +49,7 @@ def score_of(localizer: Localizer, groups: Sequence[Sequence[DrivePicture]]) -> 
 
 def score_feature(library: Library, weights: Mapping[str, float], session: RecordedSession) -> DriveScore:
     """Score a drive's pictures that are not references themselves by a feature over a library."""
-    reference = nearest_reference(library.poses, library.arena)
+    reference = reference_of(library)
     configuration = configure([Layer("feature", {"sensor.weights": dict(weights)})])
     parameters = adapted(configuration, library, reference)[0].parameters
     localizer = build_localizer(library, None, parameters, reference=reference)

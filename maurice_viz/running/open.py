@@ -21,7 +21,8 @@ from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.library.drive_score import DrivePicture
-from maurice_mcl.sensor.references import NearestReference, nearest_reference
+from maurice_mcl.sensor.map_places import reference_of
+from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.session import Session, SessionInfo
@@ -143,7 +144,7 @@ def library_at(path: Path, listener: Listener, *, keep_going: bool = False) -> L
 def remark_open(library: Library, listener: Listener) -> None:
     """Remark that no wall is known, so that only the bounds confine the particles."""
     arena = library.arena
-    if len(arena.walls) or arena.obstacles:
+    if len(arena.walls) or arena.obstacles or library.is_map:
         return
     width, depth = map(scale_for(library.display_units, arena).say, arena.size_m)
     listener.remark(
@@ -156,9 +157,11 @@ def make_runs(
     session: SourcedSession, library: Library, specs: Sequence[RunSpec], listener: Listener = SILENT
 ) -> list[FilterRun]:
     """Build a filter for each spec, all for the same session and library. InputError, OptionError."""
+    if library.is_map:
+        specs = [spec if spec.preset or spec.config else replace(spec, preset="laser") for spec in specs]
     configurations = [spec.configuration() for spec in specs]
     library = landmarked(configurations, session.info, library, listener)
-    reference = nearest_reference(library.poses, library.arena)
+    reference = reference_of(library)
     if not reference.grid.free.any():
         full = f"the library {library.name!r} has no free space: obstacles and walls cover its whole map"
         raise InputError(session.path, f"{full}; fix the map in the survey's header")
@@ -228,7 +231,9 @@ def _start(
     warn: Callable[[str], None],
 ) -> F64 | None:
     """Return where the particles of a run begin (3,); None: anywhere. InputError outside the map."""
-    start = start_pose(spec.start, session.info, session.path, lambda: _first_truth(session))
+    start = amcl.start if spec.start is None and (amcl := spec.amcl) is not None else None
+    if start is None:
+        start = start_pose(spec.start, session.info, session.path, lambda: _first_truth(session))
     if start is not None:
         _check_start(session, library, reference, start, warn)
     return start

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from maurice_loaders.amcl import AmclParameters, read_amcl
 from maurice_loaders.config_files import configuration_of, motion_file
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.ros_maps import ENDINGS
 from maurice_mcl.config.parameters import PRESETS, Configuration
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
 from maurice_mcl.values.arrays import F64
@@ -59,6 +61,12 @@ class RunSpec:
         """The run's name, after what distinguishes it."""
         parts = [part for part in (self.preset, self.feature) if part]
         return self.name or "-".join(parts) or (self.config.stem if self.config else "blended")
+
+    @property
+    def amcl(self) -> AmclParameters | None:
+        """What AMCL's parameters say beyond the configuration; None without such a file. InputError."""
+        is_amcl = self.config is not None and self.config.suffix.lower() in ENDINGS
+        return read_amcl(self.config) if is_amcl and self.config is not None else None
 
     def configuration(self) -> Configuration:
         """Return the effective values: default, preset, file, environment, then what is given here.

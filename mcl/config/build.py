@@ -17,13 +17,11 @@ from ..filter.recovery import STRATEGIES, RecoveryStep
 from ..filter.resampling import POLICIES, RESAMPLERS, Resampling
 from ..library.left_out import LeftOutTable, PlaceScore, is_sparse, score_places
 from ..sensor.descriptors.registry import CHANNELS, weights_of
-from ..sensor.model import SensorModel
+from ..sensor.laser.sensor import LASER, laser_of
+from ..sensor.map_places import reference_of
+from ..sensor.model import SensorModel, SensorParameters
 from ..sensor.outside import with_sensors
-from ..sensor.references import (
-    NearestReference,
-    interpolated_reference,
-    nearest_reference,
-)
+from ..sensor.references import NearestReference, interpolated_reference
 from ..sensor.virtual_references import virtual_references
 from ..values.library import Library
 from ..values.map import spacing
@@ -74,6 +72,7 @@ def make_localizer(
         >>> mcl.make_localizer(library, preset="robust", settings=settings).particles
         2000
     """
+    preset = "laser" if preset is None and library.is_map else preset
     if preset is not None and preset not in PRESETS:
         raise InputError(None, f"preset: found {preset!r}, expected one of {', '.join(PRESETS)}")
     weights = None if feature is None else weights_of(feature)
@@ -87,7 +86,7 @@ def make_localizer(
     layers += [Layer("settings", settings or {})]
     layers += [Layer("argument", {key: value for key, value in given.items() if value is not None})]
     try:
-        nearest = nearest_reference(library.poses, library.arena)
+        nearest = reference_of(library)
         configuration, missing = available(configure(layers, library.sensors), library)
         parameters = adapted(configuration, library, nearest)[0].parameters
         localizer = build_localizer(library, None, parameters, reference=nearest, seed=seed)
@@ -116,8 +115,10 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
     asked for, or nothing of what is asked for is there.
     """
     weights = configuration.parameters.sensor.weights
-    library = with_sensors(library, configuration.parameters.sensor.outside)
+    library = equipped(library, configuration.parameters.sensor)
     origins = {setting.key: setting.origin for setting in configuration.settings}
+    if library.occupancy is not None and library.index and origins["sensor.weights"] == "default":
+        return _with_weights(configuration, {**weights, LASER: 1.0}, library), ()
     if not library.index and library.sensors and origins["sensor.weights"] == "default":
         return _with_weights(configuration, dict.fromkeys(library.sensors, 1.0), library), ()
     if origins["sensor.weights"] == "preset robust" and "landmarks" in library.sensors:
@@ -129,11 +130,24 @@ def available(configuration: Configuration, library: Library) -> tuple[Configura
         return configuration, ()
     lacking = [name for name in missing if name not in POSE_SENSORS]
     if lacking or not any(kept.values()):
+        if library.is_map or missing == (LASER,):
+            other = (
+                "a camera's features need a library of pictures" if library.is_map else "a laser needs a map"
+            )
+            raise InputError(None, f"found no {', '.join(missing)} in {library.name!r}: {other}")
         wanted = f"found {', '.join(holds) or 'no channel'} in the library {library.name!r}"
         wanted += f", expected {(lacking or missing)[0]}"
         again = "build the library again, or " if lacking else ""  # another build finds no more landmarks
         raise InputError(None, f"{wanted}; {again}choose another feature")
     return _with_weights(configuration, kept, library), missing
+
+
+def equipped(library: Library, sensor: SensorParameters) -> Library:
+    """Return a library with all pose sensors there are for it: those of other packages, and a laser."""
+    library = with_sensors(library, sensor.outside)
+    if library.occupancy is None:
+        return library
+    return replace(library, sensors={**library.sensors, LASER: laser_of(library.occupancy, sensor.laser)})
 
 
 def _with_weights(
@@ -165,10 +179,10 @@ def build_localizer(
     Raises KeyError for an unknown name, ValueError for bad motion parameters.
     """
     p = parameters or FilterParameters()
-    library = with_sensors(library, p.sensor.outside)
+    library = equipped(library, p.sensor)
     arena = library.arena.trusted(p.map.obstacles)
     shared = reference if arena is library.arena else None
-    nearest = shared or nearest_reference(library.poses, arena)
+    nearest = shared or reference_of(library, arena)
     where = regions(nearest, library.size)
     motion = session.info.motion if p.motion is None and session is not None else p.motion
     unknown = p.motion is None and session is None
@@ -190,6 +204,7 @@ def build_localizer(
         guided=p.guided_motion,
         obstacles=p.map.obstacles,
         particles=p.particles,
+        start_sd=(p.start.sd_m, p.start.heading_sd_rad),
         seed=seed,
         radii=radii_of(library, p.radii) if radii is None else radii,
     )
@@ -207,7 +222,7 @@ def adapted(
     scales. Also returns what the pictures show; None for a blind sensor or a library without its channels.
     """
     sensor = configuration.parameters.sensor
-    library = with_sensors(library, sensor.outside)
+    library = equipped(library, sensor)
     model = SensorModel(library, nearest, sensor)
     if sensor.sharpness == 0 or not model.weights or any(name not in library.index for name in model.weights):
         return configuration, None

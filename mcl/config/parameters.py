@@ -10,6 +10,7 @@ import difflib
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from statistics import NormalDist
 from typing import Annotated, Any
 
 from ..filter.guided_motion import GuidedMotionParameters
@@ -56,10 +57,19 @@ class MapParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class StartParameters:
+    """How far particles lie about the pose at which they begin; 0: all at it, as in the thesis (3.6.2)."""
+
+    sd_m: Annotated[float, number(0, 1e4)] = 0.0  # standard deviation along x and y
+    heading_sd_rad: Annotated[float, number(0, 10)] = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class FilterParameters:
     """One filter."""
 
     particles: Annotated[int, whole(1, 10_000_000)] = 2000
+    start: StartParameters = field(default_factory=StartParameters)
     sensor: SensorParameters = field(default_factory=lambda: SensorParameters(weights_of("blended")))
     references: ReferenceParameters = field(default_factory=ReferenceParameters)
     resampling: ResamplingParameters = field(default_factory=ResamplingParameters)
@@ -85,6 +95,8 @@ def of_feature(feature: str, particles: int = 2000) -> FilterParameters:
     """Return the default filter with one feature: a key of FEATURES, or the name of a channel."""
     return FilterParameters(sensor=SensorParameters(weights_of(feature)), particles=particles)
 
+
+ALPHAS = ("turn_from_turn", "turn_from_way", "way_from_way", "way_from_turn")  # AMCL's alpha1 to alpha4
 
 # Presets: complete filters by name, as layers of configuration.
 
@@ -135,6 +147,28 @@ PRECISE: Mapping[str, Any] = {
     "map.obstacles": "movable",
 }
 PRESETS = {**PRESETS, "precise": {**PRESETS["robust"], **PRECISE}}
+# for a laser over an occupancy map: the default there (docs/laser.md)
+LASER: Mapping[str, Any] = {
+    "sensor.weights": {"laser": 1.0},
+    "recovery.strategy": "mixture",
+    "recovery.mixture.teleport": 0.001,
+    "motion_outliers.share": 0.02,
+}
+# AMCL with Nav2's defaults, as far as they do not depend on the robot (docs/laser.md)
+AMCL: Mapping[str, Any] = {
+    "sensor.weights": {"laser": 1.0},
+    "sensor.laser.model": "likelihood_field",
+    "motion": {"model": "odometry", **dict.fromkeys(ALPHAS, 0.2)},
+    "resampling.scheme": "multinomial",
+    "resampling.adaptive": True,
+    "resampling.kld.delta": 1 - NormalDist().cdf(0.99),  # pf_z is the quantile itself in its code
+    "resampling.kld.bin_m": 0.5,
+    "resampling.kld.heading_bins": 36,
+    "resampling.kld.least": 500,
+    "resampling.kld.most": 2000,
+    "recovery.draw": "evenly",
+}
+PRESETS = {**PRESETS, "laser": LASER, "amcl": AMCL}
 
 
 # Layers: defaults, preset, file, environment, command line; later ones override earlier ones.

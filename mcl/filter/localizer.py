@@ -22,6 +22,7 @@ from ..sensor.ahead import Compared
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..values.arrays import F32, F64
+from ..values.geometry import wrap
 from ..values.library import Library
 from ..values.map import SOLID, Arena, spacing
 from ..values.radii import USUAL, Radii
@@ -87,6 +88,7 @@ class Localizer:
     guided: GuidedMotionParameters = USUALLY_GUIDED
     obstacles: str = SOLID  # of the library's map: `map.OBSTACLES`
     particles: int = 2000
+    start_sd: tuple[float, float] = (0.0, 0.0)  # m along x and y, and rad, about the pose where all begin
     seed: int = 0
     radii: Radii = USUAL  # by which the cloud is summarized, and the run judged
 
@@ -99,9 +101,18 @@ class Localizer:
     def initialize(self, pose: F64 | None) -> FilterState:
         """Return the state before the first frame: all at a pose (3,) in the map's frame, or anywhere."""
         if pose is not None:
-            return FilterState(0, belief_at(pose, self.particles, self.library.origin))
+            belief = belief_at(pose, self.particles, self.library.origin)
+            return FilterState(0, self._spread(belief) if any(self.start_sd) else belief)
         rng = self._rng(0, Purpose.INITIALIZATION)
         return FilterState(0, uniform_belief(self.reference.grid, self.particles, self.library.origin, rng))
+
+    def _spread(self, belief: Belief) -> Belief:
+        """Spread particles about the pose at which they are, by the standard deviations of the start."""
+        sd_m, sd_rad = self.start_sd
+        noise = normals(self._rng(0, Purpose.INITIALIZATION), belief.size)
+        poses = belief.poses + noise * np.array([sd_m, sd_m, sd_rad], np.float32)
+        poses[:, 2] = wrap(poses[:, 2])
+        return replace(belief, poses=np.asfortranarray(poses))
 
     def step(
         self, state: FilterState, frame: Frame, compared: Compared | None = None
@@ -181,7 +192,10 @@ class Localizer:
         can_follow = can_propose(self.sensor.sensors.values())
         if self.mixture is None and not self.is_guided:
             return ProposedParticles(predicted)
-        proposals, reach_m = proposals_of(comparison), spacing(self.reference.places)
+        proposals = proposals_of(comparison, predicted)
+        if can_follow and not proposals:
+            return ProposedParticles(predicted)
+        reach_m = spacing(self.reference.places)
         there = elsewhere(proposals, predicted, reach_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)

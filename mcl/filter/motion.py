@@ -211,6 +211,47 @@ class OdometryMotion:
 
 
 @dataclass(frozen=True, slots=True)
+class OmniParameters:
+    """Noise of AMCL's model for robots that drive in any direction, as variances."""
+
+    turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (AMCL's alpha 4)
+    turn_from_way: float = 0.02  # rad^2 of turn per m^2 driven (alpha 2)
+    way_from_way: float = 0.02  # m^2 along the way per m^2 driven (alpha 3)
+    way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (alpha 1)
+    side_from_way: float = 0.02  # m^2 across the way per m^2 driven (alpha 5)
+
+    @classmethod
+    def from_header(cls, values: Mapping[str, Any]) -> OmniParameters:
+        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
+        return cls(**_read(values, {f.name for f in fields(cls)}))
+
+
+@dataclass(frozen=True, slots=True)
+class OmniMotion:
+    """Noise along and across the way, and of the turn, as AMCL's omnidirectional model has it."""
+
+    parameters: OmniParameters = OmniParameters()
+
+    def move(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """See `MotionModel.move`; columns of `noise`: along the way, across it, turn."""
+        p = self.parameters
+        forward, left, turn = (float(v) for v in motion)
+        way = math.hypot(forward, left)
+        along_sd = math.sqrt(p.way_from_way * way**2 + p.way_from_turn * turn**2)
+        across_sd = math.sqrt(p.side_from_way * way**2 + p.way_from_turn * turn**2)
+        turn_sd = math.sqrt(p.turn_from_turn * turn**2 + p.turn_from_way * way**2)
+        course = poses[:, 2] + np.float32(math.atan2(left, forward))
+        cos, sin = np.cos(course), np.sin(course)
+        along, across = (
+            np.float32(way) + noise[:, 0] * np.float32(along_sd),
+            noise[:, 1] * np.float32(across_sd),
+        )
+        heading = poses[:, 2] + np.float32(turn) + noise[:, 2] * np.float32(turn_sd)
+        moved = poses[:, 0] + along * cos - across * sin, poses[:, 1] + along * sin + across * cos
+        return _poses(*moved, wrap(heading))
+
+
+@dataclass(frozen=True, slots=True)
 class PictureMotionParameters:
     """Noise of odometry from pictures; fitted on simulated drives, arena seeds 1 to 8."""
 
@@ -274,6 +315,7 @@ def _poses(x: F32, y: F32, heading: F32) -> F32:
 MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[Any, Grid], MotionModel]]] = {
     "maurice": (MauriceParameters.from_header, MauriceMotion),
     "odometry": (OdometryParameters.from_header, lambda parameters, grid: OdometryMotion(parameters)),
+    "omni": (OmniParameters.from_header, lambda parameters, grid: OmniMotion(parameters)),
     "pictures": (PictureMotionParameters.from_header, lambda parameters, grid: PictureMotion(parameters)),
 }
 

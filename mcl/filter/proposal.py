@@ -65,7 +65,7 @@ class Regions:
 
 def regions(nearest: NearestReference, entries: int) -> Regions:
     """Sort the tables of the nearest reference by entry."""
-    inside = np.flatnonzero(nearest.place_of_cell[:-1] >= 0)
+    inside = np.flatnonzero((nearest.place_of_cell[:-1] >= 0) & nearest.grid.free.ravel())
     place = nearest.place_of_cell[inside]
     by_place = np.argsort(place, kind="stable")
     count = len(nearest.places)

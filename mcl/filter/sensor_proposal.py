@@ -17,9 +17,16 @@ TRACKED_RAD = np.pi / 6
 LEAST_VARIANCE = 1e-6  # added to variances (m^2, rad^2), so that no covariance is singular
 
 
-def proposals_of(comparison: Comparison) -> list[PoseProposal]:
-    """Return what the pose sensors propose for a frame."""
-    return [reading.proposal for reading in comparison.sensed if reading.proposal is not None]
+def proposals_of(comparison: Comparison, predicted: Belief | None = None) -> list[PoseProposal]:
+    """Return what the pose sensors propose for a frame.
+
+    With a predicted cloud nothing is asked of a sensor whose reading that cloud explains.
+    """
+    asked = comparison.sensed
+    if predicted is not None:
+        cloud = predicted.poses, predicted.weights, predicted.origin
+        asked = tuple(part for part in asked if not part.is_explained(*cloud))
+    return [part.proposal for part in asked if part.proposal is not None]
 
 
 def can_propose(sensors: Iterable[PoseSensor]) -> bool:

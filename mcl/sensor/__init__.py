@@ -5,6 +5,7 @@ Nothing here moves, weighs or resamples particles, which is the work of `filter`
 - `descriptors`: what is measured in a picture, the channels
 - `distances`: how far a picture's descriptor is from every reference's
 - `references`: which references a particle is compared with, and which poses none speaks for
+- `map_places`: a map as a library, for robots without a camera
 - `virtual_references`: what a picture taken midway between surveyed ones would measure
 - `model`: fusion of the channels' distances, its log-likelihood with its floor, and all of these together
 - `visual_odometry`: how the robot moved between two pictures

@@ -21,6 +21,7 @@ from ..values.session import Frame
 from ..values.setting_rules import choice, number, texts
 from .descriptors.registry import CHANNELS, SCALES
 from .distances import DISTANCES
+from .laser.parameters import LaserParameters
 from .references import ReferenceLookup
 
 # Fusion: several channels to one distance.
@@ -102,6 +103,7 @@ class SensorParameters:
     outlier_cost: Annotated[float, number(0, 1e6)] = 0.0
     # sensors of other packages: names of entry points, or module:Class
     outside: Annotated[tuple[str, ...], texts] = ()
+    laser: LaserParameters = field(default_factory=LaserParameters)
 
     def distance_of(self, channel: str) -> str:
         """Return the name of the distance that a channel is compared by."""
@@ -189,10 +191,12 @@ class SensorModel:
         return self.compare({name: self.library.index[name].references[entry] for name in self.weights})
 
     def _sense(self, name: str, reading: Any) -> Sensed:
-        sensor, poses, origin = self.sensors[name], self.library.poses.copy(), self.library.origin
+        sensor, weight = self.sensors[name], self.parameters.weights.get(name, 1.0)
+        if not getattr(sensor, "weighs_references", True):
+            return Sensed(sensor, reading, weight, np.zeros(self.library.size, np.float32))
+        poses, origin = self.library.poses.copy(), self.library.origin
         poses[:, :2] -= origin
         cost = -sensor.log_likelihood(reading, poses.astype(np.float32), origin, self.spread)
-        weight = self.parameters.weights.get(name, 1.0)
         return Sensed(sensor, reading, weight, np.maximum(cost, np.float32(0)))
 
     def _compare_channels(self, descriptors: Mapping[str, F32]) -> Comparison:

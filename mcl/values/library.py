@@ -79,6 +79,11 @@ class Library:
         return len(self.poses)
 
     @property
+    def is_map(self) -> bool:
+        """Whether the entries are places on an occupancy map alone: no references that people can look at."""
+        return self.occupancy is not None and not self.index
+
+    @property
     def origin(self) -> F64:
         """The point (2,) that float32 poses are stored relative to: the middle of the map."""
         x_min, y_min, x_max, y_max = self.arena.bounds

@@ -16,7 +16,7 @@ from .arrays import F32, F64, U8, Bool
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures
-POSE_SENSORS = ("landmarks",)  # ours, as keys of `sensor.weights`
+POSE_SENSORS = ("landmarks", "laser")  # ours, as keys of `sensor.weights`
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,9 +121,11 @@ class PoseSensor(Protocol):
     Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
     reading may be any value: only the sensor itself looks into it. Four attributes may be
     left out: `pictures`, the titles of the pictures it shows; `in_space`, true for one with marks in space;
-    `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables. One that
+    `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables;
+    `weighs_references`, false for one that need not say how well a library's references agree. One that
     proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
-    not find the proposal again.
+    not find the proposal again, and `explains(reading, poses, weights, origin)`: true where a cloud explains
+    the reading, so that nothing is proposed.
 
         >>> import numpy as np, maurice_mcl as mcl
         >>> class Beacon:
@@ -181,6 +183,11 @@ class Sensed:
     def name(self) -> str:
         """The name of the sensor."""
         return self.sensor.name
+
+    def is_explained(self, poses: F32, weights: F64, origin: F64) -> bool:
+        """Return whether a cloud (N, 3) explains the reading, so that the sensor has nothing to propose."""
+        explains = getattr(self.sensor, "explains", None)
+        return explains is not None and bool(explains(self.reading, poses, weights, origin))
 
     @cached_property
     def proposal(self) -> PoseProposal | None:

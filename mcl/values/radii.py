@@ -85,7 +85,7 @@ def fitted_m(usual_m: float, xy: F64) -> float:
 
 def _spacing(library: Library, least_m: float) -> float:
     """Return the median distance from an entry to the next place with a similar heading; 0 for none."""
-    nearest, poses = list[float](), library.poses
+    nearest, poses = list[float](), library.poses[:0] if library.is_map else library.poses
     for pose in poses[:: math.ceil(len(poses) / MOST_ENTRIES) or 1]:
         apart_m = np.hypot(poses[:, 0] - pose[0], poses[:, 1] - pose[1])
         turned = np.abs(wrap(poses[:, 2] - pose[2]))

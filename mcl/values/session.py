@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from .arrays import F64, U8
 from .map import Arena
 from .scan import LaserScan
@@ -57,6 +59,7 @@ class Moment:
         return tuple(text for text in self.events if first_word(text) == word)
 
 
+NO_PICTURE: U8 = np.full((90, 120, 3), 48, np.uint8)  # the image of a frame of a robot without a camera
 KIDNAPPED = "kidnapped"  # first word of an event that says so
 FIRST_WORD = re.compile(r"[^\W\d_]+")
 

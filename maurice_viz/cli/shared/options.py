@@ -122,7 +122,8 @@ _PRESET = option(
     metavar="|".join(PRESETS),
     **one_of(PRESETS, "preset"),
 )
-_CONFIG = option("--config", "A configuration file, applied after the preset.", FILTER, metavar="FILE.toml")
+_CONFIG_WORDS = "A configuration file, applied after the preset; or AMCL's parameters, as nav2_params.yaml."
+_CONFIG = option("--config --amcl", _CONFIG_WORDS, FILTER, metavar="FILE.toml|FILE.yaml")
 _PARTICLES = option("--particles", "Number of particles. [default: 2000]", FILTER, min=1, max=10_000_000)
 _SEED = option(
     "--seed",
@@ -172,8 +173,8 @@ Sensors = Annotated[
         metavar="NAME|MODULE:CLASS",
     ),
 ]
-_LIBRARY = "A library folder, survey log or table of surveyed pictures. [default: the one the header names]"
-Library = Annotated[Path | None, option("--library", _LIBRARY, FILTER, metavar="PATH")]
+_LIBRARY = "A library, survey log or table of pictures; for a laser a map.yaml. [default: the header's]"
+Library = Annotated[Path | None, option("--library --map", _LIBRARY, FILTER, metavar="PATH")]
 Rrd = Annotated[
     str | None,
     option(

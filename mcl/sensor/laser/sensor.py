@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -31,6 +31,7 @@ class Laser:
     parameters: LaserParameters = field(default_factory=LaserParameters)
     name: ClassVar[str] = "laser"  # the key of `sensor.weights`
     proposes: ClassVar[bool] = False
+    weighs_references: ClassVar[bool] = False  # it weighs every particle at its own pose
 
     @property
     def summary(self) -> str:
@@ -80,3 +81,12 @@ def _blur_m(reading: LaserReading, spread: PoseSpread) -> float:
     ranges = reading.ranges_m[reading.hits]
     apart = float(np.hypot(spread.position_m, spread.heading_rad * float(np.median(ranges))))
     return 0.0 if apart <= 0 else float(2.0 ** (round(np.log2(apart) * SPREAD_STEPS) / SPREAD_STEPS))
+
+
+LASER = Laser.name
+
+
+@lru_cache(maxsize=8)
+def laser_of(occupancy: OccupancyMap, parameters: LaserParameters) -> Laser:
+    """Return the laser over a map: runs with the same parameters share it, with its fields."""
+    return Laser(occupancy, parameters)

@@ -101,7 +101,7 @@ def _facing_east(library: Library) -> Library:
     return replace(library, poses=library.poses[kept], pictures=(None,) * int(kept.sum()), index=index)
 
 
-@pytest.mark.parametrize("preset", [one for one in PRESETS if one != "precise"])
+@pytest.mark.parametrize("preset", sorted(set(PRESETS) - {"precise", "laser", "amcl"}))
 def test_a_filter_in_headings_without_references_goes_by_odometry_and_is_not_reseeded(preset):
     drive = mcl.tiny_session()
     start = np.array([0.4, 0.9, -2.2])  # and so are all pictures, which are of other headings

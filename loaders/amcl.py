@@ -1,0 +1,251 @@
+"""AMCL's parameters as settings of this filter: Nav2's and ROS 1's names, and those that Beluga adds.
+
+docs/laser.md has the table of what is read, and of what this filter does otherwise than AMCL's code.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from maurice_mcl.config.parameters import ALPHAS, AMCL
+from maurice_mcl.values.arrays import F64
+
+from .errors import FieldError, InputError
+from .files.text import expect_regular, number, show
+
+MOST_BYTES = 2**20
+INSTALL = "pip install 'maurice-replay[ros]'"
+
+# ROS 1 names by Nav2's
+_ALIASES = {
+    **{f"odom_alpha{k}": f"alpha{k}" for k in range(1, 6)},
+    **{
+        f"laser_{name}": name
+        for name in ("max_beams", "z_hit", "z_short", "z_max", "z_rand", "sigma_hit", "lambda_short")
+    },
+    "kld_err": "pf_err",
+    "kld_z": "pf_z",
+    "odom_model_type": "robot_model_type",
+}
+# Nav2's defaults (nav2_amcl, 1.3); those of the laser are `LaserParameters`'
+_DEFAULTS: Mapping[str, float] = {
+    **{f"alpha{k}": 0.2 for k in range(1, 6)},
+    "min_particles": 500,
+    "max_particles": 2000,
+    "pf_err": 0.05,
+    "pf_z": 0.99,
+    "recovery_alpha_slow": 0.0,
+    "recovery_alpha_fast": 0.0,
+    "resample_interval": 1,
+    "update_min_d": 0.25,
+    "update_min_a": 0.2,
+    "initial_cov_xx": 0.25,
+    "initial_cov_yy": 0.25,
+    "initial_cov_aa": (math.pi / 12) ** 2,
+    "spatial_resolution_x": 0.5,  # AMCL's bins are fixed; Beluga names them
+    "spatial_resolution_theta": math.radians(10),
+}
+# ROS 1's (amcl, 1.17), where they differ: of files with its names
+_ROS1_DEFAULTS: Mapping[str, Any] = {
+    "min_particles": 100,
+    "max_particles": 5000,
+    "pf_err": 0.01,
+    "resample_interval": 2,
+    "update_min_d": 0.2,
+    "update_min_a": math.pi / 6,
+    "max_beams": 30,
+    "z_hit": 0.95,
+    "z_short": 0.1,
+    "z_rand": 0.05,
+}
+_LASER = [
+    "max_beams",
+    "z_hit",
+    "z_short",
+    "z_max",
+    "z_rand",
+    "sigma_hit",
+    "lambda_short",
+    "laser_likelihood_max_dist",
+    "laser_min_range",
+    "laser_max_range",
+    "do_beamskip",
+    "beam_skip_distance",
+    "beam_skip_threshold",
+    "beam_skip_error_threshold",
+]
+_MODELS = ("beam", "likelihood_field", "likelihood_field_prob")
+_POSE = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
+_OTHERS = ("laser_model_type", "robot_model_type", "initial_pose", "set_initial_pose", *_POSE)
+_OFFLINE = [
+    "always_reset_initial_pose",
+    "base_frame_id",
+    "bond_timeout",
+    "execution_policy",
+    "first_map_only",
+    "first_map_received_callback",
+    "freespace_downsampling",
+    "global_frame_id",
+    "gui_publish_rate",
+    "introspection_mode",
+    "map_topic",
+    "odom_frame_id",
+    "save_pose_rate",
+    "scan_topic",
+    "selective_resampling",
+    "service_introspection_mode",
+    "tf_broadcast",
+    "tf_buffer_duration",
+    "transform_tolerance",
+    "use_map_topic",
+    "use_sim_time",
+    "random_seed",
+    "spatial_resolution_y",
+    "initial_cov_xy",
+    "initial_cov_xa",
+    "initial_cov_ya",
+]
+_KNOWN = {*_ALIASES, *_DEFAULTS, *_LASER, *_OTHERS, *_OFFLINE}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AmclParameters:
+    """What a file of AMCL's parameters means here."""
+
+    settings: Mapping[str, Any]  # by key of the configuration
+    min_distance_m: float  # update_min_d: of the reading, as a scan that is not used is not read
+    min_angle_rad: float  # update_min_a
+    start: F64 | None  # (3,) the initial pose that is set; None: none is
+    remarks: tuple[str, ...]  # what means nothing offline, and what is not known
+
+
+def read_amcl(file: Path) -> AmclParameters:
+    """Read AMCL's parameters from YAML, wherever in the file they are. InputError."""
+    given = _parameters(file)
+    usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in given) else {}
+    named = {**usual, **{_ALIASES.get(name, name): value for name, value in given.items()}}
+    try:
+        return _meaning(named, [name for name in given if name not in _KNOWN])
+    except FieldError as problem:
+        raise InputError(file, str(problem)) from None
+
+
+def _parameters(file: Path) -> Mapping[str, Any]:
+    """Return the mapping with the most keys of AMCL's. InputError where none has three."""
+    best = max(_mappings(_document(file)), key=_known, default={})
+    if _known(best) < 3:
+        expected = "expected those of AMCL, such as laser_model_type, max_beams and alpha1"
+        raise InputError(file, f"found no parameters of AMCL, {expected}")
+    return best
+
+
+def _known(mapping: Mapping[Any, Any]) -> int:
+    return sum(name in _KNOWN for name in mapping)
+
+
+def _document(file: Path) -> Any:
+    try:
+        from ruamel.yaml import YAML
+        from ruamel.yaml.error import YAMLError
+    except ModuleNotFoundError:
+        raise InputError(file, f"reading YAML needs the extra ros: {INSTALL}") from None
+    expect_regular(file, "AMCL's parameters")
+    try:
+        data = file.read_bytes()
+    except OSError as problem:
+        raise InputError(file, f"cannot be read: {problem.strerror}") from None
+    if len(data) > MOST_BYTES:
+        raise InputError(file, "found more than 1 MiB, expected a file of parameters")
+    try:
+        return YAML(typ="safe", pure=True).load(data.decode("utf-8-sig"))
+    except (YAMLError, UnicodeDecodeError, ValueError, RecursionError) as problem:
+        raise InputError(file, f"found no YAML: {' '.join(str(problem).split())[:120]}") from None
+
+
+def _mappings(document: Any) -> Iterator[Mapping[Any, Any]]:
+    """Yield the mappings in a document, each once: aliases may make it endless."""
+    left, seen = [document], set[int]()
+    while left:
+        value = left.pop()
+        if isinstance(value, Mapping) and id(value) not in seen:
+            seen.add(id(value))
+            yield value
+            left += value.values()
+
+
+def _meaning(given: Mapping[str, Any], unknown: list[str]) -> AmclParameters:
+    def size(name: str) -> float:
+        return number(given.get(name, _DEFAULTS[name]), name)
+
+    slow, fast = size("recovery_alpha_slow"), size("recovery_alpha_fast")
+    settings: dict[str, Any] = {
+        **AMCL,
+        "sensor.laser.model": _model(given),
+        **{f"sensor.laser.{name}": given[name] for name in _LASER if name in given},
+        "particles": int(size("max_particles")),
+        "motion": _motion(given, size),
+        "resampling.when": "every",
+        "resampling.every": int(size("resample_interval")),
+        "resampling.kld.epsilon": size("pf_err"),
+        # AMCL takes pf_z as the quantile itself, not as its probability
+        "resampling.kld.delta": min(max(1 - NormalDist().cdf(size("pf_z")), 1e-9), 0.5),
+        "resampling.kld.bin_m": size("spatial_resolution_x"),
+        "resampling.kld.heading_bins": max(round(2 * math.pi / size("spatial_resolution_theta")), 1),
+        "resampling.kld.least": int(size("min_particles")),
+        "resampling.kld.most": int(size("max_particles")),
+        "recovery.strategy": "augmented" if slow > 0 and fast > 0 else "none",
+        "recovery.augmented.slow": slow,
+        "recovery.augmented.fast": fast,
+        "recovery.augmented.most": 1.0,
+        "recovery.augmented.resets": 0.0,
+    }
+    start = _start(given)
+    if start is not None:
+        settings["start.sd_m"] = math.sqrt(max(size("initial_cov_xx"), 0.0))
+        settings["start.heading_sd_rad"] = math.sqrt(max(size("initial_cov_aa"), 0.0))
+    offline = [name for name in given if name in _OFFLINE]
+    remarks = []
+    if offline:
+        remarks.append(f"AMCL's parameters that mean nothing in a replay: {', '.join(offline)}")
+    if unknown:
+        names = ", ".join(show(name) for name in unknown[:10])
+        remarks.append(f"parameters that are not AMCL's, left out: {names}")
+    return AmclParameters(settings, size("update_min_d"), size("update_min_a"), start, tuple(remarks))
+
+
+def _model(given: Mapping[str, Any]) -> str:
+    model = given.get("laser_model_type", "likelihood_field")
+    if model not in _MODELS:
+        raise FieldError(f"found laser_model_type {show(model)}, expected one of {', '.join(_MODELS)}")
+    return str(model)
+
+
+def _motion(given: Mapping[str, Any], size: Callable[[str], float]) -> dict[str, Any]:
+    """Return AMCL's motion model: its alphas multiply squares, as in Probabilistic Robotics."""
+    model = str(given.get("robot_model_type", "differential")).lower()
+    if not any(word in model for word in ("diff", "omni")):
+        raise FieldError(f"found the motion model {show(model)}, expected differential or omni")
+    names: tuple[str, ...] = ALPHAS
+    if "omni" in model:  # alphas 1 and 4 change their roles there
+        names = ("way_from_turn", "turn_from_way", "way_from_way", "turn_from_turn", "side_from_way")
+    noise = {name: size(f"alpha{k}") for k, name in enumerate(names, 1)}
+    return {"model": "omni" if "omni" in model else "odometry", **noise}
+
+
+def _start(given: Mapping[str, Any]) -> F64 | None:
+    """Return the initial pose (3,), where the file sets one."""
+    pose = given.get("initial_pose")
+    if isinstance(pose, Mapping):
+        if str(given.get("set_initial_pose", False)).lower() != "true":
+            return None
+        return np.array([number(pose.get(name, 0.0), f"initial_pose.{name}") for name in ("x", "y", "yaw")])
+    if not any(name in given for name in _POSE):
+        return None
+    return np.array([number(given.get(name, 0.0), name) for name in _POSE])
