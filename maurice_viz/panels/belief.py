@@ -229,12 +229,18 @@ class EllipsesPanel(Panel):
         rec.log(self._path, row_of(rr.LineStrips2D, strips=strips_of(list(self._drawn))))
 
 
-def ellipse_of(belief: Belief, scale: Scale) -> F32:
-    """Return the outline (33, 2), as drawn, of two standard deviations of a cloud's positions."""
-    weights, places = belief.weights, belief.poses[:, :2].astype(np.float64)
-    middle = weights @ places
-    off = places - middle
-    variances, axes = np.linalg.eigh((weights[:, None] * off).T @ off)
+def ellipse_of(belief: Belief, scale: Scale, some: NDArray[np.bool_] | None = None) -> F32:
+    """Return the outline (33, 2), as drawn, of two standard deviations of a cloud's positions.
+
+    `some` (N,) chooses particles; the weight of those counts as all.
+    """
+    weights, off = belief.weights, belief.poses[:, :2].T.astype(np.float64)
+    if some is not None:
+        weights = weights * some
+        weights /= max(float(weights.sum()), 1e-300)
+    middle = off @ weights
+    off -= middle[:, None]
+    variances, axes = np.linalg.eigh((off * weights) @ off.T)
     away = np.column_stack([np.cos(ELLIPSE_ANGLES), np.sin(ELLIPSE_ANGLES)]) * np.sqrt(
         np.maximum(variances, 0)
     )

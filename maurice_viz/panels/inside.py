@@ -17,7 +17,17 @@ from numpy.typing import ArrayLike
 from maurice_mcl.values.arrays import F32, F64, I64, U8, U32
 from maurice_mcl.values.records import Belief, StepRecord
 
-from ..drawing.arrow import Row, colors_of, places_of, points_of, row_of, strips_of, text_of, ui_points_of
+from ..drawing.arrow import (
+    Row,
+    colors_of,
+    places_of,
+    points_of,
+    row_of,
+    strips_of,
+    text_of,
+    texts_of,
+    ui_points_of,
+)
 from ..drawing.canvas import Extent, blank, long_side
 from ..entities import BARE_FLOORS, PHASES, WALLS, Phase, RunPaths
 from ..scene import RunView, Scene
@@ -37,7 +47,7 @@ from ..style import (
     heading_vector,
     packed,
 )
-from ..text.phases import DOES, LIGHT, phase_words, step_words
+from ..text.phases import DOES, LIGHT, phase_words, whole_step
 from .belief import copies_of, ellipse_of, frame_marks, positions
 from .panel import MARKDOWN, Panel, StepUpdate, place_drawing, set_phase, set_phase_only, set_step_only
 from .views import plane_view
@@ -53,17 +63,11 @@ BEFORE, AFTER = "before", "after"
 CAPTION_AT = (0.0, -1.0)  # in the frame of the close-up
 ARROW = 0.03  # of the arena's long side: the heading of the truth
 
-# what is seen before and after each phase
-CAPTIONS = {
-    Phase.PREDICT: ("where the dots were", "moved by odometry"),
-    Phase.MEASURE: ("nothing seen yet", "yellow: best 5 matches"),
-    Phase.WEIGHT: ("dots not weighed yet", "large is heavy"),
-    Phase.RESAMPLE: ("large is heavy", "large has many copies, red none"),
-    Phase.RESEED: ("large has many copies", "pink is new"),
-    Phase.ESTIMATE: ("what is kept", "the answer"),
-}
-WHOLE_STEP = ("moved by odometry", "large is heavy")  # on timelines without phases
-UNCHANGED = "unchanged"
+WERE, MOVED, MATCHES = "where the dots were", "moved by odometry", "yellow: best 5 matches, where in view"
+UNSEEN, UNWEIGHED, HEAVY = "nothing seen yet", "dots not weighed yet", "large is heavy"
+COPIED, FRESH_ONES = "large has many copies, red none", "pink is new"
+ANSWER, UNCHANGED = "disk and oval: the answer", "unchanged"
+WHOLE_STEP = (MOVED, f"{HEAVY}; {ANSWER}")  # on timelines without phases
 PARTLY = "This step is drawn in part only: choose another one, or draw all with `--detail full`."
 
 
@@ -101,8 +105,10 @@ def some_of(weights: F64) -> I64:
     size = len(weights)
     some = np.arange(size)
     if size > DOTS:
-        evenly = np.linspace(0, size - 1, DOTS - HEAVIEST).round().astype(np.int64)
-        some = np.union1d(evenly, np.argpartition(weights, -HEAVIEST)[-HEAVIEST:])
+        chosen = np.zeros(size, np.bool_)
+        chosen[np.linspace(0, size - 1, DOTS - HEAVIEST).round().astype(np.int64)] = True
+        chosen[np.argpartition(weights, -HEAVIEST)[-HEAVIEST:]] = True
+        some = np.flatnonzero(chosen)
     return np.asarray(some[np.argsort(weights[some], kind="stable")], np.int64)
 
 
@@ -115,6 +121,7 @@ class InsidePanel(Panel):
         self._best, self._answer = run.paths.inside("best"), run.paths.inside("answer")
         self._kept: Dots | None = None  # what the last update passed on
         self._truth: F64 | None = None  # of the last update
+        self._captions: dict[tuple[str, bool], str] = {}  # the last of each side, with and without phases
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, self._run.color
@@ -130,12 +137,9 @@ class InsidePanel(Panel):
                 positions=[CAPTION_AT], colors=[PALE], radii=points(0.0), show_labels=True, draw_order=90.0
             )
             rec.log(caption_of(self._paths, side), caption, static=True)
-        ranks = [str(rank) for rank in range(1, BEST + 1)]
-        best = rr.Points2D.from_fields(
-            colors=[RANK], radii=points(4.0), labels=ranks, show_labels=True, draw_order=40.0
-        )
+        best = rr.Points2D.from_fields(colors=[RANK], radii=points(4.0), show_labels=True, draw_order=40.0)
         rec.log(self._best, best, static=True)
-        answer = rr.Points2D.from_fields(colors=[color], radii=points(6.0), show_labels=True, draw_order=70.0)
+        answer = rr.Points2D.from_fields(colors=[color], radii=points(6.0), draw_order=70.0)
         oval = rr.LineStrips2D.from_fields(colors=[color, TRUTH], radii=points([1.5, 0.8]), draw_order=50.0)
         rec.log(self._answer, answer, oval, static=True)
         words = rr.TextDocument.from_fields(media_type=MARKDOWN)
@@ -146,28 +150,31 @@ class InsidePanel(Panel):
             return
         record = update.record
         some = some_of(record.weighted.weights)
-        moved, weighed = self._weighed(record.predicted, some), self._weighed(record.weighted, some)
-        copied = weighed if record.parents is None else self._copied(record, some)
-        kept = self._reseeded(record, copied, some) if update.is_reseeded else copied
+        places = self._scale.screen(record.predicted.poses[some, :2] + record.predicted.origin)
+        moved, weighed = (_weighed(belief, some, places) for belief in (record.predicted, record.weighted))
+        copied = weighed if record.parents is None else _copied(record, some, places)
+        kept = self._reseeded(record, copied) if update.is_reseeded else copied
         self._draw_before_weighing(rec, update, moved)
         set_phase(rec, update.moment, Phase.WEIGHT)
         rec.log(self._after, weighed.looks())
-        self._say(rec, update, Phase.WEIGHT)
+        self._say(rec, update, Phase.WEIGHT, UNWEIGHED, HEAVY)
         rec.log(self._best, _NO_POINTS)
-        self._say(rec, update, Phase.RESAMPLE, record.parents is not None)
+        is_copied = record.parents is not None
+        self._say(rec, update, Phase.RESAMPLE, HEAVY, COPIED if is_copied else UNCHANGED)
         rec.log(self._before, weighed.looks())
         rec.log(self._after, copied.looks())
-        self._say(rec, update, Phase.RESEED, update.is_reseeded)
+        copies = COPIED if is_copied else HEAVY
+        self._say(rec, update, Phase.RESEED, copies, FRESH_ONES if update.is_reseeded else UNCHANGED)
         rec.log(self._before, copied.looks())
         if update.is_reseeded:
             rec.log(self._after, kept.row())
         set_phase(rec, update.moment, Phase.ESTIMATE)
         self._draw_answer(rec, update)
-        self._say(rec, update, Phase.ESTIMATE)
+        self._say(rec, update, Phase.ESTIMATE, FRESH_ONES if update.is_reseeded else copies, ANSWER)
         if update.is_reseeded:
             rec.log(self._before, kept.row())
         set_step_only(rec, update.moment)
-        self._log_words(rec, step_words(update.moment, record, self._scale), WHOLE_STEP)
+        self._log_words(rec, whole_step(update.moment, record, self._scale), WHOLE_STEP, with_phases=False)
         self._kept, self._truth = kept.settled, update.moment.truth
 
     def clear(self, rec: rr.RecordingStream) -> None:
@@ -178,6 +185,7 @@ class InsidePanel(Panel):
         rec.log(self._answer, _NO_POINTS, row_of(rr.LineStrips2D, strips=strips_of([])))
         for side in (self._before, self._after):
             rec.log(f"{side}/truth", _NO_POINTS, _arrow(np.zeros((0, 2)), []))
+        self._captions.clear()
         self._log_words(rec, PARTLY, ("not drawn", "not drawn"))
 
     def _draw_before_weighing(self, rec: rr.RecordingStream, update: StepUpdate, moved: Dots) -> None:
@@ -185,21 +193,22 @@ class InsidePanel(Panel):
         set_phase(rec, update.moment, Phase.PREDICT)
         rec.log(self._after, moved.row())
         self._draw_truth(rec, self._after, truth)
-        self._say(rec, update, Phase.PREDICT)
+        self._say(rec, update, Phase.PREDICT, WERE, MOVED)
         rec.log(self._answer, _NO_POINTS, row_of(rr.LineStrips2D, strips=strips_of([])))
         rec.log(self._before, _NO_POINTS if self._kept is None else self._kept.row())
         self._draw_truth(rec, self._before, self._truth)
         set_phase(rec, update.moment, Phase.MEASURE)
         rec.log(self._before, moved.row())
         self._draw_truth(rec, self._before, truth)
-        self._say(rec, update, Phase.MEASURE)
-        rec.log(self._best, _points(self._scale.screen(self._best_poses(update.record, BEST)[:, :2])))
+        best = self._best_poses(update.record)
+        self._say(rec, update, Phase.MEASURE, UNSEEN, MATCHES, next(iter(best), None))
+        rec.log(self._best, _ranked(self._scale.screen(best[:, :2])))
 
-    def _best_poses(self, record: StepRecord, count: int) -> F64:
-        """Return where the best references were taken (count, 3); none in a saved run without its library."""
+    def _best_poses(self, record: StepRecord) -> F64:
+        """Return where the best references were taken (K, 3); none in a saved run without its library."""
         comparison = record.sighting.comparison
         compared = len(comparison.quality) == self._library.size
-        return self._library.poses[comparison.best(count) if compared else np.zeros(0, np.int32)]
+        return self._library.poses[comparison.best(BEST) if compared else np.zeros(0, np.int32)]
 
     def _draw_truth(self, rec: rr.RecordingStream, side: str, truth: F64 | None) -> None:
         """Log the true pose (3,), with an arrow as long in every close-up; nothing if it is not known."""
@@ -214,45 +223,40 @@ class InsidePanel(Panel):
         """Log the estimate with the oval of its group, and a line to the truth."""
         estimate, truth, cloud = update.record.estimate, update.moment.truth, update.record.weighted
         at = self._scale.screen(estimate.pose[None, :2])
-        off = cloud.poses[:, :2] + cloud.origin - estimate.pose[:2]
-        group = np.square(off).sum(axis=1) <= estimate.radii.cluster_m**2
-        lines = [ellipse_of(Belief(cloud.poses[group], cloud.log_weights[group], cloud.origin), self._scale)]
-        words = f"{self._run.label}"
+        x, y = (estimate.pose[:2] - cloud.origin).astype(np.float32)
+        off = np.square(cloud.poses[:, 0] - x) + np.square(cloud.poses[:, 1] - y)
+        lines = [ellipse_of(cloud, self._scale, off <= estimate.radii.cluster_m**2)]
         if truth is not None:
             lines.append(np.concatenate([at, self._scale.screen(truth[None, :2])]))
-            words = f"{words}: {self._scale.say(float(np.hypot(*(estimate.pose - truth)[:2])))} off"
-        named = row_of(rr.Points2D, positions=points_of(at), labels=text_of(font_safe(words)))
-        rec.log(self._answer, named, row_of(rr.LineStrips2D, strips=strips_of(lines)))
+        rec.log(self._answer, _points(at), row_of(rr.LineStrips2D, strips=strips_of(lines)))
 
-    def _say(self, rec: rr.RecordingStream, update: StepUpdate, phase: Phase, changes: bool = True) -> None:
+    def _say(
+        self,
+        rec: rr.RecordingStream,
+        update: StepUpdate,
+        phase: Phase,
+        before: str,
+        after: str,
+        taken_at: F64 | None = None,
+    ) -> None:
         """Log words and captions of a phase; the time stays there, on the timeline `phase` alone."""
         set_phase_only(rec, update.moment, phase)
-        taken_at = next(iter(self._best_poses(update.record, 1)), None)
         words = phase_words(update.moment, update.record, phase, self._scale, self._run.draws_new, taken_at)
-        before, after = CAPTIONS[phase]
-        self._log_words(rec, words, (before, after if changes else UNCHANGED))
+        self._log_words(rec, words, (before, after))
 
-    def _log_words(self, rec: rr.RecordingStream, words: str, captions: tuple[str, str]) -> None:
+    def _log_words(
+        self, rec: rr.RecordingStream, words: str, captions: tuple[str, str], with_phases: bool = True
+    ) -> None:
+        """Log words, and the captions that differ from the last ones."""
         text = text_of(f"#### {font_safe(words)}")
         rec.log(self._paths.inside("words"), row_of(rr.TextDocument, text=text))
         for side, caption in zip((BEFORE, AFTER), captions, strict=True):
-            label = text_of(f"{side}: {caption}")
-            rec.log(caption_of(self._paths, side), row_of(rr.Points2D, labels=label))
+            if self._captions.get((side, with_phases)) != caption:
+                self._captions[side, with_phases] = caption
+                label = text_of(f"{side}: {caption}")
+                rec.log(caption_of(self._paths, side), row_of(rr.Points2D, labels=label))
 
-    def _weighed(self, belief: Belief, some: I64) -> Dots:
-        """Return dots as large as they are heavy; those of little weight are gray."""
-        times = belief.weights[some] * belief.size
-        colors = np.where(times < LIGHT, np.uint32(packed(SETTLED)), np.uint32(packed(CLOUD)))
-        return Dots(positions(belief, self._scale)[some], radii_of(times), colors)
-
-    def _copied(self, record: StepRecord, some: I64) -> Dots:
-        """Return dots as large as they have copies; those without one are small and red."""
-        copies = copies_of(record.parents, record.weighted.size)[some]
-        radii = np.where(copies == 0, np.float32(DEAD_DOT), radii_of(copies.astype(np.float64)))
-        colors = np.where(copies == 0, np.uint32(packed(DEAD)), np.uint32(packed(CLOUD)))
-        return Dots(positions(record.weighted, self._scale)[some], radii, colors)
-
-    def _reseeded(self, record: StepRecord, copied: Dots, some: I64) -> Dots:
+    def _reseeded(self, record: StepRecord, copied: Dots) -> Dots:
         """Return what the next update begins with: of those before only the survivors, and the new ones."""
         places = positions(record.belief, self._scale)
         if record.injected is None:  # all of them were moved
@@ -262,6 +266,30 @@ class InsidePanel(Panel):
         colors = np.append(old.colors, _all(FRESH, len(new)))
         radii = np.append(old.radii, np.full(len(new), FRESH_DOT, np.float32))
         return Dots(np.concatenate([old.places, new]), radii, colors)
+
+
+def _weighed(belief: Belief, some: I64, places: F32) -> Dots:
+    """Return dots as large as they are heavy; those of little weight are gray."""
+    times = belief.weights[some] * belief.size
+    colors = np.where(times < LIGHT, np.uint32(packed(SETTLED)), np.uint32(packed(CLOUD)))
+    return Dots(places, radii_of(times), colors)
+
+
+def _copied(record: StepRecord, some: I64, places: F32) -> Dots:
+    """Return dots as large as they have copies; those without one are small and red."""
+    copies = copies_of(record.parents, record.weighted.size)[some]
+    radii = np.where(copies == 0, np.float32(DEAD_DOT), radii_of(copies.astype(np.float64)))
+    colors = np.where(copies == 0, np.uint32(packed(DEAD)), np.uint32(packed(CLOUD)))
+    return Dots(places, radii, colors)
+
+
+def _ranked(places: F32) -> Row:
+    """Return places (K, 2) of the best, each once, with the ranks that are there."""
+    ranks: dict[tuple[float, ...], list[str]] = {}
+    for rank, place in enumerate(places.tolist(), 1):
+        ranks.setdefault(tuple(place), []).append(str(rank))
+    labels = texts_of([", ".join(there) for there in ranks.values()])
+    return row_of(rr.Points2D, positions=points_of([*ranks]), labels=labels)
 
 
 def _all(color: RGB, count: int) -> U32:

@@ -83,15 +83,16 @@ def set_place(rec: rr.RecordingStream, step: int, time_s: float, phase: Phase) -
 
 def set_phase_only(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> None:
     """Set the phase timeline alone: what is logged now hides nothing on the others."""
-    set_phase(rec, moment, phase)
     rec.disable_timeline(STEP)
     rec.disable_timeline(SESSION)
+    rec.set_time(PHASE, sequence=phase_number(moment.frame.step, phase))
 
 
 def set_step_only(rec: rr.RecordingStream, moment: Moment) -> None:
     """Set the timelines without phases alone, to an update."""
-    set_phase(rec, moment, Phase.ESTIMATE)
     rec.disable_timeline(PHASE)
+    rec.set_time(STEP, sequence=moment.frame.step)
+    rec.set_time(SESSION, duration=moment.frame.time_s)
 
 
 def place_drawing(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -218,14 +219,15 @@ class WeightBarsPanel(Panel):
     def clear(self, rec: rr.RecordingStream) -> None:
         rec.log(
             self._paths.inside("bars"),
-            row_of(rr.EncodedImage, blob=blob_of(bars_of(np.zeros(0), np.zeros(0)))),
+            row_of(rr.EncodedImage, blob=blob_of(bars_of((), ()))),
         )
         nothing = row_of(rr.Points2D, positions=points_of(np.zeros((0, 2))), labels=texts_of([]))
         rec.log(self._paths.inside("values"), nothing)
 
     def _log(self, rec: rr.RecordingStream, times: F64, kind: Kind) -> None:
         dots, held = shares_of(times, kind)
-        rec.log(self._paths.inside("bars"), row_of(rr.EncodedImage, blob=blob_of(bars_of(dots, held))))
+        bars = bars_of(heights_of(dots), heights_of(held))
+        rec.log(self._paths.inside("bars"), row_of(rr.EncodedImage, blob=blob_of(bars)))
         labels: list[tuple[float, float, str, int]] = []  # x, y, text, color
         dots_color, weight_color, pale = (
             style.packed(style.CLOUD),
@@ -259,20 +261,28 @@ class WeightBarsPanel(Panel):
 
 def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:
     """Return the shares (K,) of particles in each bin, and of all their weight or copies `times` (N,)."""
-    number = np.searchsorted([least for least, _ in kind.bins], times, side="right") - 1
+    number = np.zeros(len(times), np.intp)
+    for least, _ in kind.bins[1:]:  # sooner than a search for as few
+        number += times >= least
     dots = np.bincount(number, minlength=len(kind.bins)) / max(len(times), 1)
     held = np.bincount(number, times, len(kind.bins)) / max(float(times.sum()), 1e-12)
     return dots, held
 
 
-def bars_of(dots: F64, held: F64) -> bytes:
-    """Draw two shares (K,) a bin as bars, over their axis, as a PNG."""
+def heights_of(shares: F64) -> tuple[int, ...]:
+    """Return the heights of bars, in pixels."""
+    return tuple(np.rint(HEIGHT_PX * shares).astype(int).tolist())
+
+
+@lru_cache(maxsize=64)  # before a picture all weigh the same, at every step
+def bars_of(dots: tuple[int, ...], held: tuple[int, ...]) -> bytes:
+    """Draw two heights a bin as bars, over their axis, as a PNG."""
     image = np.full((HEIGHT_PX + AXIS_PX, BINS_PX * len(WEIGHTS)), GROUND_INK, np.uint8)
     image[HEIGHT_PX:] = AXIS_INK
     for values, first, ink in ((dots, FIRST_PX, DOTS_INK), (held, SECOND_PX, WEIGHT_INK)):
-        for number, value in enumerate(values):
+        for number, height in enumerate(values):
             left = BINS_PX * number + first
-            image[HEIGHT_PX - round(HEIGHT_PX * float(value)) : HEIGHT_PX, left : left + COLUMN_PX] = ink
+            image[HEIGHT_PX - height : HEIGHT_PX, left : left + COLUMN_PX] = ink
     return BARS.png(image)
 
 

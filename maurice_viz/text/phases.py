@@ -60,7 +60,7 @@ def phase_words(
     return f"Step {moment.frame.step}, {phase + 1} {phase.name.lower()}: {sentences[phase]()}"
 
 
-def step_words(moment: Moment, record: StepRecord, scale: Scale) -> str:
+def whole_step(moment: Moment, record: StepRecord, scale: Scale) -> str:
     """Return two sentences about a whole update, for timelines without phases."""
     survive = f"{_survivors(record):,} survive" if record.parents is not None else "all stay"
     fresh = "" if record.injected is None else f", {int(record.injected.sum()):,} are new"
@@ -128,8 +128,8 @@ def resampled(record: StepRecord) -> str:
     if record.parents is None:
         worth = f"{_worth(record)} of {size:,} equal dots"
         return f"not resampled, as the cloud is worth {worth}. All keep their weights."
-    alive = _survivors(record)
-    most = int(np.bincount(record.parents[record.parents >= 0], minlength=1).max())
+    counts = np.bincount(record.parents[record.parents >= 0], minlength=1)
+    alive, most = int(np.count_nonzero(counts)), int(counts.max())
     copies = f"{most:,} {'copy' if most == 1 else 'copies'}"
     return (
         f"{alive:,} of {size:,} dots survive, the heaviest with {copies}; "

@@ -130,7 +130,7 @@ class BlockRecording(rr.RecordingStream):
 
     def _rows_of(self, entity: str) -> Rows:
         """Return where rows at this time go; rows at this time on other timelines go out before them."""
-        timelines, blocks = tuple(self._times), self._rows.setdefault(entity, {})
+        timelines, blocks = tuple(sorted(self._times)), self._rows.setdefault(entity, {})
         if len(blocks) > 1 or timelines not in blocks:
             others = [rows for other, rows in blocks.items() if other != timelines]
             if not all(rows.seen.isdisjoint(self._times.items()) for rows in others):

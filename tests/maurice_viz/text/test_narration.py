@@ -100,7 +100,7 @@ def test_events_and_phases_are_told():
         words = phases.phase_words(moment, record, slot, INCHES)
         assert words.startswith(f"Step 1, {slot + 1} {slot.name.lower()}: ")
         assert len(words) < 260
-    assert phases.step_words(moment, record, INCHES).startswith("Step 1, left: odometry says")
+    assert phases.whole_step(moment, record, INCHES).startswith("Step 1, left: odometry says")
 
 
 ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")

@@ -10,7 +10,7 @@ import pytest
 from helpers.step_records import made
 from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.fitting.belief import FITS, NOT_KNOWN, OVER_FLAT, OVER_SHARP, BeliefJudge, share_denser
-from maurice_mcl.values.records import Belief, StepRecord, normalize
+from maurice_mcl.values.records import Belief, StepRecord, normalize, uniform_log_weights
 from maurice_viz.panels.belief import ellipse_of
 from maurice_viz.style import UNITS, Scale
 
@@ -81,6 +81,10 @@ def test_the_ellipse_on_the_map_is_the_one_that_is_counted():
     spread = np.cov(belief.poses[:, :2].T, bias=True)
     off = drawn - belief.poses[:, :2].mean(axis=0)
     assert np.sqrt(np.einsum("ni,ij,nj->n", off, np.linalg.inv(spread), off)) == pytest.approx(2, rel=1e-3)
+    some, scale = belief.poses[:, 0] > np.median(belief.poses[:, 0]), Scale(UNITS["m"])
+    alone = Belief(belief.poses[some], uniform_log_weights(int(some.sum())), belief.origin)
+    of_some, of_alone = ellipse_of(belief, scale, some), ellipse_of(alone, scale)
+    assert of_some == pytest.approx(of_alone, abs=1e-3)
 
 
 def test_the_first_three_updates_and_unknown_truth_do_not_count():
