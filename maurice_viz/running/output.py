@@ -195,7 +195,7 @@ def _live_sink(
     drawn.file = path
     if output.web is not None:
         output.web.close()  # what it showed came from here
-    _remark_written(path, KEYS_HINT, listener)
+    _remark_written(path, KEYS_HINT, listener, output)
 
 
 @contextmanager
@@ -216,11 +216,10 @@ def sink_of(
     from ..viewer import sinks
 
     if output.web is not None:
-        output.web.serve()
-        with sinks.to_viewer(output.web.data, name, layout) as rec:
+        shown = output.web.file()
+        with sinks.to_file(shown, name, layout) as rec:
             yield rec
-        output.web.remark(listener.remark)  # now that it is complete: a page that waits is empty
-        _remark_place(output.place or _place(drawn.step), listener)
+        _serve(output.web, shown, output.place or _place(drawn.step), listener, output)
         return
     if output.rrd is None and not output.headless and sinks.has_display():
         try:
@@ -237,7 +236,7 @@ def sink_of(
     with sinks.to_file(path, name, layout, force=output.force, remark=listener.remark) as rec:
         yield rec
     drawn.file = path
-    _remark_written(path, keys, listener, drawn.step)
+    _remark_written(path, keys, listener, output, drawn.step)
 
 
 def _place(step: int | None) -> Place | None:
@@ -263,10 +262,16 @@ def _path(output: OutputOptions) -> Path:
     return output.rrd or Path(f"{output.stem}.rrd")
 
 
-def _remark_written(path: Path, keys: str, listener: Listener, step: int | None = None) -> None:
-    command, name = _command("maurice-replay"), shlex.quote(str(path))
-    listener.remark(f"{path} written; open it with: {command} {name}")
-    if step is None:
+def _remark_written(
+    path: Path, keys: str, listener: Listener, output: OutputOptions, step: int | None = None
+) -> None:
+    command = _command("maurice-replay")
+    opens = f"maurice-replay {shlex.quote(str(path))}"
+    if output.place is not None:
+        opens = open_command(path, output.place)
+        opens += "" if output.run is None else f" --run {shlex.quote(output.run)}"
+    listener.remark(f"{path} written; open it with: {opens.replace('maurice-replay', command, 1)}")
+    if step is None or output.place is not None:
         listener.remark(keys)
     else:
         walk = walk_command(path, step).replace("maurice-replay", command, 1)
@@ -275,8 +280,13 @@ def _remark_written(path: Path, keys: str, listener: Listener, step: int | None 
 
 def walk_command(source: Path, step: int, phase: Phase = Phase.PREDICT) -> str:
     """Return the command that opens a recording or a saved run at one phase of a step."""
-    name = shlex.quote(str(source))
-    return f"maurice-replay open {name} --step {step} --phase {phase.name.lower()}"
+    return open_command(source, Place(step, phase))
+
+
+def open_command(source: Path, place: Place) -> str:
+    """Return the command that opens a recording or a saved run at a place."""
+    phase = "" if place.phase is None else f" --phase {place.phase.name.lower()}"
+    return f"maurice-replay open {shlex.quote(str(source))} --step {place.step}{phase}"
 
 
 @contextmanager
@@ -293,11 +303,14 @@ def serving(output: OutputOptions, listener: Listener) -> Iterator[None]:
         output.web.close()
 
 
-def _remark_place(place: Place | None, listener: Listener) -> None:
+def _serve(
+    web: WebViewer, recording: Path, place: Place | None, listener: Listener, output: OutputOptions
+) -> None:
+    """Serve a recording to browsers, which open it at a place; remark how."""
+    web.serve(recording, place, output.layout, output.run)
+    web.remark(listener.remark)
     if place is not None:
-        field = f"type {place.number} into the field at the lower right"
-        chosen = "" if place.phase is None else f"choose the timeline `{place.timeline}` at the bottom and "
-        listener.remark(f"to look at {place}, {chosen}{field}")
+        listener.remark(f"it opens at {place}")
 
 
 def show_recording(path: Path, listener: Listener, output: OutputOptions) -> None:
@@ -309,9 +322,7 @@ def show_recording(path: Path, listener: Listener, output: OutputOptions) -> Non
 
     web, place = output.web, output.place or _place(decisive_step_of(path))
     if web is not None:
-        web.serve([str(path)])
-        web.remark(listener.remark)
-        _remark_place(place, listener)
+        _serve(web, path, place, listener, output)
         return
     if not sinks.has_display():
         how = "found no display to open it on; add --web for a browser, or copy it to where there is one"

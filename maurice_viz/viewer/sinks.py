@@ -219,7 +219,7 @@ def to_file_and_viewers(
     with to_file(path, name, blueprint, force=force, serve=port, remark=remark) as rec:
         remark(f"live; to look at it, also from another shell: {viewer} --connect {address(port)}")
         if web is not None:
-            web.serve([address(port)])
+            web.serve()
             web.remark(remark)
         elif window:
             _bring_up(port, remark)

@@ -106,7 +106,8 @@ def test_the_command_it_prints_opens_that_phase(saved, tmp_path):
     assert words[2:] == [str(saved), "--step", "4", "--phase", words[-1]]
     assert words[-1] in ("weight", "resample")
     _, err = maurice(*words[1:])  # without a display a file is written
-    assert "walk through step" in err
+    written = next(line for line in err.splitlines() if "open it with: " in line)
+    assert shlex.split(written)[-5:] == ["open", f"{saved.name}.rrd", *words[3:]][-5:]
     assert "--phase goes with --step" in maurice("open", saved, "--phase", "resample", expect=2)[1]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import signal
@@ -11,13 +12,15 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.error import HTTPError
+from urllib.parse import urlsplit
 from urllib.request import urlopen
 
 import pytest
 
 from helpers.browser import SOFTWARE, browser, needs_browser
 from helpers.commands import COMMAND, maurice, no_display
+from maurice_viz.entities import Phase, Place
 from maurice_viz.viewer import open_viewers, web
 
 ANSWERS_S = 240.0
@@ -47,6 +50,11 @@ def serving(*words: object) -> Iterator[tuple[subprocess.Popen[str], list[str]]]
             going.terminate()
 
 
+def read(url: str) -> bytes:
+    with urlopen(url, timeout=30) as answer:
+        return bytes(answer.read())
+
+
 def url_of(lines: list[str]) -> str:
     return next(line.removeprefix("in a browser: ") for line in lines if line.startswith("in a browser"))
 
@@ -54,77 +62,56 @@ def url_of(lines: list[str]) -> str:
 def test_a_replay_is_served_on_this_machine_alone_until_ctrl_c(small_session, tmp_path):
     with serving(small_session, "--particles", "50", "--web") as (going, lines):
         url = urlsplit(url_of(lines))
-        data = urlsplit(parse_qs(url.query)["url"][0])
-        assert (url.scheme, url.hostname, data.scheme, data.hostname, data.path) == (
-            "http", "127.0.0.1", "rerun+http", "127.0.0.1", "/proxy",
-        )  # fmt: skip
-        way = re.compile(r"ssh -N -L (\d+):127.0.0.1:\1 -L (\d+):127.0.0.1:\2 \S+@\S+$")
-        tunnel = next(match for match in map(way.search, lines) if match is not None)
-        assert tunnel.groups() == (str(url.port), str(data.port))
-        assert any("to look at step" in line for line in lines)
-        with urlopen(url.geturl(), timeout=30) as page:
-            assert b"re_viewer.js" in page.read()
-        assert not any(listens_elsewhere(port or 0) for port in (url.port, data.port))
+        assert (url.scheme, url.hostname, url.path) == ("http", "127.0.0.1", "/")
+        tunnel = next(line for line in lines if "ssh -N" in line)
+        assert re.search(rf"ssh -N -L {url.port}:127.0.0.1:{url.port} \S+@\S+$", tunnel)
+        assert b"re_viewer.js" in read(url.geturl())
+        shown = json.loads(read(f"{url.geturl()}shown.json"))
+        assert any(line.endswith(f"it opens at step {shown['number']}") for line in lines)
+        assert shown["timeline"] == "step"
+        assert read(f"{url.geturl()}recording.rrd").startswith(b"RRF")
+        assert not listens_elsewhere(url.port or 0)
         going.send_signal(signal.SIGINT)
         out, err = going.communicate(timeout=120)
     assert (going.returncode, err) == (0, "")
     assert "heading error, mean" in out
     assert not list(tmp_path.glob("*.rrd"))
-    for port in (url.port, data.port):
-        with socket.socket() as probe:
-            assert probe.connect_ex(("127.0.0.1", port or 0)) != 0
-
-
-def test_the_server_ends_when_the_replay_is_killed(small_session):
-    with serving(small_session, "--particles", "50", "--web") as (going, lines):
-        port = urlsplit(url_of(lines)).port or 0
-        with urlopen(f"http://127.0.0.1:{port}", timeout=30) as page:
-            assert page.status == 200
-        going.kill()
-        until = time.monotonic() + 20
-        while time.monotonic() < until:
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) != 0:
-                    return
-            time.sleep(0.05)
-    raise AssertionError("the server outlives the command")
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", url.port or 0)) != 0
 
 
 @pytest.mark.slow
 @needs_browser
-def test_a_browser_gets_the_recording(small_session, tmp_path):
+def test_a_browser_opens_the_recording_at_its_place(small_session, tmp_path):
     maurice(small_session, "--particles", "50", "-o", "a.rrd")
-    size = (tmp_path / "a.rrd").stat().st_size
-    with serving("a.rrd", "--web") as (_, lines), browser(tmp_path / "profile", *SOFTWARE) as page:
-        page.open(url_of(lines) + "&renderer=webgl", 64, 64)  # small: the processor draws it
-        asked, received = set[str](), 0
-        for event in page.events_until(time.monotonic() + ANSWERS_S):
-            params = event["params"]
-            if event["method"] == "Network.requestWillBeSent" and "/ReadMessages" in params["request"]["url"]:
-                asked.add(params["requestId"])
-            elif event["method"] == "Network.dataReceived" and params["requestId"] in asked:
-                received += params["dataLength"]
-            if received > 0.5 * size:  # a file also has an index
-                break
-    assert received > 0.5 * size, (received, size)
+    words, place = ("open", "a.rrd", "--step", 5, "--phase", "weight"), Place(5, Phase.WEIGHT)
+    with serving(*words, "--web") as (_, lines), browser(tmp_path / "profile", *SOFTWARE) as page:
+        page.open(url_of(lines), 64, 64)  # small: the processor draws it
+        until = time.monotonic() + ANSWERS_S
+        while not page.value("document.getElementById('wait').hidden"):
+            words_shown = page.value("document.getElementById('wait').textContent")
+            assert time.monotonic() < until, words_shown
+            assert words_shown.startswith(("Loading", "Starting", "Opening")), words_shown
+            time.sleep(0.2)
+        state = bytes(page.value("Array.from(viewer.viewer_state())"))
+        cursor = place.timeline.encode() + rb".{1,4}\x02\x08" + re.escape(bytes([place.number]))
+        assert re.search(cursor, state, re.DOTALL), state
 
 
 def test_ports_are_the_same_every_time_unless_they_are_taken(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        monkeypatch.setattr(web, "PAGE_PORT", port)
+        monkeypatch.setattr(web, "DATA_PORT", port)
         shown = web.WebViewer()
-        shown.reserve()
-        assert shown.page not in (0, port)
-    shown.reserve()
-    assert shown.page == port
+        assert shown.reserve() not in (0, port)
+    assert shown.reserve() == shown.data == port
 
 
 def test_what_cannot_be_served_is_one_line(tmp_path, monkeypatch):
     for module in (web, open_viewers):
         monkeypatch.setattr(module, "viewer_binary", lambda: Path(shutil.which("false") or ""))
     shown = web.WebViewer()
-    with pytest.raises(web.SinkError, match=r"^[^\n]*serves no page on the ports[^\n]*$"):
+    with pytest.raises(web.SinkError, match=r"^[^\n]*gives no web viewer[^\n]*$"):
         shown.serve()
     assert not shown.is_serving
     monkeypatch.setattr(open_viewers, "viewer_binary", lambda: tmp_path / "none")
@@ -133,3 +120,19 @@ def test_what_cannot_be_served_is_one_line(tmp_path, monkeypatch):
     broken = tmp_path / "b.rrd"
     broken.write_bytes(b"nothing")
     assert "found no Rerun recording" in maurice("b.rrd", "--web", expect=1)[1]
+
+
+def test_the_page_gets_its_layout_with_the_wanted_tab(small_session, tmp_path):
+    maurice(small_session, "--particles", "50", "-o", "a.rrd")
+    shown = web.WebViewer()
+    shown.serve(tmp_path / "a.rrd", Place(3, Phase.MEASURE), "none")
+    try:
+        said = json.loads(read(f"{shown.url}shown.json"))
+        assert (said["timeline"], said["number"], said["layout"]) == ("phase", 6 * 3 + 1, "none")
+        layout = json.dumps({"/viewport": {"ViewportBlueprint": {}}}).encode()
+        with pytest.raises(HTTPError) as refused, urlopen(f"{shown.url}layout", layout, timeout=30):
+            pass
+        with refused.value as answer:
+            assert answer.read().decode().startswith("found no layout 'none'")
+    finally:
+        shown.close()
