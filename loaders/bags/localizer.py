@@ -26,10 +26,10 @@ from ..reading.options import ReadingOptions
 from ..reading.plane import Plane
 from ..reading.recording import Motion, OdometryPose, Picture, Record, TruthPose
 from ..reading.time_alignment import Aligner, Steps, as_rows
+from .maps import map_of
 from .messages import (
     CLOUDS,
     IN_XY,
-    MESSAGE_ERRORS,
     POSE_WITH_COVARIANCE,
     POSES,
     cloud_of,
@@ -38,7 +38,7 @@ from .messages import (
     use_recorded,
 )
 from .readers import WINDOW_S, OneTopic, Timed, in_order, read_bag
-from .recording import BagRecording, first_messages, peek
+from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
 from .topics import PoseTopic, listed, named_topic, readable
 
@@ -178,7 +178,7 @@ class RecordedLocalizer:
                 self.cloud = named_topic(path, bag.topics, topic, CLOUDS | POSES)
                 if known_type(self.cloud.type) in POSES:
                     self.pose = self.cloud
-            self._map = _map_of(bag)
+            self._map = _map_in(path, bag)
             own = [topic.name for topic in (self.cloud, self.pose) if topic is not None]
             self._drive = BagRecording(path, open_bag, options, beside=own)
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]
@@ -316,15 +316,7 @@ def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
     return min(poses, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
 
 
-GRID = "nav_msgs/OccupancyGrid"
-
-
-def _map_of(bag: BagSource) -> Arena | None:
-    """Return the first valid map of the bag; costmaps are left out."""
-    for topic in readable(bag.topics, {GRID}):
-        if "costmap" in topic.name:
-            continue
-        for _, grid in first_messages(bag, topic.name, 1):
-            with suppress(InputError, *MESSAGE_ERRORS):
-                return arena_of_message(grid)
+def _map_in(path: Path, bag: BagSource) -> Arena | None:
+    with suppress(InputError):  # it is drawn, and nothing is compared with it
+        return map_of(path, bag, arena_of_message)
     return None

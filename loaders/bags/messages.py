@@ -46,6 +46,8 @@ NUMBERS = frozenset(
         *(f"std_msgs/{kind}{bits}" for kind in ("Int", "UInt") for bits in (8, 16, 32, 64)),
     )
 )
+SCANS = frozenset(("sensor_msgs/LaserScan", "foxglove.LaserScan"))
+GRID = "nav_msgs/OccupancyGrid"
 CLOUDS = frozenset(("geometry_msgs/PoseArray", "nav2_msgs/ParticleCloud", "foxglove.PosesInFrame"))
 
 IN_XY = Plane()
@@ -191,6 +193,14 @@ class FrameTree:
             links.append(link)
             child = link.parent
         return links
+
+    def above(self, frame: str) -> list[str]:
+        """Return the frames above one, the nearest first."""
+        names: list[str] = []
+        while (link := self._links.get(frame)) is not None and len(names) <= DEEPEST:
+            frame = link.parent
+            names.append(frame)
+        return names
 
     def __len__(self) -> int:
         return len(self._links)

@@ -251,6 +251,20 @@ class RowReader(NoteReader):
 Reader = OneTopic | PoseReader
 
 
+def first_messages(bag: BagSource, topic: str, most: int) -> Iterator[tuple[Message, Any]]:
+    """Yield the first messages of a topic with their contents, but for those that cannot be decoded.
+
+    No more than there are: reading on after the last one would read the whole bag.
+    """
+    count = sum(entry.count for entry in bag.topics if entry.name == topic)
+    for message in islice(bag.messages({topic}), min(most, count)):
+        try:
+            content = message.decode()
+        except (InputError, *MESSAGE_ERRORS):  # reported when it is read
+            continue
+        yield message, content
+
+
 def has_topic(bag: BagSource, name: str, kind: str) -> bool:
     """Return whether a bag holds a topic of that type."""
     return any(topic.name == name for topic in readable(bag.topics, {kind}))

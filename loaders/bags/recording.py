@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any, cast
+
+import numpy as np
 
 from maurice_mcl.values.session import Camera, SessionInfo
 
@@ -44,18 +45,21 @@ from .readers import (
     Reader,
     RowReader,
     Timed,
+    first_messages,
     has_topic,
     header_of,
     in_order,
     read_bag,
 )
-from .source import BagSource, Message, OpenBag, Topic, starts_with
+from .scans import BASES, MOST_STATIC, ScanReader, add_links, laser_of
+from .source import BagSource, OpenBag, Topic, starts_with
 from .topics import (
     PoseTopic,
     TopicChoice,
     TopicRequest,
     choose,
     is_estimate,
+    map_topics,
     not_read,
     nothing_to_read,
     number_topics,
@@ -63,7 +67,7 @@ from .topics import (
 )
 
 PoseKind = type[OdometryPose] | type[TruthPose]
-ROLES = ("image", "odometry", "truth")
+ROLES = ("image", "scan", "odometry", "truth")
 ESTIMATE = (
     "is a localizer's own estimate, not the truth: errors say how far from that estimate one is, "
     "not how far from where the robot was"
@@ -89,7 +93,7 @@ class BagRecording:
         self._options = options
         with open_bag(path) as bag:
             image = options.image_topic or options.camera
-            wishes = TopicRequest(image, options.odometry_topic, options.truth_topic)
+            wishes = TopicRequest(image, options.odometry_topic, options.truth_topic, options.scan_topic)
             self._rows = has_topic(bag, READINGS, TEXT) and options.readings is None
             self.chosen = choose(path, bag.topics, wishes, _edges(bag))
             if not (self.chosen.topics or self._rows) and beside is None:
@@ -98,6 +102,9 @@ class BagRecording:
             self.recorded_times = use_recorded(first)  # why recording times are used; "" where they are not
             self.counts = {t.name: t.count for t in bag.topics}
             camera, looking = camera_of(bag, self.chosen.image)
+            self._laser, mounted = np.eye(4), ""
+            if self.chosen.scan is not None:
+                self._laser, mounted = laser_of(bag, self.chosen.scan, self.chosen.odometry)
             self._events = _events_topic(bag) if recorded_as_measured(first) else None
             self._motions = has_topic(bag, MOTIONS, VECTOR) and options.odometry_topic is None
             self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
@@ -108,12 +115,17 @@ class BagRecording:
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
-        self._guessed = "; ".join(text for text in (self.chosen.guess, looking) if text)
+        self._guessed = "; ".join(text for text in (self.chosen.guess, looking, mounted) if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
         name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
         self.info = header or SessionInfo(name=name, cameras=(camera,) if camera else (), notes=notes)
         self._ours = header is not None  # then nothing is guessed, and a time of 0 is valid
         self._planes: dict[PoseTopic, Plane] = {}
+
+    @property
+    def pictureless(self) -> bool:
+        """Whether no topic of pictures is read."""
+        return self.chosen.image is None
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Yield records of the chosen topics in time order. Late and invalid messages go to `notes`."""
@@ -150,7 +162,7 @@ class BagRecording:
     def _passes(self) -> list[tuple[str, ...]]:
         """Return the roles that are read together: one at a time where offsets would break the order."""
         if self._options.odometry_offset_s or self._options.truth_offset_s:
-            return [("image",), ("odometry",), ("truth",)]
+            return [("image", "scan"), ("odometry",), ("truth",)]
         return [ROLES]
 
     def readers(self, roles: Collection[str] = ROLES) -> list[Reader]:
@@ -159,6 +171,8 @@ class BagRecording:
         readers: list[Reader] = []
         if "image" in roles and chosen.image:
             readers.append(PictureReader(chosen.image))
+        if "scan" in roles and chosen.scan:
+            readers.append(ScanReader(chosen.scan, self._laser))
         if "odometry" in roles and self._motions:
             readers.append(MotionReader(MOTIONS, options.odometry_offset_s))
         elif "odometry" in roles and chosen.odometry:
@@ -198,7 +212,7 @@ def _refuse_tables(path: Path, options: ReadingOptions) -> None:
             raise InputError(path, text)
 
 
-def _supporting(topics: Iterable[Topic], chosen: TopicChoice) -> set[str | None]:
+def _supporting(topics: Sequence[Topic], chosen: TopicChoice) -> set[str | None]:
     """Return the topics that what is chosen is read with: a camera's calibration, and coordinate frames."""
     folder = _folder(chosen.image) if chosen.image else None
     framed = any(route is not None and route.frames for route in (chosen.odometry, chosen.truth))
@@ -206,8 +220,9 @@ def _supporting(topics: Iterable[Topic], chosen: TopicChoice) -> set[str | None]
         t.name for t in topics if known_type(t.type) in CALIBRATIONS and _folder(t.name) == folder
     }
     transforms = {t.name for t in topics if known_type(t.type) in TRANSFORMS}
-    static = {name for name in transforms if "static" in name and chosen.image}
-    return {*calibrations, *(transforms if framed else static)}
+    static = {name for name in transforms if "static" in name and (chosen.image or chosen.scan)}
+    maps = {topic.name for topic in map_topics(topics) if chosen.scan}
+    return {*calibrations, *maps, *(transforms if framed else static)}
 
 
 def _folder(topic: str) -> str:
@@ -228,20 +243,6 @@ def peek(bag: BagSource, topic: str) -> list[tuple[int | None, int]]:
     return stamps
 
 
-def first_messages(bag: BagSource, topic: str, most: int) -> Iterator[tuple[Message, Any]]:
-    """Yield the first messages of a topic with their contents, but for those that cannot be decoded.
-
-    No more than there are: reading on after the last one would read the whole bag.
-    """
-    count = sum(entry.count for entry in bag.topics if entry.name == topic)
-    for message in islice(bag.messages({topic}), min(most, count)):
-        try:
-            content = message.decode()
-        except (InputError, *MESSAGE_ERRORS):  # reported when it is read
-            continue
-        yield message, content
-
-
 def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
     edges: set[tuple[str, str]] = set()
     for topic in readable(bag.topics, TRANSFORMS):
@@ -254,8 +255,6 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
 # The camera: size and field of view from its calibration, yaw from static transforms.
 
 CALIBRATIONS = ("sensor_msgs/CameraInfo", "foxglove.CameraCalibration")
-BASES = ("base_link", "base_footprint")
-MOST_STATIC = 1000  # messages of static transforms that are examined
 STEEP_RAD = math.radians(60)  # a camera that looks further up or down has no meaningful yaw
 
 
@@ -299,10 +298,7 @@ def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
     tree = FrameTree()
     for topic in readable(bag.topics, TRANSFORMS):
         if "static" in topic.name:
-            for _, content in first_messages(bag, topic.name, MOST_STATIC):
-                with suppress(*MESSAGE_ERRORS):
-                    for link in links_of(content):
-                        tree.add(link)
+            add_links(tree, bag, topic.name, MOST_STATIC)
     place = tree.place(base, frame)
     if place is None:
         return None

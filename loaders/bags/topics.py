@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..errors import InputError
 from .messages import (
     CLOUDS,
+    GRID,
     NUMBERS,
     ODOMETRIES,
     PICTURES,
     POSE_WITH_COVARIANCE,
     POSES,
+    SCANS,
     TRANSFORMS,
     VIDEOS,
     known_type,
@@ -30,6 +32,11 @@ ESTIMATED = re.compile(r"amcl|beluga|localiz|estimate|particle|slam|ptam|rtabmap
 FIXED = re.compile(r"(^|/)(odom|odom_combined|odometry)$")
 BASE = ("base_footprint", "base_link")
 FIRST = re.compile(r"color|rgb|front|left", re.I)  # of several cameras
+LASER_LAST = re.compile(
+    r"rear|back|left|right|raw|unfiltered|debug|virtual|camera|depth|kinect|sonar|cliff|bump", re.I
+)
+MAIN_LASER = re.compile(r"(^|/)(base_)?scan$")
+NO_MAP = re.compile(r"costmap|mask|local_?map|submap", re.I)
 LAST = re.compile(r"depth|infra|(^|[/_])ir([/_]|$)|disparity|mask|debug|thermal|right|rear|back", re.I)
 HOUSEKEEPING = re.compile(r"^(rcl_interfaces|rosgraph_msgs|diagnostic_msgs|bond|dynamic_reconfigure)/")
 SHOWN = 12  # topics that an error or a remark lists
@@ -54,13 +61,14 @@ class TopicChoice:
     image: str | None
     odometry: PoseTopic | None
     truth: PoseTopic | None
+    scan: str | None = None
     guess: str = ""  # what was guessed, in one line; "" when nothing was
     others: str = ""  # what else could have been chosen, where something was guessed
 
     @property
     def topics(self) -> tuple[str, ...]:
         """All topics to read, without duplicates."""
-        names = (self.image, *(route.topic for route in (self.odometry, self.truth) if route))
+        names = (self.image, self.scan, *(route.topic for route in (self.odometry, self.truth) if route))
         return tuple(dict.fromkeys(name for name in names if name))
 
 
@@ -71,6 +79,7 @@ class TopicRequest:
     image: str | None = None
     odometry: str | None = None
     truth: str | None = None
+    scan: str | None = None
 
 
 def choose(
@@ -81,7 +90,9 @@ def choose(
     truth = _route(path, topics, wishes.truth, _guess_truth(topics))
     taken = truth.topic if truth is not None and truth.frames is None else None
     odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
-    return TopicChoice(image, odometry, truth, *_guess_in_words(topics, wishes, image, odometry, truth))
+    choice = TopicChoice(image, odometry, truth, _scan(path, topics, wishes.scan))
+    guess, others = _guess_in_words(topics, wishes, choice)
+    return replace(choice, guess=guess, others=others)
 
 
 def is_estimate(topics: Sequence[Topic], truth: PoseTopic) -> bool:
@@ -96,7 +107,7 @@ def is_estimate(topics: Sequence[Topic], truth: PoseTopic) -> bool:
 
 def nothing_to_read(topics: Sequence[Topic]) -> str:
     """Return the error of a bag with neither pictures nor poses, which lists what it has."""
-    wanted = "expected pictures, odometry or truth; name topics with --reading image_topic=..."
+    wanted = "expected pictures, scans, odometry or truth; name topics with --reading image_topic=..."
     more = ["--as-recorded shows its particles"] if readable(topics, CLOUDS) else []
     more += [advice] if (advice := _video_advice(topics)) else []
     parts = [f"found no topic of a type that is read, {wanted}", f"it holds {listed(topics)}", *more]
@@ -140,6 +151,26 @@ def _image(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
     if known_type(named.type) in VIDEOS and not can_decode():
         raise InputError(path, _needs_extra(named))
     return named.name
+
+
+def _scan(path: Path, topics: Sequence[Topic], wish: str | None) -> str | None:
+    if wish == "none":
+        return None
+    if wish is not None:
+        return named_topic(path, topics, wish, SCANS).name
+    return min(readable(topics, SCANS), key=_first_laser).name if readable(topics, SCANS) else None
+
+
+def _first_laser(topic: Topic) -> tuple[bool, bool, int, int, str]:
+    """Sort a robot's main laser before others, and what is filtered or raw behind it."""
+    name = topic.name
+    return bool(LASER_LAST.search(name)), not MAIN_LASER.search(name), -topic.count, len(name), name
+
+
+def map_topics(topics: Sequence[Topic]) -> list[Topic]:
+    """Return the topics of maps to localize on, a plain /map first; no costmaps and masks."""
+    grids = [topic for topic in readable(topics, {GRID}) if not NO_MAP.search(topic.name)]
+    return sorted(grids, key=lambda topic: (topic.name != "/map", len(topic.name), topic.name))
 
 
 def _video_advice(topics: Sequence[Topic]) -> str:
@@ -240,25 +271,25 @@ def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None
 def _guess_in_words(
     topics: Sequence[Topic],
     wishes: TopicRequest,
-    image: str | None,
-    odometry: PoseTopic | None,
-    truth: PoseTopic | None,
+    choice: TopicChoice,
 ) -> tuple[str, str]:
     """Return what was guessed, and what else could have been chosen."""
     roles = (
-        ("pictures", "--reading image_topic=...", wishes.image, image, PICTURES | VIDEOS),
-        ("odometry", "--reading odometry_topic=...", wishes.odometry, odometry, POSES),
-        ("truth", "--reading truth_topic=...", wishes.truth, truth, POSES),
+        ("pictures", "--reading image_topic=...", wishes.image, choice.image, PICTURES | VIDEOS),
+        ("scans", "--reading scan_topic=...", wishes.scan, choice.scan, SCANS),
+        ("odometry", "--reading odometry_topic=...", wishes.odometry, choice.odometry, POSES),
+        ("truth", "--reading truth_topic=...", wishes.truth, choice.truth, POSES),
     )
-    guessed = [role for role in roles if role[2] is None]
+    lasers = bool(readable(topics, SCANS))  # of which nothing is said where there are none
+    guessed = [role for role in roles if role[2] is None and (lasers or role[-1] is not SCANS)]
     if not guessed:
         return "", ""
     chosen = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]
     used = {str(taken).partition(":")[0] for *_, taken, _ in roles if taken}
-    kinds = PICTURES | VIDEOS | POSES | CLOUDS
+    kinds = PICTURES | VIDEOS | SCANS | POSES | CLOUDS
     others = [t for t in readable(topics, kinds) if t.name not in used]
     choices = ", ".join(role[1] for role in guessed)
     also = f"also there: {listed(others)}" if others else ""
-    video = "" if image else _video_advice(topics)
+    video = "" if choice.image else _video_advice(topics)
     parts = (f"guessed {', '.join(chosen)} ({choices} to choose otherwise)", video)
     return "; ".join(text for text in parts if text), also

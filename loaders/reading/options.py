@@ -60,6 +60,9 @@ class ReadingOptions:
     image_topic: Annotated[
         Text, Meaning("Topic of a bag's pictures. [default: detected, printed]", "source")
     ] = None
+    scan_topic: Annotated[
+        Text, Meaning("Topic of a bag's laser scans. [default: detected, printed]", "source")
+    ] = None
     odometry_topic: Annotated[
         Text, Meaning("Topic of a bag's odometry. [default: detected, printed]", "source")
     ] = None

@@ -120,6 +120,29 @@ class Ros:
             data=data.reshape(-1),
         )
 
+    def scan(self, t_ns: int, ranges: Sequence[float], **more: float) -> Any:
+        """A scan whose beams go from the right to the left, in steps of a hundredth of half a turn."""
+        usual = {"angle_min": -np.pi / 2, "angle_increment": np.pi / 100, "range_min": 0.1, "range_max": 8.0}
+        fields = {"angle_max": np.pi / 2, "time_increment": 0.0, "scan_time": 0.1} | usual | more
+        return self.new(
+            "sensor_msgs/LaserScan",
+            header=self.header(t_ns, "laser"),
+            ranges=np.array(ranges, np.float32),
+            intensities=np.zeros(0, np.float32),
+            **fields,
+        )
+
+    def grid(self, percents: np.ndarray, cell_m: float = 0.05) -> Any:
+        """A map (H, W) whose corner is at the origin."""
+        stamp = self.header(BEGIN_NS).stamp
+        shape = {"height": percents.shape[0], "width": percents.shape[1]}
+        origin = self.pose(0.0, 0.0, 0.0)
+        info = self.new(
+            "nav_msgs/MapMetaData", map_load_time=stamp, resolution=cell_m, origin=origin, **shape
+        )
+        data = percents.reshape(-1).astype(np.int8)
+        return self.new("nav_msgs/OccupancyGrid", header=self.header(BEGIN_NS), info=info, data=data)
+
     def pose_array(self, t_ns: int, poses: np.ndarray) -> Any:
         placed = [self.pose(*map(float, pose)) for pose in poses]
         return self.new("geometry_msgs/PoseArray", header=self.header(t_ns), poses=placed)
@@ -302,4 +325,22 @@ def amcl_drive(ros: Ros, updates: int = 4, *, weighted: bool = True) -> list[Sai
             said.append(Said("/particlecloud", "geometry_msgs/PoseArray", t_ns, ros.pose_array(t_ns, poses)))
         own = ros.unsure(t_ns, middle)
         said.append(Said("/amcl_pose", "geometry_msgs/PoseWithCovarianceStamped", t_ns + 10**6, own))
+    return sorted(said, key=lambda one: one.log_ns)
+
+
+LASER_AT = (0.2, 0.05, 0.1)  # on the robot of `laser_drive`
+
+
+def laser_drive(ros: Ros, scans: int = 5) -> list[Said]:
+    """A drive along +x at 1 m/s: odometry at 10 Hz, and scans at 5 Hz. Ranges say when."""
+    said = [
+        link(ros, BEGIN_NS, "base_footprint", "base_link", (0.0, 0.0, 0.0), "/tf_static"),
+        link(ros, BEGIN_NS, "base_link", "laser", LASER_AT, "/tf_static"),
+    ]
+    for number in range(2 * scans):
+        t_ns = BEGIN_NS + number * 10**8
+        said.append(Said("/odom", "nav_msgs/Odometry", t_ns, ros.odometry(t_ns, (0.1 * number, 0.0, 0.0))))
+        if number % 2 == 0:
+            ranges = np.full(101, 1.0 + 0.1 * number)
+            said.append(Said("/scan", "sensor_msgs/LaserScan", t_ns + 10**6, ros.scan(t_ns, ranges)))
     return sorted(said, key=lambda one: one.log_ns)

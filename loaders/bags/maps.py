@@ -1,0 +1,47 @@
+"""The map in a bag: an OccupancyGrid, as map_server publishes it once for all who come later."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from maurice_mcl.values.occupancy import OccupancyMap
+
+from ..errors import InputError
+from ..files.maps import occupancy_of_message
+from ..formats.registry import chosen
+from ..reading.options import ReadingOptions
+from .messages import MESSAGE_ERRORS
+from .readers import first_messages
+from .recording import BAGS
+from .source import BagSource
+from .topics import map_topics
+
+Map = TypeVar("Map")
+
+
+def map_in(path: Path, options: ReadingOptions | None = None) -> OccupancyMap | None:
+    """Return the map that a recording holds; None for one that holds none, as all that are no bags.
+
+    InputError for a map that cannot be used, and as for `open_recording`.
+    """
+    name = chosen(path, options or ReadingOptions()).name
+    if name not in BAGS:
+        return None
+    with BAGS[name](path) as bag:
+        return map_of(path, bag, occupancy_of_message)
+
+
+def map_of(path: Path, bag: BagSource, make: Callable[[Any], Map]) -> Map | None:
+    """Return the first map of a bag that can be used. InputError where there are only others."""
+    problem = ""
+    for topic in map_topics(bag.topics):
+        for _, message in first_messages(bag, topic.name, 1):
+            try:
+                return make(message)
+            except (InputError, *MESSAGE_ERRORS) as fault:
+                problem = problem or f"its map {topic.name} cannot be used: {fault}"
+    if problem:
+        raise InputError(path, problem)
+    return None

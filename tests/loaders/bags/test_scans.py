@@ -1,0 +1,247 @@
+"""A laser's scans in bags of every kind, where it sits on the robot, and the map beside them."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from helpers import bags as making
+from helpers.bags import BEGIN_NS, LASER_AT, Ros, Said
+from maurice_loaders.bags.maps import map_in
+from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.files.maps import read_occupancy
+from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.recording import OdometryPose, Record, Scan, checked
+
+DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
+SCAN = "sensor_msgs/LaserScan"
+
+
+def records(path: Path, **options: Any) -> list[Record]:
+    return list(checked(open_recording(path, ReadingOptions(**options)), ReadingNotes(keep_going=False)))
+
+
+def scans(path: Path, **options: Any) -> list[Scan]:
+    return [record for record in records(path, **options) if isinstance(record, Scan)]
+
+
+def remark(path: Path) -> str:
+    return open_recording(path, ReadingOptions()).info.notes[0]
+
+
+def one_scan(folder: Path, ranges: Sequence[float], said: Sequence[Said] = (), **more: float) -> Path:
+    message = Ros(2).scan(BEGIN_NS, ranges, **more)
+    return making.write_ros2(folder / "bag", [*said, Said("/scan", SCAN, BEGIN_NS, message)])
+
+
+def rolled(ros: Ros, roll: float, yaw: float) -> Any:
+    """Turned about the forward axis and then about the robot's vertical one."""
+    cos, sin = np.cos([roll / 2, yaw / 2]), np.sin([roll / 2, yaw / 2])
+    parts = {"x": sin[0] * cos[1], "y": sin[0] * sin[1], "z": cos[0] * sin[1], "w": cos[0] * cos[1]}
+    return ros.new("geometry_msgs/Quaternion", **{name: float(part) for name, part in parts.items()})
+
+
+def mounted(ros: Ros, roll: float, yaw: float = 0.0, topic: str = "/tf_static") -> Said:
+    turned = ros.transforms(BEGIN_NS, "base_link", "laser", (0.3, -0.1, 0.0), rolled(ros, roll, yaw))
+    return Said(topic, "tf2_msgs/TFMessage", BEGIN_NS, turned)
+
+
+def _ros2(storage: str, compression: str | None = None) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        drive = making.laser_drive(Ros(2))
+        return making.write_ros2(folder / "bag", drive, storage=storage, compression=compression)
+
+    return write
+
+
+def _untyped(folder: Path) -> Path:
+    """As before ROS 2 Iron, which wrote no definitions of types into a bag."""
+    bag = making.write_ros2(folder / "bag", making.laser_drive(Ros(2)))
+    with closing(sqlite3.connect(next(bag.glob("*.db3")))) as database:
+        database.execute("DROP TABLE message_definitions")
+        database.execute("UPDATE schema SET schema_version = 3")
+        database.commit()
+    return bag
+
+
+KINDS: dict[str, Callable[[Path], Path]] = {
+    "ROS 1": lambda folder: making.write_ros1(folder / "drive.bag", making.laser_drive(Ros(1))),
+    "ROS 1, lz4": lambda folder: making.write_ros1(folder / "drive.bag", making.laser_drive(Ros(1)), "lz4"),
+    "ROS 2": _ros2("sqlite3"),
+    "ROS 2, packed": _ros2("sqlite3", "message"),
+    "ROS 2, MCAP": _ros2("mcap"),
+    "ROS 2 without definitions": _untyped,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_scans_come_back_in_time_order(kind: str, tmp_path: Path) -> None:
+    path = KINDS[kind](tmp_path)
+    both = records(path)
+    assert Counter(type(record) for record in both) == {OdometryPose: 10, Scan: 5}
+    assert [record.t_s for record in both] == sorted(record.t_s for record in both)
+    for number, record in enumerate(scans(path)):
+        assert record.t_s == pytest.approx(BEGIN_NS / 1e9 + 0.2 * number, abs=1e-6)
+        assert record.scan.ranges_m.tolist() == pytest.approx([1.0 + 0.2 * number] * 101)
+        np.testing.assert_allclose(record.scan.mount, LASER_AT)
+        assert (record.scan.start_rad, record.scan.step_rad) == pytest.approx((-np.pi / 2, np.pi / 100))
+        assert (record.scan.min_m, record.scan.max_m) == pytest.approx((0.1, 8.0))
+    assert "scans from /scan" in remark(path)
+    assert "laser 0.20 m ahead and 0.05 m left of base_link, turned 6 deg" in remark(path)
+
+
+def test_ranges_are_read_as_rep_117_has_them(tmp_path: Path) -> None:
+    path = one_scan(tmp_path, [np.inf, -np.inf, np.nan, 0.0, -1.0, 0.05, 1.0, 8.0, 9.0])
+    scan = scans(path)[0].scan
+    assert scan.misses.tolist() == [True] + [False] * 6 + [True, True]
+    assert scan.hits.tolist() == [False] * 6 + [True, False, False]
+    path = one_scan(tmp_path / "zero", [0.0, 1.0], range_min=0.0)
+    assert scans(path)[0].scan.hits.tolist() == [False, True]  # though 0 is no less than the least range
+
+
+def test_the_time_is_that_of_the_middle_beam(tmp_path: Path) -> None:
+    path = one_scan(tmp_path, [1.0] * 101, time_increment=0.002)
+    assert scans(path)[0].t_s == pytest.approx(BEGIN_NS / 1e9 + 0.1, abs=1e-6)
+    path = one_scan(tmp_path / "wrong", [1.0] * 101, time_increment=2.0)  # a scan of 200 s
+    assert scans(path)[0].t_s == pytest.approx(BEGIN_NS / 1e9, abs=1e-6)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7])
+def test_beams_of_a_laser_upside_down_run_clockwise(yaw: float, tmp_path: Path) -> None:
+    ros, ranges = Ros(2), np.full(101, np.nan)
+    ranges[25] = 2.0  # 45 degrees to the right of the laser, which is 45 to the left of the robot
+    for roll, side in ((0.0, -1), (np.pi, 1)):
+        path = one_scan(tmp_path / str(roll), ranges.tolist(), [mounted(ros, roll, yaw)])
+        scan = scans(path)[0].scan
+        direction = yaw + side * np.pi / 4
+        end = [0.3 + 2 * np.cos(direction), -0.1 + 2 * np.sin(direction)]
+        np.testing.assert_allclose(scan.points(), [end], atol=1e-6)
+        assert ("upside down" in remark(path)) == (side == 1)
+        assert np.sign(scan.step_rad) == -side
+
+
+def test_a_tilted_laser_is_named(tmp_path: Path) -> None:
+    path = one_scan(tmp_path, [1.0], [mounted(Ros(2), np.radians(12))])
+    assert "tilted by 12 deg and taken as level" in remark(path)
+    assert "tilted" not in remark(one_scan(tmp_path / "level", [1.0], [mounted(Ros(2), np.radians(3))]))
+
+
+def test_transforms_are_found_by_the_robots_frame(tmp_path: Path) -> None:
+    ros = Ros(2)
+    path = one_scan(tmp_path, [1.0])
+    np.testing.assert_array_equal(scans(path)[0].scan.mount, 0)
+    assert "laser at the robot's center and facing forward: no transform from base_link" in remark(path)
+    path = one_scan(tmp_path / "moving", [1.0], [mounted(ros, 0.0, topic="/tf")])  # as ROS 1's publisher does
+    np.testing.assert_allclose(scans(path)[0].scan.mount, [0.3, -0.1, 0.0], atol=1e-9)
+    links = [
+        making.link(ros, BEGIN_NS, "robot1/body", "robot1/base_link", (0.5, 0.0, 0.0), "/tf_static"),
+        making.link(ros, BEGIN_NS, "robot1/base_link", "mast", (0.0, 0.0, np.pi), "/tf_static"),
+        making.link(ros, BEGIN_NS, "mast", "laser", (0.1, 0.0, 0.0), "/tf_static"),
+    ]
+    path = one_scan(tmp_path / "named", [1.0], links)
+    np.testing.assert_allclose(scans(path)[0].scan.mount, [-0.1, 0.0, np.pi], atol=1e-9)
+    odometry = ros.odometry(BEGIN_NS, (0.0, 0.0, 0.0))
+    body = Said("/odom", "nav_msgs/Odometry", BEGIN_NS, replace(odometry, child_frame_id="robot1/body"))
+    path = one_scan(tmp_path / "body", [1.0], [*links, body])
+    np.testing.assert_allclose(scans(path)[0].scan.mount, [0.4, 0.0, np.pi], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("topics", "want"),
+    [
+        (["/front/scan", "/rear/scan"], "/front/scan"),
+        (["/scan_raw", "/scan_filtered"], "/scan_filtered"),
+        (["/a_laser", "/base_scan"], "/base_scan"),
+    ],
+)
+def test_the_main_laser_is_guessed_and_another_may_be_asked_for(
+    topics: list[str], want: str, tmp_path: Path
+) -> None:
+    ros = Ros(1)
+    said = [
+        Said(name, SCAN, BEGIN_NS, ros.scan(BEGIN_NS, [1.0 + number])) for number, name in enumerate(topics)
+    ]
+    path = making.write_ros1(tmp_path / "drive.bag", said)
+    assert f"scans from {want}," in remark(path)
+    (asked,) = scans(path, scan_topic=topics[1])
+    assert asked.scan.ranges_m.tolist() == [2.0]
+    with pytest.raises(InputError, match="found no topic of a type that is read"):
+        open_recording(path, ReadingOptions(scan_topic="none"))
+    with pytest.raises(InputError, match="found no topic /nowhere"):
+        open_recording(path, ReadingOptions(scan_topic="/nowhere"))
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"range_max": 0.0}, "found ranges from 0.1 to 0 m"),
+        ({"range_max": np.inf}, "to inf m"),
+        ({"angle_increment": 0.0}, "in steps of 0 rad"),
+        ({"angle_min": np.nan}, "found beams from nan rad"),
+    ],
+)
+def test_a_broken_scan_is_named_in_one_line(more: dict[str, float], told: str, tmp_path: Path) -> None:
+    path = one_scan(tmp_path, [1.0], **more)
+    with pytest.raises(InputError, match=f"message 1 of /scan .*{told}") as refused:
+        records(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_foxgloves_scans_have_a_pose_of_their_own(tmp_path: Path) -> None:
+    still = {"x": 0, "y": 0, "z": 0}
+    turned = {"x": 1, "y": 0, "z": 0, "w": 0}  # upside down
+    stamp = {"sec": BEGIN_NS // 10**9, "nsec": 0}
+    links = {"timestamp": stamp, "parent_frame_id": "base_link", "child_frame_id": "laser"}
+    links |= {"translation": still | {"x": 0.3}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}}
+    scan = {"timestamp": stamp, "frame_id": "laser", "start_angle": -1.0, "end_angle": 1.0}
+    scan |= {"pose": {"position": still | {"y": 0.2}, "orientation": turned}}
+    scan |= {"ranges": [1, 2.5, None, float("inf")], "intensities": []}
+    said = [
+        Said("/tf_static", "foxglove.FrameTransform", BEGIN_NS, links),
+        Said("/scan", "foxglove.LaserScan", BEGIN_NS, scan),
+    ]
+    (record,) = scans(making.write_json_mcap(tmp_path / "drive.mcap", said, chunks=1))
+    np.testing.assert_allclose(record.scan.mount, [0.3, 0.2, 0.0])
+    np.testing.assert_allclose(record.scan.angles_rad, [1.0, 1 / 3, -1 / 3, -1.0])
+    assert record.scan.hits.tolist() == [True, True, False, False]
+    assert record.scan.misses.tolist() == [False, False, False, True]
+
+
+def test_the_map_of_a_bag(tmp_path: Path) -> None:
+    ros, percents = Ros(1), np.array([[0, 100, -1], [0, 0, 40]])
+    grid = Said("/map", "nav_msgs/OccupancyGrid", BEGIN_NS, ros.grid(percents))
+    other = Said("/global_costmap/costmap", "nav_msgs/OccupancyGrid", BEGIN_NS, ros.grid(percents[:1]))
+    path = making.write_ros1(tmp_path / "drive.bag", [other, grid, *making.laser_drive(ros)])
+    occupancy = map_in(path)
+    assert occupancy is not None
+    assert occupancy.cells.tolist() == [[0, 1, 2], [0, 0, 2]]
+    assert occupancy.bounds == pytest.approx((0.0, 0.0, 0.15, 0.1))
+    notes = ReadingNotes(keep_going=False)
+    assert list(open_recording(path, ReadingOptions()).records(notes))
+    assert not any("/map" in text for text in notes.warnings)  # it is read, and not named as left out
+    assert map_in(making.write_ros1(tmp_path / "none.bag", making.laser_drive(ros))) is None
+    empty = Said("/map", "nav_msgs/OccupancyGrid", BEGIN_NS, ros.grid(percents * 0))
+    with pytest.raises(InputError, match="its map /map cannot be used: found no occupied cell"):
+        map_in(making.write_ros1(tmp_path / "empty.bag", [empty]))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not (DATA / "rosbag2").is_dir(), reason="needs the recordings by others (MAURICE_DATA)")
+def test_a_recorded_robot_sees_the_walls_of_its_map() -> None:
+    """A bag of before ROS 2 Iron: types by name alone; its laser is mounted turned to the left."""
+    path = DATA / "rosbag2" / "macfirst_floor_take_2"
+    both = records(path)
+    assert Counter(type(record) for record in both) == {OdometryPose: 920, Scan: 357}
+    np.testing.assert_allclose(scans(path)[0].scan.mount, [0.0039, 0.0, np.pi / 2], atol=1e-4)
+    grid = read_occupancy(DATA / "rosbag2" / "macfirst_map" / "mac_1st_floor_final.yaml")
+    assert (grid.free.sum(), grid.occupied.sum()) == (303533, 16871)
