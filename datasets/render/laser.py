@@ -52,8 +52,8 @@ class SimulatedLaser:
         ranges = cast(laser[:2], laser[2] - np.pi + step * np.arange(BEAMS), segments)
         ranges = ranges + RANGE_SD_M * rng.standard_normal(BEAMS)
         ranges[(ranges > REACH_M) | (rng.random(BEAMS) < LOST_SHARE)] = np.inf
-        ranges = np.round(ranges, 3).astype(np.float32)
-        return LaserScan(ranges, -np.pi, step, NEAREST_M, REACH_M, np.array(MOUNT))
+        measured = np.round(ranges, 3).astype(np.float32)
+        return LaserScan(measured, -np.pi, step, NEAREST_M, REACH_M, np.array(MOUNT))
 
     def events(self, number: int) -> tuple[str, ...]:
         """Return nothing: a laser does not depend on the light."""
@@ -70,7 +70,8 @@ def cast(start: F64, angles_rad: F64, segments: F64) -> F64:
         far = (to[:, 0] * side[:, 1] - to[:, 1] * side[:, 0]) / across
         share = (to[:, 0] * along[..., 1] - to[:, 1] * along[..., 0]) / across
         hit = (far > 0) & (share >= 0) & (share <= 1)
-    return np.where(hit, far, np.inf).min(axis=1, initial=np.inf)
+    reach: F64 = np.where(hit, far, np.inf).min(axis=1, initial=np.inf)
+    return reach
 
 
 def _outline(polygon: F64) -> F64:

@@ -105,6 +105,8 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
             draw_order=1.0,
         )
         rec.log(entities.WALLS, walls, static=True)
+    if library.is_map:  # its places are no references
+        return
     nodes = rr.Points2D(
         scale.screen(distinct_places(library.poses)),
         colors=[NODE],

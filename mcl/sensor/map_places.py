@@ -40,8 +40,8 @@ def map_library(occupancy: OccupancyMap, name: str) -> Library:
     places = occupancy.corner + occupancy.cell_m * (np.column_stack([columns, rows]) + 0.5)
     headings = (np.arange(HEADINGS) + 0.5) * (2 * np.pi / HEADINGS) - np.pi
     poses = np.column_stack([np.repeat(places, HEADINGS, axis=0), np.tile(headings, len(places))])
-    arena = Arena(occupancy.bounds, np.zeros((0, 4)))
-    return Library(name, poses, (None,) * len(poses), {}, arena, occupancy=occupancy)
+    arena = Arena(occupancy.bounds, np.zeros((0, 4)), occupancy=occupancy)
+    return Library(name, poses, (None,) * len(poses), {}, arena)
 
 
 def _lattice(free: Bool, stride: int) -> tuple[F64, F64]:

@@ -71,12 +71,16 @@ class Library:
     display_units: str = "m"
     sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # besides the channels, by name
     camera: Camera | None = None  # what is known of the one that took the pictures
-    occupancy: OccupancyMap | None = None  # what scans of a laser are compared with; None: no such map
 
     @property
     def size(self) -> int:
         """The number of entries L."""
         return len(self.poses)
+
+    @property
+    def occupancy(self) -> OccupancyMap | None:
+        """What scans of a laser are compared with; None: no such map."""
+        return self.arena.occupancy
 
     @property
     def is_map(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 from .arrays import F32, F64, I32, U8, Bool
 from .geometry import INCH_M
+from .occupancy import OccupancyMap
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +52,8 @@ class Arena:
     obstacles: tuple[Region, ...] = ()
     floors: tuple[Region, ...] = ()  # later ones lie on top of earlier ones
     rooms: tuple[Region, ...] = ()
+    _: KW_ONLY
+    occupancy: OccupancyMap | None = None  # cell by cell, for a laser, which needs no walls
 
     @property
     def size_m(self) -> tuple[float, float]:
