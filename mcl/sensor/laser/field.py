@@ -60,7 +60,7 @@ class Field:
     def sums(self, ends: F64, poses: F32, origin: F64) -> F32:
         """Return the worth (N,) of all beams that end at (K, 2) from poses (N, 3) off `origin`."""
         totals = [
-            cv2.reduce(values, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F)[:, 0]
+            cv2.reduce(values, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F).ravel()
             for values in self._blocks(ends, poses, origin)
         ]
         total = np.concatenate(totals) if totals else np.zeros(0, np.float32)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from ...values.arrays import F32, F64
@@ -11,53 +12,63 @@ from ...values.occupancy import OccupancyMap
 from .field import cell_distances
 
 LEAST_STEP = 0.5  # cells
-ROUNDS = 4  # of steps between two times that rays which ended are put aside
 CELL_DIAGONAL = 2**0.5
+AWAY = 1e6  # cells: the step of a ray outside of a map whose edge does not block it
+BLOCK_RAYS = 30_000  # that stay in the cache, and fewer than `cv2.remap` takes along an axis
+ROUNDS = 6  # of steps between two times that rays which ended are put aside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rays:
     """The map as rays see it: how many cells a ray may go on from each cell, and not pass what blocks it."""
 
-    steps: F32  # (H + 2, W + 2) cells; 0: blocked. The border is blocked
+    steps: F32  # (H, W) cells; 0: blocked
+    outside: float  # the same outside of the map
     cell_m: float
-    corner: F64  # (2,) of the border
-    edge_blocks: bool  # rays that leave the map end there; else they reach as far as any
+    corner: F64  # (2,) of the map
 
     @classmethod
     def of(cls, occupancy: OccupancyMap, unknown_blocks: bool = False) -> Rays:
         """Return rays that occupied cells end; with `unknown_blocks` also unknown ones and the map's edge."""
         blocked = occupancy.occupied | occupancy.unknown if unknown_blocks else occupancy.occupied
         steps = np.maximum(cell_distances(blocked) - np.float32(CELL_DIAGONAL), np.float32(LEAST_STEP))
-        steps = np.pad(np.where(blocked, np.float32(0), steps), 1)
-        corner = occupancy.corner - occupancy.cell_m
-        return cls(steps, occupancy.cell_m, corner, unknown_blocks)
+        steps[blocked] = 0
+        return cls(steps, 0.0 if unknown_blocks else AWAY, occupancy.cell_m, occupancy.corner)
 
-    def cast(self, poses: F64 | F32, angles_rad: F64, max_m: float) -> F32:
+    def cast(self, poses: F64, angles_rad: F64, max_m: float) -> F32:
         """Return how far (N, B) rays from poses (N, 3), turned by angles (B,), reach: at most `max_m`."""
-        height, width = self.steps.shape
-        flat = self.steps.ravel()
-        heading = (poses[:, 2, None] + angles_rad).astype(np.float32).ravel()
-        along_x, along_y = np.cos(heading), np.sin(heading)
-        start = (poses[:, :2].astype(np.float64) - self.corner) / self.cell_m
-        x0, y0 = np.repeat(start.astype(np.float32).T, len(angles_rad), axis=1)
-        gone, reach = np.zeros(len(heading), np.float32), np.empty(len(heading), np.float32)
-        which, most = np.arange(len(heading)), np.float32(max_m / self.cell_m)
+        turned = (poses[:, 2, None] + angles_rad).astype(np.float32).ravel()
+        # `cv2.remap` rounds: the middle of cell 0 is at 0
+        start = ((poses[:, :2] - self.corner) / self.cell_m - 0.5).astype(np.float32)
+        rays = np.stack([*np.repeat(start.T, len(angles_rad), axis=1), np.cos(turned), np.sin(turned)])
+        most = np.float32(max_m / self.cell_m)
+        blocks = [
+            self._reach(rays[:, k : k + BLOCK_RAYS], most) for k in range(0, len(turned), BLOCK_RAYS)
+        ]
+        reach = np.concatenate(blocks) if blocks else np.zeros(0, np.float32)
+        return np.asarray(reach * np.float32(self.cell_m)).reshape(len(poses), len(angles_rad))
+
+    def _reach(self, rays: F32, most: np.float32) -> F32:
+        """Follow rays (4, R) x, y, cosine, sine until they are blocked, at most this many cells (R,)."""
+        reach, gone = np.full(rays.shape[1], most), np.zeros(rays.shape[1], np.float32)
+        which = np.arange(len(reach))
         while len(which):
+            x, y, along_x, along_y = rays
             for _ in range(ROUNDS):
-                columns = np.clip(x0 + gone * along_x, 0, width - 1).astype(np.int32)
-                rows = np.clip(y0 + gone * along_y, 0, height - 1).astype(np.int32)
-                step = flat.take(rows * width + columns, mode="clip")
+                places = x + gone * along_x, y + gone * along_y
+                step = cv2.remap(
+                    self.steps,
+                    *places,
+                    cv2.INTER_NEAREST,
+                    borderMode=cv2.BORDER_CONSTANT,
+                    borderValue=self.outside,
+                ).ravel()  # of any shape, by OpenCV's version
                 gone += step
-            ended = (step == 0) | (gone >= most)
-            if not self.edge_blocks:
-                edge = (columns == 0) | (columns == width - 1) | (rows == 0) | (rows == height - 1)
-                gone[edge & ended] = most
-            reach[which[ended]] = gone[ended]
-            left = ~ended
-            x0, y0, gone, which = x0[left], y0[left], gone[left], which[left]
-            along_x, along_y = along_x[left], along_y[left]
-        return (np.minimum(reach, most) * np.float32(self.cell_m)).reshape(len(poses), len(angles_rad))
+            blocked = (step == 0) & (gone < most)
+            reach[which[blocked]] = gone[blocked]
+            left = (step > 0) & (gone < most)
+            which, gone, rays = which[left], gone[left], rays[:, left]
+        return reach
 
 
 def cast(occupancy: OccupancyMap, poses: F64, angles_rad: F64, max_m: float) -> F32:
