@@ -42,9 +42,7 @@ class Rays:
         start = ((poses[:, :2] - self.corner) / self.cell_m - 0.5).astype(np.float32)
         rays = np.stack([*np.repeat(start.T, len(angles_rad), axis=1), np.cos(turned), np.sin(turned)])
         most = np.float32(max_m / self.cell_m)
-        blocks = [
-            self._reach(rays[:, k : k + BLOCK_RAYS], most) for k in range(0, len(turned), BLOCK_RAYS)
-        ]
+        blocks = [self._reach(rays[:, k : k + BLOCK_RAYS], most) for k in range(0, len(turned), BLOCK_RAYS)]
         reach = np.concatenate(blocks) if blocks else np.zeros(0, np.float32)
         return np.asarray(reach * np.float32(self.cell_m)).reshape(len(poses), len(angles_rad))
 
