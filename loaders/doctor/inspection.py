@@ -9,21 +9,32 @@ from pathlib import Path
 import numpy as np
 
 from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import decode_picture, picture_format
 from ..formats.registry import open_recording
 from ..reading.options import ReadingOptions
-from ..reading.recording import LeftOut, Motion, Note, Picture, Readings, Record, Scan, TruthPose, checked
+from ..reading.recording import (
+    PLACEHOLDER,
+    LeftOut,
+    Motion,
+    Note,
+    Picture,
+    Readings,
+    Record,
+    Scan,
+    TruthPose,
+    checked,
+)
 from ..reading.session import RecordedSession
 from ..reading.time_alignment import TimeSpan
-from ..reading.transforms import PLACEHOLDER
 from ..session_log.header import Kind
 from ..session_log.reader import LogRecording, is_survey
 
 MOST_EVENTS = 100
-KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading",)
+KINDS, OTHERS = ("odometry", "image", "covered", "truth", "event"), ("reading", "scan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,14 +44,16 @@ class Inspection:
     path: str
     kind: str  # "session" or "survey"
     name: str
-    records: dict[str, int]  # lines of each kind: odometry, image, covered, truth, event, reading
+    records: dict[str, int]  # lines of each kind: odometry, image, covered, truth, event, reading, scan
     duration_s: float  # from the first to the last record
     picture_rate_hz: float | None
     odometry_rate_hz: float | None
     pictures: dict[str, int]  # readable pictures by format and size, as "JPEG 176x144"
     distance_odometry_m: float | None  # as the robot measured it
     distance_truth_m: float | None  # between truth records, kidnappings left out
-    truth_share: float | None  # of a session's pictures (not covered) whose true pose is known
+    scans: dict[str, int]  # by beams and reach, as "180 beams over 180 deg, up to 50 m"
+    scans_used: int | None  # that a replay uses; None without any
+    truth_share: float | None  # of a session's pictures (not covered), or scans used, whose pose is known
     cameras: tuple[str, ...]  # in the header
     events: tuple[str, ...]  # the first 100
     survey: str | None  # the survey or library that the header names
@@ -72,23 +85,28 @@ def inspect_recording(session: RecordedSession) -> Inspection:
         notes.warning(f"pictures differ in format or size: {', '.join(sorted(tally.pictures))}")
     if getattr(session.recording, "kind", "session") == "survey":
         return tally.inspection("survey", info, None)
-    return tally.inspection("session", info, _truth_share(session, tally.used, notes), session.remarks)
+    truths, scans = _known(session, notes) if tally.used or tally.scans else (None, None)
+    whole = tally.used or scans
+    share = truths / whole if whole and truths is not None else None
+    return tally.inspection("session", info, share, scans if tally.scans else None, session.remarks)
 
 
-def _truth_share(session: RecordedSession, pictures: int, notes: ReadingNotes) -> float | None:
-    if not pictures:
-        return None
+def _known(session: RecordedSession, notes: ReadingNotes) -> tuple[int | None, int | None]:
+    """Count the moments with a known pose, and those with a scan; None where they cannot be read."""
     again = RecordedSession(session.recording, session.options)
     second = ReadingNotes(keep_going=True)  # problems are counted already
     try:
-        known = sum(glance.truth is not None for glance in again.glances(second))
+        truths = scans = 0
+        for glance in again.glances(second):
+            truths += glance.truth is not None
+            scans += glance.scan is not None
     except InputError as problem:  # the clocks disagree; the rest can still be reported
         notes.problem(problem)
-        return None
+        return None, None
     finally:
         for text in second.warnings:
             notes.warning(text)
-    return known / pictures
+    return truths, scans
 
 
 class _Tally:
@@ -101,6 +119,7 @@ class _Tally:
         self._events: list[str] = []
         self.records: Counter[str] = Counter()
         self.pictures: Counter[str] = Counter()
+        self.scans: Counter[str] = Counter()
         self.used = 0  # pictures that are part of the drive
 
     def add(self, record: Record) -> None:
@@ -111,6 +130,7 @@ class _Tally:
             self._count("reading", record.t_s)
         elif isinstance(record, Scan):
             self._count("scan", record.t_s)
+            self.scans[_laser(record.scan)] += 1
         elif isinstance(record, LeftOut):
             self._add_picture(record.picture)
         elif isinstance(record, Picture):
@@ -155,7 +175,12 @@ class _Tally:
             self.pictures[f"{kind}{width}x{height}"] += 1
 
     def inspection(
-        self, kind: Kind, info: SessionInfo, truth_share: float | None, remarks: tuple[str, ...] = ()
+        self,
+        kind: Kind,
+        info: SessionInfo,
+        truth_share: float | None,
+        scans_used: int | None = None,
+        remarks: tuple[str, ...] = (),
     ) -> Inspection:
         counts, notes = self.records, self._notes
         return Inspection(
@@ -169,6 +194,8 @@ class _Tally:
             pictures=dict(self.pictures),
             distance_odometry_m=self._distance_m["odometry"] if counts["odometry"] else None,
             distance_truth_m=self._distance_m["truth"] if counts["truth"] else None,
+            scans=dict(self.scans),
+            scans_used=scans_used,
             truth_share=truth_share,
             cameras=tuple(camera.name for camera in info.cameras),
             events=tuple(self._events),
@@ -180,6 +207,11 @@ class _Tally:
             warnings=tuple(dict.fromkeys((*remarks, *notes.warnings))),
             display_units=info.display_units,
         )
+
+
+def _laser(scan: LaserScan) -> str:
+    span_deg = np.degrees(abs(scan.step_rad) * (scan.size - 1))
+    return f"{scan.size} beams over {span_deg:.0f} deg, up to {scan.max_m:.4g} m"
 
 
 def _rate_hz(span: TimeSpan) -> float | None:

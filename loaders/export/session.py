@@ -19,7 +19,9 @@ from ..bags.readers import MOTIONS, READINGS
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import PictureKind, encode_picture
 from ..files.writing import FolderKind, check_target, discard, expect_absent, filling, scratch_folder, writing
+from ..reading.observations import observed_in
 from ..reading.recording import (
+    PLACEHOLDER,
     LeftOut,
     Motion,
     Note,
@@ -28,11 +30,11 @@ from ..reading.recording import (
     Readings,
     Record,
     Recording,
+    Scan,
     TruthPose,
     checked,
 )
 from ..reading.session import RecordedSession
-from ..reading.transforms import PLACEHOLDER
 from ..session_log.header import FORMAT, header_to_json
 from ..session_log.writer import SessionWriter
 from .mcap import (
@@ -52,7 +54,7 @@ from .mcap import (
     write_paths,
 )
 
-NOTHING = "found nothing to write, expected pictures, odometry or truth"
+NOTHING = "found nothing to write, expected pictures, scans, odometry or truth"
 PICTURE = r"\d{5,}\.(?:png|jpg)"  # name of a picture that is written here
 
 
@@ -65,6 +67,7 @@ class Converted:
     truths: int = 0
     events: int = 0
     readings: int = 0
+    scans: int = 0
     left_out: dict[str, int] = field(default_factory=dict)  # records by what they are
     last_s: float = math.inf  # session time of the last picture, where records go with pictures
 
@@ -80,6 +83,7 @@ class Converted:
         self.truths += moment.truth is not None
         self.events += len(moment.events)
         self.readings += bool(moment.frame.readings)
+        self.scans += moment.frame.scan is not None
 
 
 def pictures_of(file: Path) -> Path:
@@ -131,6 +135,8 @@ def _write_moment(log: SessionWriter, moment: Moment, picture: str, begin_s: flo
         log.truth(t_s, moment.truth)
     if moment.frame.readings:
         log.reading(t_s, moment.frame.readings)
+    if moment.frame.scan is not None:
+        log.scan(t_s, moment.frame.scan)
     log.image_path(t_s, picture)
 
 
@@ -160,6 +166,7 @@ def left_out(recording: Recording, done: Converted) -> dict[str, int]:
         "true poses between pictures": total[TruthPose] - done.truths,
         "events after the last picture": total[Note] - done.events,
         "readings that newer ones replace": total[Readings] - done.readings,
+        "scans that no step uses": total[Scan] - done.scans,
         "covered pictures": covered,
         "raw distances of wheels": encoders,
     }
@@ -172,17 +179,24 @@ def left_out(recording: Recording, done: Converted) -> dict[str, int]:
 def records_to_log(
     recording: Recording, file: Path, notes: ReadingNotes, *, force: bool = False
 ) -> Iterator[Converted]:
-    """Write odometry (as motions), truth and events as a log; yield counts. InputError as for `filling`."""
-    done = Converted()
+    """Write all records as a log; yield counts. InputError as for `filling`.
+
+    Odometry poses become motions, but beside scans, which are between poses.
+    """
+    done, poses = Converted(), observed_in(recording).scans
     last: F64 | None = None
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
     with filling(file, force=force, form=FORMAT) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
             for record in checked(recording, notes):
-                last = write_record(log, record, last, done)
+                if poses and isinstance(record, OdometryPose):
+                    log.odometry_pose(record.t_s, record.pose)
+                    done.motions += 1
+                else:
+                    last = write_record(log, record, last, done)
                 yield done
-        if not (done.motions or done.truths or done.events or done.readings):
+        if not (done.motions or done.truths or done.events or done.readings or done.scans):
             raise InputError(recording.path, NOTHING)
 
 
@@ -206,6 +220,9 @@ def write_record(log: SessionWriter, record: Record, last: F64 | None, done: Con
     elif isinstance(record, Readings):
         log.reading(t_s, record.values)
         done.readings += 1
+    elif isinstance(record, Scan):
+        log.scan(t_s, record.scan)
+        done.scans += 1
     return last
 
 

@@ -1,4 +1,4 @@
-"""CARMEN text logs: odometry, and truth where the log has it. Packed with gzip or not.
+"""CARMEN text logs: odometry, scans of a laser, and truth where the log has it. Packed with gzip or not.
 
 Format: http://carmen.sourceforge.net/doc/binary__loggerplayback.html.
 Truth are the lines TRUEPOS, or else the laser's poses of a corrected log; a log is taken for corrected when
@@ -9,38 +9,63 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.arrays import F32, F64
 from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, show, show_time
 from ..reading.options import ReadingOptions
-from ..reading.recording import OdometryPose, Record, TruthPose
+from ..reading.recording import OdometryPose, Record, Scan, TruthPose, scan_fault
 from ._tables import Row, begin_lines, number_of, rows
 from .registry import Format
 
-WORDS = ("ODOM", "FLASER", "RLASER", "TRUEPOS", "ROBOTLASER1", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
+LASERS = ("FLASER", "ROBOTLASER1", "RLASER", "ROBOTLASER2")  # front before rear: one laser is read
+REAR = ("RLASER", "ROBOTLASER2")
+WORDS = ("ODOM", *LASERS, "TRUEPOS", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
 _WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here or not
 MOST_BACK_S = 10.0  # times that fall by less come of several clocks in one log
 NO_TIME_S = 1e-9  # less is none: some writers leave a zero that is not quite one
 SAME_M, SAME_RAD = 0.01, 0.01  # a laser whose place on the robot differs by more was moved by a correction
+ESTIMATED = "the truth is the log's corrected poses: an estimate, made from the same scans"
+REPEATED = (
+    "the log's odometry repeats its corrected poses: it was made from the truth and has no error of its own; "
+    "--reading odometry_from_truth=true makes some with noise"
+)
+UNTIMED = "the scans have no times and are taken to be a second apart"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Pose:
+class _Line:
     row: Row
     word: str
     t_s: float
     pose: F64  # (3,) of the robot's odometry, or of TRUEPOS
     laser: F64 | None = None  # (3,) of the laser
+    scan: LaserScan | None = None  # without the laser's place on the robot, and for (F,R)LASER its reach
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Facts:
+    """What has to be known of a log before its records are."""
+
+    laser: str | None  # word of the scans that are read
+    truth: str | None
+    odometry: frozenset[str]  # words
+    mount: F64  # (3,) the laser's pose on the robot
+    max_m: float  # the reach of a laser that does not state it
+    untimed: bool  # whether no scan has a time
+    repeats: bool  # whether the odometry is that of the corrected poses
+    others: int  # scans of other lasers
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,55 +73,96 @@ class CarmenRecording:
     """A log; there are no pictures in it."""
 
     path: Path
-    info: SessionInfo
+    options: ReadingOptions = field(default_factory=ReadingOptions)
+    pictureless = True
+
+    @cached_property
+    def info(self) -> SessionInfo:
+        """What is known before the first record; notes say what truth and odometry are worth."""
+        facts = self._facts
+        told = {
+            ESTIMATED: facts.truth in LASERS,
+            REPEATED: facts.repeats and not self.options.odometry_from_truth,
+            UNTIMED: facts.untimed,
+        }
+        notes = tuple(note for note, holds in told.items() if holds)
+        return SessionInfo(self.path.name.removesuffix(".gz").removesuffix(".log"), notes=notes)
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read the log's lines in order: times that fall a little are raised, odometry set anew goes on."""
-        odometry, last_t_s, fallen, before = _Continuous(), 0.0, 0, None
-        source = next((word for word in ("ODOM", "FLASER", "ROBOTLASER1") if word in self._words), None)
-        truth = self._truth_word
-        for line in self._poses(notes):
+        facts, odometry = self._facts, _Continuous()
+        wanted = frozenset[str]() if facts.repeats and self.options.odometry_from_truth else facts.odometry
+        last_t_s, fallen, scans, before = 0.0, 0, 0, None
+        for line in self._lines(notes):
             set_anew = _set_anew(before, line, last_t_s)
             before = line
-            if line.t_s < last_t_s - MOST_BACK_S and not set_anew:
-                times = f"{show_time(line.t_s)} after {show_time(last_t_s)}"
+            t_s = float(scans) if facts.untimed else line.t_s
+            if t_s < last_t_s - MOST_BACK_S and not set_anew:
+                times = f"{show_time(t_s)} after {show_time(last_t_s)}"
                 text = f"found time {times}, expected time not to fall"
                 notes.problem(InputError(self.path, text, line.row.number))
                 continue
-            fallen += line.t_s < last_t_s and not set_anew
-            last_t_s = max(last_t_s, line.t_s)
-            if line.word == source:
+            fallen += t_s < last_t_s and not set_anew
+            last_t_s = max(last_t_s, t_s)
+            if line.word in wanted:
                 yield OdometryPose(last_t_s, odometry.take(line.pose, set_anew=set_anew))
-            if line.word == truth:
+            if line.word == facts.truth:
                 yield TruthPose(last_t_s, line.pose if line.laser is None else line.laser)
+            if line.word == facts.laser and line.scan is not None:
+                scans += 1
+                reach_m = line.scan.max_m or facts.max_m
+                yield Scan(last_t_s, replace(line.scan, max_m=reach_m, mount=facts.mount))
         if fallen:
             notes.warning(f"{self.path}: {fallen} times fall a little and are raised to the ones before")
+        if facts.others:
+            notes.warning(
+                f"{self.path}: {facts.others} scans of other lasers are left out: {facts.laser} is read"
+            )
 
     @cached_property
-    def _words(self) -> frozenset[str]:
-        return frozenset(line.word for line in self._poses(ReadingNotes(keep_going=True)))
-
-    @cached_property
-    def _truth_word(self) -> str | None:
-        if "TRUEPOS" in self._words:
-            return "TRUEPOS"
-        lasers = (pose for pose in self._poses(ReadingNotes(keep_going=True)) if pose.word != "RLASER")
-        mounted: F64 | None = None
+    def _facts(self) -> _Facts:
+        """Go through the log once."""
+        counts, timed = Counter[str](), Counter[str]()
+        reach, mounts = _Reach(), dict[str, F64]()
+        corrected: str | None = None
+        own = unchanged = 0  # scans with odometry of their own before them, and where laser and robot are one
+        moved = False
         before, last_t_s = None, 0.0
-        for line in lasers:
-            if _set_anew(before, line, last_t_s):
-                return "FLASER"
+        last_laser: F64 | None = None
+        for line in self._lines(ReadingNotes(keep_going=True)):
+            counts[line.word] += 1
+            timed[line.word] += line.t_s > NO_TIME_S
+            if before is not None and _set_anew(before, line, last_t_s):
+                corrected = corrected or before.word
             before, last_t_s = line, max(last_t_s, line.t_s)
-            if line.laser is None:
+            if line.word == "ODOM":
+                moved = moved or last_laser is None or not np.array_equal(line.pose, last_laser)
+            if line.laser is None or line.scan is None:
                 continue
+            reach.add(line.scan.ranges_m)
             place = motion_between(line.pose, line.laser)
-            mounted = place if mounted is None else mounted
-            shift = np.abs(place - mounted)
-            if math.hypot(shift[0], shift[1]) > SAME_M or min(shift[2], 2 * math.pi - shift[2]) > SAME_RAD:
-                return line.word
-        return None
+            mounted = mounts.setdefault(line.word, place)
+            if line.word not in REAR:
+                corrected = corrected or (None if _same_place(place, mounted) else line.word)
+                unchanged += bool(np.array_equal(line.pose, line.laser))
+                own, moved, last_laser = own + moved, False, line.laser
+        laser = next((word for word in LASERS if counts[word]), None)
+        truth = "TRUEPOS" if counts["TRUEPOS"] else corrected
+        scans = counts[laser or ""]
+        repeats = truth in LASERS and unchanged == scans > 2 * own
+        in_scans = repeats or truth not in LASERS or not counts["ODOM"]
+        in_rows = not repeats
+        odometry = frozenset(
+            word for word, holds in (("ODOM", in_rows), (laser or "", in_scans)) if holds and counts[word]
+        )
+        mount = np.zeros(3) if laser is None or truth in LASERS else mounts[laser]
+        if laser in REAR and abs(float(mount[2])) < SAME_RAD:
+            mount = np.array([*mount[:2], math.pi])
+        others = sum(counts[word] for word in LASERS if word != laser)
+        untimed = scans > 1 and not timed[laser or ""]
+        return _Facts(laser, truth, odometry, mount, reach.max_m, untimed, repeats, others)
 
-    def _poses(self, notes: ReadingNotes) -> Iterator[_Pose]:
+    def _lines(self, notes: ReadingNotes) -> Iterator[_Line]:
         for row in rows(self.path):
             words = row.text.split()
             try:
@@ -108,11 +174,18 @@ class CarmenRecording:
                 yield line
 
 
-def _set_anew(before: _Pose | None, pose: _Pose, last_t_s: float) -> bool:
+def _set_anew(before: _Line | None, line: _Line, last_t_s: float) -> bool:
     """Return whether odometry was set to the pose of a scan, without a time of its own."""
-    untimed = pose.t_s < last_t_s - MOST_BACK_S or pose.t_s < NO_TIME_S < last_t_s
-    after_scan = before is not None and before.word == "FLASER" and pose.word == "ODOM"
-    return untimed and after_scan and before is not None and np.array_equal(before.pose, pose.pose)
+    untimed = line.t_s < last_t_s - MOST_BACK_S or line.t_s < NO_TIME_S < last_t_s
+    after_scan = before is not None and before.word == "FLASER" and line.word == "ODOM"
+    return untimed and after_scan and before is not None and np.array_equal(before.pose, line.pose)
+
+
+def _same_place(place: F64, other: F64) -> bool:
+    """Return whether two places (3,) of a laser on the robot are one."""
+    shift = np.abs(place - other)
+    turned = min(float(shift[2]), 2 * math.pi - float(shift[2]))
+    return math.hypot(shift[0], shift[1]) <= SAME_M and turned <= SAME_RAD
 
 
 class _Continuous:
@@ -131,22 +204,82 @@ class _Continuous:
         return self._pose
 
 
-def _parsed(file: Path, row: Row, words: list[str]) -> _Pose | None:
+class _Reach:
+    """The reach of a laser by its longest ranges: what it says where nothing was hit repeats at the top."""
+
+    USUAL_M = 81.92  # of the lasers that such logs are of, where no range tells it
+    MOST_M = 1000.0  # of a planar laser
+    NEAR, SAME = 0.95, 0.999  # of the longest range: what is compared, and what is one value
+    FEWEST = 3  # ranges of that value
+    MOST_VALUES = 20_000  # a laser that repeats no value has no maximum
+
+    def __init__(self) -> None:
+        self._longest_m = 0.0
+        self._counts = Counter[float]()
+
+    def add(self, ranges_m: F32) -> None:
+        ranges_m = ranges_m[(ranges_m > 0) & (ranges_m < self.MOST_M)]
+        self._longest_m = max(self._longest_m, float(ranges_m.max(initial=0.0)))
+        values, counts = np.unique(ranges_m[ranges_m >= self.NEAR * self._longest_m], return_counts=True)
+        for value, count in zip(values.tolist(), counts.tolist(), strict=True):
+            if value in self._counts or len(self._counts) < self.MOST_VALUES:
+                self._counts[value] += count
+        if len(self._counts) >= self.MOST_VALUES:
+            near_m = self.NEAR * self._longest_m
+            self._counts = Counter({v: n for v, n in self._counts.items() if v >= near_m})
+
+    @property
+    def max_m(self) -> float:
+        """The least range that means that nothing was hit."""
+        near = {v: n for v, n in self._counts.items() if v >= self.NEAR * self._longest_m}
+        top = {v: n for v, n in near.items() if v >= self.SAME * self._longest_m}
+        if not top:
+            return self.USUAL_M
+        at_top = sum(top.values())
+        repeated = at_top >= self.FEWEST and 2 * at_top > sum(near.values())
+        return min(top) if repeated else max(self._longest_m + 0.01, self.USUAL_M)
+
+
+def _parsed(file: Path, row: Row, words: list[str]) -> _Line | None:
     """Read a line that has a pose; None for every other. InputError for one that is cut or no number."""
-    word = words[
-        0
-    ]  # ODOM: x y theta tv rv accel, then times; TRUEPOS: true x y theta, odometry's, then times
+    word = words[0]
+    # ODOM: x y theta tv rv accel, then times; TRUEPOS: true x y theta, odometry's, then times
     if word in ("ODOM", "TRUEPOS"):
-        return _Pose(row, word, _time(file, row, words), _vector(file, row, words, 1))
-    # FLASER: n, n ranges, laser's x y theta, odometry's x y theta, then times
-    # ROBOTLASER1: type and 6 numbers, n, ranges, m, remissions, laser's and robot's pose ...
-    if word in ("FLASER", "ROBOTLASER1"):
-        first = 1 if word == "FLASER" else 8
-        at = first + 1 + _count(file, row, words, first)
-        at += 1 + _count(file, row, words, at) if word == "ROBOTLASER1" else 0
-        laser, pose = (_vector(file, row, words, at + skip) for skip in (0, 3))
-        return _Pose(row, word, _time(file, row, words), pose, laser)
-    return None
+        return _Line(row, word, _time(file, row, words), _vector(file, row, words, 1))
+    # FLASER, RLASER: n, n ranges, laser's x y theta, odometry's x y theta, then times
+    # ROBOTLASER: type, start, fov, resolution, reach and 2 more, n, ranges, m, remissions, then the poses
+    if word not in LASERS:
+        return None
+    states = word.startswith("ROBOT")
+    first = 8 if states else 1
+    at = first + 1 + _count(file, row, words, first)
+    scan = _scan(file, row, words, first + 1, at)
+    at += 1 + _count(file, row, words, at) if states else 0
+    laser, pose = (_vector(file, row, words, at + skip) for skip in (0, 3))
+    return _Line(row, word, _time(file, row, words), pose, laser, scan)
+
+
+def _scan(file: Path, row: Row, words: list[str], begin: int, end: int) -> LaserScan:
+    """Read ranges, which CARMEN spreads over half a turn where nothing else is said."""
+    if len(words) < end:
+        text = f"found {len(words) - begin} of {end - begin} ranges; was the line cut?"
+        raise InputError(file, text, row.number)
+    try:
+        with np.errstate(over="ignore"):
+            ranges_m = np.array(list(map(float, words[begin:end])), np.float64).astype(np.float32)
+    except ValueError as problem:
+        raise InputError(file, f"found a range that is no number: {problem}", row.number) from None
+    start_rad, span_rad, step_rad, max_m = -math.pi / 2, math.pi, 0.0, 0.0
+    if words[0].startswith("ROBOT"):
+        start_rad, span_rad, step_rad, max_m = (number_of(file, row, w, "value") for w in words[2:6])
+    steps = end - begin - 1
+    if not math.isclose(step_rad * max(steps, 1), span_rad, rel_tol=0.05):  # not stated, or wrong
+        step_rad = span_rad / (steps + 1 if steps in (179, 359) else max(steps, 1))
+    scan = LaserScan(ranges_m, start_rad, step_rad, 0.0, max_m)
+    fault = scan_fault(replace(scan, max_m=max_m or _Reach.USUAL_M))
+    if fault:
+        raise InputError(file, fault, row.number)
+    return scan
 
 
 def _time(file: Path, row: Row, words: list[str]) -> float:
@@ -171,8 +304,8 @@ def _count(file: Path, row: Row, words: list[str], at: int) -> int:
 
 def open_carmen(path: Path, options: ReadingOptions) -> CarmenRecording:
     """Open a log. Raises InputError if no line of it has a pose."""
-    recording = CarmenRecording(path, SessionInfo(path.name.removesuffix(".gz").removesuffix(".log")))
-    if next(recording._poses(ReadingNotes(keep_going=True)), None) is None:
+    recording = CarmenRecording(path, options)
+    if next(recording._lines(ReadingNotes(keep_going=True)), None) is None:
         raise InputError(path, "found no ODOM, FLASER or TRUEPOS, expected a CARMEN log")
     return recording
 
@@ -186,4 +319,6 @@ def looks_carmen(path: Path) -> bool:
     return any(word in WORDS for word in words) and all(_WORD.match(word) for word in words)
 
 
-FORMATS = (Format("carmen", "a CARMEN log: odometry, and truth where it has it", looks_carmen, open_carmen),)
+FORMATS = (
+    Format("carmen", "a CARMEN log: odometry, scans, and truth where it has it", looks_carmen, open_carmen),
+)

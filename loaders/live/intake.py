@@ -12,12 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import motion_between
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
 from ..files.pictures import decode_picture
 from ..files.text import MOST_T_S, time_falls, up_to
-from ..reading.recording import Note, Picture, Record
+from ..reading.recording import Motion, Note, OdometryPose, Picture, Record
 from ..session_log.header import header_from_json
 from ..session_log.records import LineReader, LogLine, parse_object
 from .source import Connected, Disconnected, Listening, LiveSource, Malformed
@@ -100,6 +102,7 @@ class Intake:
         self._why = ""  # it is away
         self._hung_up = ""  # why we hung up the last time
         self._away_since_s: float | None = None
+        self._odometry: F64 | None = None  # the last pose (3,), of a source that sends poses
 
     def __iter__(self) -> Iterator[Received | None]:
         """Yield the records; None when nothing came for a moment, and for a header."""
@@ -156,6 +159,7 @@ class Intake:
         self._header_next = False
         self._listening.greeted()
         self._clock.restart()
+        self._odometry = None
         if self.info is None:
             self.info = info
         elif (info.name, info.robot, info.cameras) != (self.info.name, self.info.robot, self.info.cameras):
@@ -182,6 +186,10 @@ class Intake:
             yield Received(Note(t_s, text), _line({"t": t_s, "event": text}))
 
     def _as_recorded(self, record: Record, line: LogLine, t_s: float) -> Received:
+        if isinstance(record, OdometryPose):  # a stream has no time to look for the poses around a picture
+            before, self._odometry = self._odometry, record.pose
+            motion = motion_between(record.pose if before is None else before, record.pose)
+            record = Motion(record.t_s, motion)
         by_path = isinstance(record, Picture) and record.path is not None
         if not by_path and not self._clock.shift_s:
             return Received(record, line.data + b"\n")

@@ -20,9 +20,10 @@ from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
 from ..files.writing import expect_absent
+from ..reading.observations import SCAN_GATE, Gate, Observations
+from ..reading.options import MAX_DT_S
 from ..reading.recording import Picture, Record
 from ..reading.time_alignment import Aligned, Aligner, as_rows
-from ..reading.transforms import Gate
 from ..session_log.header import FORMAT, SESSION_LOG, header_to_json
 from ..session_log.reader import CameraChoice
 from .intake import Counts, Intake
@@ -133,7 +134,7 @@ class ListenOptions:
     keep_up: bool | None = None  # leave pictures out when the filter is slower; None: by the kind of source
     patience: Patience = field(default_factory=Patience)
     camera: str | None = None
-    gate: Gate = field(default_factory=Gate)  # decides which pictures make an update
+    gate: Gate | None = None  # decides what makes an update; None: every picture, and scans as AMCL's
     only_record: bool = False  # no moments are taken
     library: Path | None = None  # named in the recorded header instead of the source's own survey
 
@@ -157,6 +158,7 @@ class LiveSession(HasReadingNotes):
         self._stop, self._greeted = Event(), Event()
         self._listening = Listening(source, self._stop, self._listen.patience)
         self._intake = Intake(source, self._listening, self._notes, say)
+        self._observations = Observations(MAX_DT_S, pictures=False, wait=False, poses=False)
         self._backlog = Backlog(keep_up=self.keep_up)
         self._recorder = recorder
         self._info: SessionInfo | None = None
@@ -236,7 +238,8 @@ class LiveSession(HasReadingNotes):
                 continue
             step, earlier = step + 1, None
             time_s = picture.t_s - (self._begin_s or 0.0)
-            frame = Frame(step, time_s, as_rows(aligned.motions), image, picture.name, aligned.readings)
+            motions, readings = as_rows(aligned.motions), aligned.readings
+            frame = Frame(step, time_s, motions, image, picture.name, readings, aligned.scan)
             yield Moment(frame, aligned.truth_at(), tuple(aligned.events))
         if self._error is not None:
             raise self._error
@@ -263,7 +266,7 @@ class LiveSession(HasReadingNotes):
 
     def _take_in(self) -> None:
         passed: Aligned | None = None  # the last picture that makes no update, with all before it
-        for aligned in Aligner(most=MOST)(self._records()):
+        for aligned in self._observations(Aligner(most=MOST)(self._records()), MOST):
             if passed is not None:
                 aligned.follow(passed, MOST)
             passed = aligned
@@ -275,7 +278,8 @@ class LiveSession(HasReadingNotes):
         if self._listen.only_record:
             return False
         way = reduce(compose_motions, aligned.motions, np.zeros(3))
-        if not (self._first or self._listen.gate.open_after(way)):
+        gate = self._listen.gate or (Gate() if self._observations.pictures else SCAN_GATE)
+        if not (self._first or gate.open_after(way)):
             return False
         self._first = False
         return True
@@ -309,6 +313,7 @@ class LiveSession(HasReadingNotes):
         if self._recorder is not None:
             self._recorder.begin(info)
         self._info = info
+        self._observations.pictures = bool(info.cameras)  # else scans make the moments until a picture comes
         self._greeted.set()
 
     def _name(self, picture: Picture) -> str:

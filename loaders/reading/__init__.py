@@ -4,5 +4,6 @@
 * `transforms`: recordings corrected, with odometry made, with fewer pictures
 * `picture_odometry`: odometry from pictures; `plane`: the plane of the motion
 * `time_alignment`: clocks, and pictures paired with odometry and truth by time
+* `observations`: what makes the moments: pictures, or a laser's scans
 * `session`: a recording as a session
 """

@@ -91,7 +91,7 @@ class ReadingOptions:
     ] = 0.0
     truth_offset_s: Annotated[float, Meaning("Seconds added to the times of the truth.", "correction")] = 0.0
     picture_offset_s: Annotated[
-        float, Meaning("Seconds added to the times of the pictures.", "correction")
+        float, Meaning("Seconds added to the times of pictures and scans.", "correction")
     ] = 0.0
     odometry_scale: Annotated[
         float, Meaning("Factor for lengths of the odometry; 0.001 for millimeters.", "correction")
@@ -122,12 +122,18 @@ class ReadingOptions:
         Meaning("Direction of the camera relative to forward; headings become the camera's.", "correction"),
     ] = 0.0
     max_dt_s: Annotated[
-        float, Meaning("Most seconds between a picture and its odometry.", "pictures", least=0.0)
+        float, Meaning("Most seconds between a picture or scan and its odometry.", "pictures", least=0.0)
     ] = MAX_DT_S
     min_distance_m: Annotated[
-        float, Meaning("Least distance between pictures used.", "pictures", least=0.0)
-    ] = 0.0
-    min_angle_rad: Annotated[float, Meaning("Least turn between pictures used.", "pictures", least=0.0)] = 0.0
+        float | None,
+        Meaning(
+            "Least distance between pictures or scans used. [default: scans 0.25]", "pictures", least=0.0
+        ),
+    ] = None
+    min_angle_rad: Annotated[
+        float | None,
+        Meaning("Least turn between pictures or scans used. [default: scans 11.5]", "pictures", least=0.0),
+    ] = None
     pictures_outside: Annotated[
         bool, Meaning("Read pictures that a recording names outside its folder.", "pictures")
     ] = False
@@ -195,7 +201,7 @@ def _rule_of(name: str) -> Rule:
         return _columns
     if isinstance(usual, int):
         return rules.whole(0, 2**32 - 1)
-    if isinstance(usual, float):
+    if isinstance(usual, float) or meaning.least > -math.inf:
         most = MOST_T_S if name.endswith("_s") else MOST
         return _factor if usual == 1 else rules.number(max(meaning.least, -most), most)
     if name == "table":

@@ -37,6 +37,14 @@ class Picture:
     encoded: Callable[[], bytes] | None = None  # returns its file, if it comes as one; raises PictureError
 
 
+PLACEHOLDER = "no picture"
+
+
+def gray_picture(t_s: float) -> Picture:
+    """Return a gray picture that stands where there is none."""
+    return Picture(t_s, lambda: np.full((90, 120, 3), 48, np.uint8), PLACEHOLDER)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class LeftOut:
     """A picture that is no part of the drive: taken with the lens covered, or by another camera."""
@@ -140,12 +148,31 @@ def _fault(record: Record, last_t_s: float) -> str:
         return f"expected a finite time, {up_to(MOST_T_S)}"
     if record.t_s < last_t_s:
         return f"after t {show_time(last_t_s)}, expected time not to fall"
+    if isinstance(record, Scan):
+        return scan_fault(record.scan)
     if isinstance(record, Readings):
         wrong = [name for name, value in record.values.items() if not abs(value) <= MOST]
         return f"found {wrong[0]} {record.values[wrong[0]]}, expected {up_to()}" if wrong else ""
     values = getattr(record, "pose", None) if not isinstance(record, Motion) else record.motion
     if values is not None and not (np.shape(values) == (3,) and (np.abs(values) <= MOST).all()):
         return f"found {values}, expected three finite numbers, each {up_to()}"
+    return ""
+
+
+MOST_BEAMS = 20_000  # of a scan; planar lasers have some thousand
+
+
+def scan_fault(scan: LaserScan) -> str:
+    """Return what no scan may be, in one line; "" for a scan that may."""
+    if not 1 <= scan.size <= MOST_BEAMS:
+        return f"found {scan.size} beams, expected 1 to {MOST_BEAMS}"
+    if not (abs(scan.start_rad) <= 2 * math.pi and 0 < abs(scan.step_rad) <= 2 * math.pi):
+        found = f"beams from {scan.start_rad:g} rad in steps of {scan.step_rad:g} rad"
+        return f"found {found}, expected angles of at most a whole turn, and steps other than 0"
+    if not 0 <= scan.min_m < scan.max_m <= MOST:
+        return f"found ranges from {scan.min_m:g} to {scan.max_m:g} m, expected the least first, {up_to()}"
+    if not (np.shape(scan.mount) == (3,) and (np.abs(scan.mount) <= MOST).all()):
+        return f"found mount {scan.mount}, expected three finite numbers, each {up_to()}"
     return ""
 
 
@@ -164,6 +191,11 @@ class RecordingWrapper:
     def stated(self) -> tuple[str, ...]:
         """The notes that the file itself holds, which are no remarks about reading it."""
         return tuple(getattr(self.measured, "stated", ()))
+
+    @property
+    def pictureless(self) -> bool:
+        """Whether it is known before reading that there are no pictures."""
+        return bool(getattr(self.measured, "pictureless", False))
 
     @property
     def not_read(self) -> str:

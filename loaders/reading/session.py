@@ -1,4 +1,4 @@
-"""A recording of any format as a session: pictures aligned in time with odometry and truth."""
+"""A recording of any format as a session: pictures or scans, aligned in time with odometry and truth."""
 
 from __future__ import annotations
 
@@ -14,13 +14,26 @@ import numpy as np
 from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose, inverse, motion_between
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
+from .observations import SCANS, Gate, Observations, Observed, gate_of, observed_in
 from .options import ReadingOptions
-from .recording import Motion, Note, OdometryPose, Picture, Record, Recording, TruthPose, checked
+from .recording import (
+    PLACEHOLDER,
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Record,
+    Recording,
+    Scan,
+    TruthPose,
+    checked,
+)
 from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
-from .transforms import PLACEHOLDER, Gate, Placeholders
+from .transforms import Placeholders
 
 if TYPE_CHECKING:
     from maurice_mcl.fitting.motion import MotionSegment
@@ -35,6 +48,7 @@ class Glance:
     motions: F64  # (M, 3) as of a `Frame`
     truth: F64 | None  # (3,)
     events: tuple[str, ...]
+    scan: LaserScan | None = None
 
 
 @dataclass(slots=True, eq=False)
@@ -49,8 +63,9 @@ class _Update:
 class RecordedSession(HasReadingNotes):
     """A recording as a `maurice_mcl.values.session.Session`; nothing is read before it is asked for.
 
-    Odometry poses become one motion a used picture; motions measured as such stay apart. A picture without
-    odometry within `max_dt_s` is left out. Raises InputError for what is broken, unless `keep_going`.
+    A moment is a picture, or a scan of the laser where there is no picture (`observed`). Odometry poses
+    become one motion a moment; motions measured as such stay apart. What has no odometry within `max_dt_s` is
+    left out. Raises InputError for what is broken, unless `keep_going`.
     """
 
     def __init__(self, recording: Recording, options: ReadingOptions | None = None) -> None:
@@ -81,7 +96,7 @@ class RecordedSession(HasReadingNotes):
         return (*self.remarks, *([not_read] if not_read else []))
 
     def moments(self) -> Iterator[Moment]:
-        """Read the drive from its beginning, a used picture at a time."""
+        """Read the drive from its beginning, a used picture or scan at a time."""
         notes = self._notes = ReadingNotes(self.options.keep_going)
         updates = _Updates(self, notes)
         step = 0
@@ -95,11 +110,12 @@ class RecordedSession(HasReadingNotes):
             updates.used(update)
             step += 1
             motions, readings = as_rows(update.motions), updates.readings_taken()
-            frame = Frame(step, update.time_s, motions, image, picture.name, readings)
+            scan = update.aligned.scan
+            frame = Frame(step, update.time_s, motions, image, picture.name, readings, scan)
             yield Moment(frame, update.truth, tuple(updates.events_taken()))
 
     def overview(self) -> tuple[int, bool]:
-        """Count the pictures that make a moment, and tell whether any truth is there; decodes no picture."""
+        """Count the moments, and tell whether any truth is there; decodes no picture."""
         count, updates = 0, _Updates(self, ReadingNotes(self.options.keep_going))
         for update in updates:
             updates.used(update)
@@ -111,10 +127,13 @@ class RecordedSession(HasReadingNotes):
         updates = _Updates(self, notes)
         for update in updates:
             updates.used(update)
-            yield Glance(as_rows(update.motions), update.truth, tuple(updates.events_taken()))
+            events = tuple(updates.events_taken())
+            yield Glance(as_rows(update.motions), update.truth, events, update.aligned.scan)
 
     def known_pictures(self, most: int) -> list[DrivePicture]:
         """Return those of the first `most` updates whose true pose is known; decodes none, raises nothing."""
+        if not self.observed.pictures:
+            return []
         updates, pictures = _Updates(self, ReadingNotes(keep_going=True)), list[DrivePicture]()
         for update in islice(updates, most):
             updates.used(update)
@@ -126,6 +145,16 @@ class RecordedSession(HasReadingNotes):
         """Count all pictures, used or not, without decoding any."""
         records = checked(self.recording, ReadingNotes(self.options.keep_going))
         return sum(isinstance(record, Picture) for record in records)
+
+    @cached_property
+    def observed(self) -> Observed:
+        """What makes the moments: pictures, or scans where there are none; stops as soon as that is clear."""
+        return observed_in(self.recording)
+
+    @property
+    def gate(self) -> Gate:
+        """How far the robot goes before a picture or scan is used."""
+        return gate_of(self.options, scans=self.observed.name == SCANS)
 
     @cached_property
     def odometry(self) -> type[OdometryPose] | type[Motion] | None:
@@ -168,20 +197,24 @@ class _Updates:
         self.truths = 0  # seen so far
         self._session = session
         self._notes = notes
-        self._gate = Gate(session.options.min_distance_m, session.options.min_angle_rad)
+        self._gate = session.gate
         self._steps = Steps()
         self._events: list[str] = []
         self._readings: dict[str, float] = {}
         self._begin_s: float | None = None
-        self._spans = {"pictures": TimeSpan(), "odometry": TimeSpan()}
+        self._observed, self._odometry = TimeSpan(), TimeSpan()
         self._used = False
         self._unpaired = 0
-        self._what = "pictures"  # or moments of a recording without any
+        self._what = session.observed.name  # or moments of a recording without any
 
     def __iter__(self) -> Iterator[_Update]:
         in_poses = self._session.odometry is OdometryPose
         aligner = Aligner(self._session.options.max_dt_s if in_poses else None)
-        for aligned in aligner(self._seen()):
+        seen = self._session.observed
+        observations = Observations(
+            self._session.options.max_dt_s, pictures=seen.pictures, wait=seen.scans, poses=in_poses
+        )
+        for aligned in observations(aligner(self._seen())):
             self._events += aligned.events
             self._readings |= aligned.readings
             pose = aligned.odometry_at(self._session.options.max_dt_s)
@@ -213,33 +246,37 @@ class _Updates:
             self.truths += isinstance(record, TruthPose)
             if isinstance(record, Picture):
                 self._what = "moments" if record.name == PLACEHOLDER else "pictures"
-                self._spans["pictures"].add(record.t_s)
+                self._observed.add(record.t_s)
+            elif isinstance(record, Scan) and self._what == SCANS:
+                self._observed.add(record.t_s)
             elif isinstance(record, OdometryPose):
-                self._spans["odometry"].add(record.t_s)
+                self._odometry.add(record.t_s)
             yield record
 
     def _tell(self) -> None:
-        pictures, odometry = self._spans["pictures"], self._spans["odometry"]
-        if pictures.count and self._session.odometry is None:
-            advice = (
-                "name a table of poses with --reading table=..., a bag's topic with odometry_topic=..., "
-                "or try odometry_from_pictures=true"
-            )
+        observed, odometry = self._observed, self._odometry
+        if observed.count and self._session.odometry is None:
+            advice = "name a bag's topic with --reading odometry_topic=..."
+            if self._what == "pictures":
+                advice = (
+                    "name a table of poses with --reading table=..., a bag's topic with odometry_topic=..., "
+                    "or try odometry_from_pictures=true"
+                )
             if self.truths:
                 advice = "--reading odometry_from_truth=true makes some from the truth, for trying things out"
-            only = "the filter only has the pictures to go by"
+            only = f"the filter only has the {self._what} to go by"
             if self._what == "moments":
                 only = "only the true poses are there"
             self._notes.warning(f"found no odometry: {only}; {advice}")
         if not self._unpaired:
             return
         within = f"within {self._session.options.max_dt_s:g} s"
-        if self._unpaired == pictures.count:
-            where = apart(self._what, pictures, "odometry", odometry)
+        if self._unpaired == observed.count:
+            where = apart(self._what, observed, "odometry", odometry)
             fault = f"found no {self._what.removesuffix('s')} with odometry {within}: {where}"
             text = f"{fault}; see --reading odometry_offset_s=... and max_dt_s=..."
             raise InputError(self._session.path, text)
-        share = f"{self._unpaired} of {pictures.count} {self._what}"
+        share = f"{self._unpaired} of {observed.count} {self._what}"
         self._notes.warning(
             f"{share} have no odometry {within} and were left out; see --reading max_dt_s=..."
         )
@@ -268,8 +305,8 @@ def first_truth(recording: Recording) -> F64 | None:
 def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:
     """Yield the movements between true poses of a recording of any format; none across a kidnapping.
 
-    Odometry poses become a movement a picture, as the filter gets them, or one for every 0.25 m or 15 degrees
-    where there are no pictures; measured motions need none.
+    Odometry poses become a movement a moment, as the filter gets them, or one for every 0.25 m or 15 degrees
+    where there are neither pictures nor scans; measured motions need none.
     """
     from maurice_mcl.fitting.motion import MotionSegment  # loads scipy, which reading does without
 
@@ -290,7 +327,7 @@ def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:
 def _between_truths(session: RecordedSession) -> Iterator[tuple[Iterable[F64], F64 | None, tuple[str, ...]]]:
     notes = ReadingNotes(session.options.keep_going)
     if session.odometry is not Motion:
-        if not session.count_pictures():
+        if not (session.observed.pictures or session.observed.scans):
             session = RecordedSession(Placeholders(session.recording), session.options)
         yield from ((glance.motions, glance.truth, glance.events) for glance in session.glances(notes))
         return

@@ -12,10 +12,22 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose_motions, motion_between
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import is_kidnapping
 
 from ..files.text import MOST_T_S
-from .recording import Motion, Note, OdometryPose, Picture, Readings, Record, TruthPose, interpolated
+from .recording import (
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Readings,
+    Record,
+    Scan,
+    TruthPose,
+    gray_picture,
+    interpolated,
+)
 
 # Units of time stamps, and clocks that disagree.
 
@@ -172,16 +184,16 @@ def _correlations(ours: F64, theirs: F64) -> F64:
     return np.where(enough & lively, both / power, 0.0)
 
 
-# Pictures, each with the odometry and the truth at its time.
+# Observations, which are pictures and scans, each with the odometry and the truth at its time.
 
 MAX_GAP_S = 1.0  # true poses further apart say nothing about the time between them
-MOST_WAITING = 64  # pictures held back while poses after them are awaited; a second of a fast camera
+MOST_WAITING = 64  # observations held back while poses after them are awaited; a second of a fast camera
 ROUNDING_S = 1e-6  # decimal seconds are not exact, and Unix time has a quarter of a microsecond
 
 
 @dataclass(slots=True)
 class Neighbors:
-    """The poses before and after a picture."""
+    """The poses before and after an observation."""
 
     before: OdometryPose | TruthPose | None = None
     after: OdometryPose | TruthPose | None = None
@@ -190,17 +202,18 @@ class Neighbors:
 
 @dataclass(slots=True, eq=False)
 class Aligned:
-    """A picture and what belongs to its time."""
+    """An observation and what belongs to its time."""
 
-    picture: Picture
-    motions: list[F64]  # measured as such since the picture before, in order
-    events: list[str]  # since the picture before
-    readings: dict[str, float]  # the newest of each name since the picture before
+    picture: Picture  # a gray one where a scan was taken and no picture
+    motions: list[F64]  # measured as such since the observation before, in order
+    events: list[str]  # since the observation before
+    readings: dict[str, float]  # the newest of each name since the observation before
     odometry: Neighbors
     truth: Neighbors
+    scan: LaserScan | None = None
 
-    def follow(self, earlier: Aligned, most: int) -> None:
-        """Take over what came before an earlier picture that is not used; of too much as the aligner does."""
+    def follow(self, earlier: Aligned, most: int | None) -> None:
+        """Take over what came before an earlier one that is not used; of too much as the aligner does."""
         self.motions = joined([*earlier.motions, *self.motions], most)
         self.events = [*earlier.events, *self.events][:most]
         self.readings = earlier.readings | self.readings
@@ -227,9 +240,9 @@ class Aligned:
         return interpolated(before, after, t_s)
 
 
-def joined(motions: list[F64], most: int) -> list[F64]:
-    """Compose neighbors of too many motions (3,); their composition stays the same."""
-    while len(motions) > most:
+def joined(motions: list[F64], most: int | None) -> list[F64]:
+    """Compose neighbors of too many motions (3,); their composition stays. None: none are too many."""
+    while most is not None and len(motions) > most:
         pairs = zip(motions[::2], motions[1::2], strict=False)
         odd = motions[-1:] if len(motions) % 2 else []
         motions = [compose_motions(first, second) for first, second in pairs] + odd
@@ -237,12 +250,12 @@ def joined(motions: list[F64], most: int) -> list[F64]:
 
 
 class Aligner:
-    """Goes through records and gives the pictures, each with the poses around it."""
+    """Goes through records and gives the pictures and scans, each with the poses around it."""
 
     def __init__(self, max_dt_s: float | None = None, most: int | None = None) -> None:
         """Poses of the odometry are awaited for `max_dt_s`; None: there are none.
 
-        Between two pictures only `most` events are kept, and twice as many motions; None: all.
+        Between two observations only `most` events are kept, and twice as many motions; None: all.
         """
         self.first_odometry: F64 | None = None  # the first pose (3,) of the odometry, once it was seen
         self._max_dt_s, self._most = max_dt_s, most
@@ -254,15 +267,15 @@ class Aligner:
         self._readings: dict[str, float] = {}
 
     def __call__(self, records: Iterable[Record | None]) -> Iterator[Aligned]:
-        """Yield every picture in order, as soon as all is known about it; at None those that still wait."""
+        """Yield every observation in order, as soon as all is known of it; at None those that still wait."""
         for record in records:
             if record is None:
                 yield from self._waiting
                 self._waiting.clear()
                 continue
             yield from self._outdated(record.t_s)
-            if isinstance(record, Picture):
-                yield from self._take_picture(record)
+            if isinstance(record, Picture | Scan):
+                yield from self._observe(record)
             else:
                 self._take(record)
             yield from self._outdated(record.t_s)
@@ -278,10 +291,12 @@ class Aligner:
         truth_until_s = t_s if truth is None else max(t_s, truth.t_s + MAX_GAP_S + ROUNDING_S)
         return known and (aligned.truth.settled or now_s > truth_until_s)
 
-    def _take_picture(self, picture: Picture) -> Iterator[Aligned]:
-        odometry, truth = _known(self._odometry, picture.t_s), _known(self._truth, picture.t_s)
+    def _observe(self, record: Picture | Scan) -> Iterator[Aligned]:
+        odometry, truth = _known(self._odometry, record.t_s), _known(self._truth, record.t_s)
         odometry.settled |= self._max_dt_s is None
-        self._waiting.append(Aligned(picture, self._motions, self._events, self._readings, odometry, truth))
+        picture, scan = (record, None) if isinstance(record, Picture) else (None, record.scan)
+        since = self._motions, self._events, self._readings
+        self._waiting.append(Aligned(picture or gray_picture(record.t_s), *since, odometry, truth, scan))
         self._motions, self._events, self._readings = [], [], {}
         if len(self._waiting) > MOST_WAITING:
             yield self._waiting.popleft()
@@ -326,7 +341,7 @@ def _settle(known: Neighbors, after: OdometryPose | TruthPose) -> None:
 
 
 class Steps:
-    """The motions from one used picture to the next, from poses and from motions; nothing is lost between."""
+    """The motions from one used observation to the next, by poses and by motions; nothing is lost between."""
 
     def __init__(self) -> None:
         self.way: F64 = np.zeros(3)  # (3,) the motions composed, since the last picture used

@@ -13,9 +13,11 @@ import numpy as np
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, compose_motions, motion_between, rotated, wrap_angle
 from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, ReadingNotes
+from .observations import Gate
 from .options import MOTIONS_ARE, ReadingOptions
 from .recording import (
     LeftOut,
@@ -27,23 +29,11 @@ from .recording import (
     Record,
     Recording,
     RecordingWrapper,
+    Scan,
     TruthPose,
     checked,
+    gray_picture,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Gate:
-    """How far a robot goes before a picture is used. Nothing asked for: every picture is."""
-
-    min_distance_m: float = 0.0  # as the crow flies since the last picture that was used
-    min_angle_rad: float = 0.0  # turned since the last picture that was used
-
-    def open_after(self, motion: F64) -> bool:
-        """Return whether a motion (3,) since the last update, composed of all in between, makes one."""
-        asked = (self.min_distance_m > 0, self.min_angle_rad > 0)
-        far = asked[0] and math.hypot(motion[0], motion[1]) >= self.min_distance_m
-        return not any(asked) or bool(far or (asked[1] and abs(motion[2]) >= self.min_angle_rad))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +53,6 @@ class FewerPictures(RecordingWrapper):
             yield record
 
 
-PLACEHOLDER = "no picture"
 GATE = Gate(0.25, math.radians(15))  # a moment after so much movement
 
 
@@ -78,11 +67,6 @@ class Placeholders(RecordingWrapper):
             yield record
             if moved.enough(record):
                 yield gray_picture(record.t_s)
-
-
-def gray_picture(t_s: float) -> Picture:
-    """Return a gray picture that stands where there is none."""
-    return Picture(t_s, lambda: np.full((90, 120, 3), 48, np.uint8), PLACEHOLDER)
 
 
 class _Moved:
@@ -133,11 +117,11 @@ class FramesOfReadings(RecordingWrapper):
 
 
 def with_frames(recording: Recording) -> Recording:
-    """Give a recording that has readings and no picture a gray one a row; any other stays as it is."""
+    """Give a recording of readings, without pictures and scans, a gray one a row; others stay as they are."""
     readings = False
     try:
         for record in recording.records(ReadingNotes(keep_going=True)):
-            if isinstance(record, Picture):
+            if isinstance(record, Picture | Scan):
                 return recording
             readings = readings or isinstance(record, Readings)
     except InputError:
@@ -179,6 +163,8 @@ class Corrected(RecordingWrapper):
                 yield OdometryPose(record.t_s, wheels.pose(record.pose))
             elif isinstance(record, TruthPose):
                 yield TruthPose(record.t_s, self._truth(record.pose))
+            elif isinstance(record, Scan) and self.correction.camera_yaw_rad:
+                yield Scan(record.t_s, turned(record.scan, -self.correction.camera_yaw_rad))
             else:
                 yield record
 
@@ -219,6 +205,11 @@ def corrected(recording: Recording, correction: ReadingOptions) -> Recording:
     return Corrected(recording, correction)
 
 
+def turned(scan: LaserScan, angle_rad: float) -> LaserScan:
+    """Return a scan as a robot sees it whose forward is turned by the opposite angle."""
+    return replace(scan, mount=compose(np.array([0.0, 0.0, angle_rad]), scan.mount))
+
+
 def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record], ...]]]:
     """Return each time offset and the kinds of records that it applies to; pictures last, after the poses."""
     c = correction
@@ -228,6 +219,7 @@ def _clocks(correction: ReadingOptions) -> list[tuple[float, tuple[type[Record],
         TruthPose: c.truth_offset_s,
         Note: 0.0,
         Readings: c.picture_offset_s,
+        Scan: c.picture_offset_s,
         LeftOut: c.picture_offset_s,
         Picture: c.picture_offset_s,
     }

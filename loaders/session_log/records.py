@@ -15,6 +15,7 @@ from typing import Any, BinaryIO, NoReturn
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import FieldError, InputError, PictureError, ReadingNotes
@@ -24,6 +25,7 @@ from ..files.text import (
     MOST_T_S,
     expect_regular,
     flag,
+    items,
     mapping,
     number,
     numbers,
@@ -31,7 +33,18 @@ from ..files.text import (
     text,
     time_falls,
 )
-from ..reading.recording import Motion, Note, Picture, Readings, Record, TruthPose
+from ..reading.recording import (
+    MOST_BEAMS,
+    Motion,
+    Note,
+    OdometryPose,
+    Picture,
+    Readings,
+    Record,
+    Scan,
+    TruthPose,
+    scan_fault,
+)
 from .header import Kind, header_from_json
 
 # A log's lines as JSON objects: streamed, bounded, strict about numbers.
@@ -120,7 +133,8 @@ def _folder_advice(path: Path) -> str:
 
 # What each line after the header may say.
 
-RECORD_KEYS = ("odometry", "image", "truth", "event", "reading")
+RECORD_KEYS = ("odometry", "odometry_pose", "image", "truth", "event", "reading", "scan")
+NOTHING_HIT = "inf"  # in place of a range
 MOST_UNCHECKED = 1e25  # nanoseconds since 1970 are 2e18, and squares can be added up
 INLINE = "inline picture"
 
@@ -179,6 +193,10 @@ class LineReader:
             encoders = fields.get("encoders_m")
             wheels = None if encoders is None else self._vector(encoders, 4, "encoders_m")
             return Motion(t_s, self._vector(value, 3, "odometry"), wheels)
+        if keys[0] == "odometry_pose":
+            return OdometryPose(t_s, self._vector(value, 3, "odometry_pose"))
+        if keys[0] == "scan":
+            return Scan(t_s, scan_from_json(value))
         if keys[0] == "truth":
             return TruthPose(t_s, self._vector(value, 3, "truth"))
         if keys[0] == "event":
@@ -214,6 +232,34 @@ def _parses(line: LogLine) -> bool:
     except FieldError:
         return False
     return True
+
+
+def scan_to_json(scan: LaserScan) -> dict[str, Any]:
+    """Return the object of a scan, its ranges with as few digits as tell them apart."""
+    ranges: list[Any] = scan.ranges_m.astype(np.float32).astype("U").astype(np.float64).tolist()
+    for beam in np.flatnonzero(~np.isfinite(scan.ranges_m)):
+        ranges[beam] = None if np.isnan(scan.ranges_m[beam]) else NOTHING_HIT
+    angles = {"start_rad": float(scan.start_rad), "step_rad": float(scan.step_rad)}
+    reach = {"min_m": float(scan.min_m), "max_m": float(scan.max_m)}
+    return {"ranges_m": ranges} | angles | reach | {"mount": [float(v) for v in scan.mount]}
+
+
+def scan_from_json(value: Any) -> LaserScan:
+    """Read the object of a scan. FieldError for anything else."""
+    fields = mapping(value, "scan")
+    given = items(fields.get("ranges_m"), "scan.ranges_m")
+    if len(given) > MOST_BEAMS:
+        raise FieldError(f"found {len(given)} beams, expected 1 to {MOST_BEAMS}")
+    unusual = {None: math.nan, NOTHING_HIT: math.inf}
+    ranges_m = [unusual[r] if r is None or r == NOTHING_HIT else number(r, "scan.ranges_m") for r in given]
+    names = ("start_rad", "step_rad", "min_m", "max_m")
+    start_rad, step_rad, min_m, max_m = (number(fields.get(name), f"scan.{name}") for name in names)
+    mount = np.array(numbers(fields.get("mount", [0, 0, 0]), 3, "scan.mount"))
+    scan = LaserScan(np.array(ranges_m, np.float32), start_rad, step_rad, min_m, max_m, mount)
+    fault = scan_fault(scan)
+    if fault:
+        raise FieldError(f"scan: {fault}")
+    return scan
 
 
 def readings_of(value: Any) -> dict[str, float]:

@@ -12,13 +12,16 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError
 from ..files.pictures import PictureKind, encode_picture
 from ..files.text import MOST, MOST_T_S, up_to
 from ..files.writing import expect_absent
+from ..reading.recording import scan_fault
 from .header import FORMAT, KINDS, Kind, header_to_json
+from .records import scan_to_json
 
 Numbers = F64 | Sequence[float]
 
@@ -67,6 +70,17 @@ class SessionWriter:
         if encoders_m is not None:
             record["encoders_m"] = _numbers(encoders_m, 4, "encoders_m")
         self._record(t_s, record)
+
+    def odometry_pose(self, t_s: float, pose: Numbers) -> None:
+        """Write the robot's pose by its odometry: x_m, y_m, heading_rad in a frame of the odometry's own."""
+        self._record(t_s, {"odometry_pose": _numbers(pose, 3, "odometry_pose")})
+
+    def scan(self, t_s: float, scan: LaserScan) -> None:
+        """Write a scan of a planar laser, its ranges to the last bit."""
+        fault = scan_fault(scan)
+        if fault:
+            raise ValueError(fault)
+        self._record(t_s, {"scan": scan_to_json(scan)})
 
     def image(
         self,

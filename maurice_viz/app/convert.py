@@ -37,9 +37,8 @@ from maurice_loaders.export.tables import (
 from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.writing import expect_apart
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.recording import Picture, Recording
+from maurice_loaders.reading.recording import PLACEHOLDER, Picture, Recording
 from maurice_loaders.reading.session import RecordedSession, begin_of
-from maurice_loaders.reading.transforms import PLACEHOLDER
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
 

@@ -11,9 +11,9 @@ from typing import Any
 from maurice_loaders.errors import InputError, SourceError
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
+from maurice_loaders.reading.observations import gate_of
 from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.reading.transforms import Gate
 from maurice_loaders.runs.store import is_saved
 from maurice_loaders.runs.writer import check_run_target
 from maurice_mcl.values.arrays import F64
@@ -238,7 +238,8 @@ def follow_source(
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
         raise OptionError(f"{what} needs a recording; {advice}")
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
-    gate = Gate(reading.min_distance_m, reading.min_angle_rad)
+    asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
+    gate = gate_of(reading, scans=False) if asked else None
     listen = ListenOptions(live.keep_up, patience_of(live.patience_s), reading.camera, gate, library=library)
     with LiveSession(live_source(source, reading), listen, recorder, listener.remark) as session:
         try:

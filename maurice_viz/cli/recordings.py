@@ -131,10 +131,14 @@ def _rows(contents: Inspection) -> list[tuple[str, str]]:
         ("picture rate (Hz)", _number(contents.picture_rate_hz, 2)),
         ("odometry rate (Hz)", _number(contents.odometry_rate_hz, 2)),
         ("pictures", ", ".join(f"{count} {kind}" for kind, count in contents.pictures.items()) or "none"),
+        *([("scans", _scans(contents))] if contents.scans else []),
         ("cameras", ", ".join(contents.cameras) or "none described"),
         (f"distance by odometry ({units.name})", _length(contents.distance_odometry_m, units)),
         (f"distance by truth ({units.name})", _length(contents.distance_truth_m, units)),
-        ("pictures with truth", "-" if contents.truth_share is None else f"{contents.truth_share:.0%}"),
+        (
+            f"{'scans used' if contents.scans and not contents.pictures else 'pictures'} with truth",
+            "-" if contents.truth_share is None else f"{contents.truth_share:.0%}",
+        ),
         ("kinds of events", events),
         (
             "survey or library",
@@ -143,6 +147,11 @@ def _rows(contents: Inspection) -> list[tuple[str, str]]:
         ("map", "yes" if contents.has_map else "no"),
         ("problems", str(contents.problem_count)),
     ]
+
+
+def _scans(contents: Inspection) -> str:
+    lasers = ", ".join(contents.scans)
+    return f"{contents.scans_used or 0} scans used of {contents.records['scan']}; {lasers}"
 
 
 def _length(value_m: float | None, units: Units) -> str:

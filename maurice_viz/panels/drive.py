@@ -11,8 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_loaders.reading.recording import SimplifiedPath
-from maurice_loaders.reading.transforms import PLACEHOLDER
+from maurice_loaders.reading.recording import PLACEHOLDER, SimplifiedPath
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F32, F64
 from maurice_mcl.values.geometry import compose, compose_motions, inverse, motion_between, rotated

@@ -16,6 +16,7 @@ from maurice_loaders.bags.localizer import STAND_INS, Nearest, Overview, Recorde
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen
+from maurice_loaders.reading.observations import Gate
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import Glance, RecordedSession
 from maurice_loaders.reading.transforms import FewerPictures, Placeholders
@@ -66,7 +67,8 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     KeyboardInterrupt goes on when the recording up to that point is written.
     """
     session, paths = _with_paths(whole)
-    drive = DriveView(session.info, paths, not isinstance(session.recording, Placeholders))
+    pictures = session.observed.pictures and not isinstance(session.recording, Placeholders)
+    drive = DriveView(session.info, paths, pictures)
     advice = advice_for(session.path, drive)
     drive = replace(drive, advice=f"**{NOT_LOCALIZED}.** {advice}")
     shown_session = _thinned(session, paths.moments, listener)
@@ -112,7 +114,7 @@ def _paths_of(session: RecordedSession) -> DrivePaths:
 def _thinned(session: RecordedSession, moments: int, listener: Listener) -> RecordedSession:
     """Leave out pictures of a long drive, unless it is given which ones make a moment."""
     options, stride = session.options, -(-moments // MOST_DRAWN)
-    if stride <= 1 or options.min_distance_m or options.min_angle_rad:
+    if stride <= 1 or session.gate != Gate():
         return session
     listener.remark(
         f"drawing one of every {stride} of {moments} moments; --reading min_distance_m=... chooses others"

@@ -18,7 +18,7 @@ from helpers.recordings import odometry, read, truths
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.recording import Motion, OdometryPose, Picture, TruthPose
+from maurice_loaders.reading.recording import Motion, OdometryPose, Picture, Scan, TruthPose
 from maurice_loaders.runs.manifest import source_hash
 from maurice_loaders.runs.store import is_saved
 
@@ -63,7 +63,10 @@ def test_carmen_dialects(name: str, ending: str, tmp_path: Path) -> None:
     data = CARMEN[name].encode()
     file = write(tmp_path / f"drive{ending}", gzip.compress(data) if ending.endswith("gz") else data)
     assert guess(file).name == "carmen"
-    assert counts(file) == {"OdometryPose": 3} | ({"TruthPose": 3} if "TRUEPOS" in CARMEN[name] else {})
+    scans = {"Scan": 3} if "LASER" in CARMEN[name] else {}
+    poses = 3 * (("ODOM" in CARMEN[name]) + len(scans))  # a scan tells where the robot was by its odometry
+    truth = {"TruthPose": 3} if "TRUEPOS" in CARMEN[name] else {}
+    assert counts(file) == {"OdometryPose": poses} | scans | truth
 
 
 def test_text_that_only_shouts_is_no_carmen_log(tmp_path: Path) -> None:
@@ -226,12 +229,17 @@ def test_a_raw_carmen_log_has_no_truth_and_a_corrected_one_has_its_scans(tmp_pat
         for k in range(5)
     ]
     found, warnings = read(write(tmp_path / "raw.log", *raw))
-    assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 5}
+    assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 10, "Scan": 5}
     assert warnings == ()
+    for record in found:
+        if isinstance(record, Scan):
+            np.testing.assert_allclose(record.scan.mount, [0.2, 0, 0], atol=1e-12)
     scans = [f"FLASER 1 1.5 {k} {0.1 * k} 0 {k} 0 0 {k}.1 host {k}.1" for k in range(4)]
     file = write(tmp_path / "corrected.log", *scans)
     np.testing.assert_allclose(truths(file)[:, 1], [0, 0.1, 0.2, 0.3], atol=1e-9)
     assert len(odometry(file)) == 4
+    assert not any(r.scan.mount.any() for r in read(file)[0] if isinstance(r, Scan))
+    assert "an estimate" in open_session(file).remarks[0]
 
 
 def test_odometry_that_is_set_anew_goes_on_from_where_it_was(tmp_path: Path) -> None:
@@ -327,7 +335,7 @@ def test_an_unknown_format_lists_those_there_are(tmp_path: Path) -> None:
 def test_carmen_counts_and_a_continuous_odometry() -> None:
     path = DATA / "carmen" / "intel-corrected.log.gz"
     found, _ = read(path)
-    assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 14541, "TruthPose": 910}
+    assert Counter(type(r).__name__ for r in found) == {"OdometryPose": 14541, "TruthPose": 910, "Scan": 910}
     steps = np.diff([r.pose[:2] for r in found if isinstance(r, OdometryPose)], axis=0)
     assert np.hypot(*steps.T).max() < 0.3  # no jump to a scan's pose
 

@@ -22,7 +22,7 @@ from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import LineCutter, LiveSource, Patience, is_live, live_source
-from maurice_loaders.reading.transforms import Gate
+from maurice_loaders.reading.observations import Gate
 from maurice_mcl.values.session import Moment
 
 SOON, LATER = Patience(0.3), Patience(20.0)

@@ -176,7 +176,10 @@ BROKEN: dict[str, tuple[Any, str]] = {
     "a time in words": ({"t": "noon", "event": "a"}, "found t 'noon', expected a finite number"),
     "true for a time": ({"t": True, "event": "a"}, "found t True, expected a finite number"),
     "time falling": ({"t": 4.5, "event": "a"}, "found t 4.5 after t 5, expected time not to fall"),
-    "nothing known": ({"t": 6, "lidar": []}, "found none, expected exactly one of odometry, image"),
+    "nothing known": (
+        {"t": 6, "lidar": []},
+        "found none, expected exactly one of odometry",
+    ),
     "two at once": ({"t": 6, "truth": [0, 0, 0], "event": "a"}, "found truth and event, expected exactly"),
     "odometry too short": ({"t": 6, "odometry": [1, 2]}, "expected a list of 3 numbers"),
     "odometry in words": ({"t": 6, "odometry": [1, "2", 3]}, "found odometry '2', expected a finite"),

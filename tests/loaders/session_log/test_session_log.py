@@ -60,7 +60,7 @@ def test_an_overview_opens_no_picture_and_a_frame_has_no_room_for_truth(write_lo
         2,
         True,
     )
-    assert set(Frame.__slots__) == {"step", "time_s", "motions", "image", "picture", "readings"}
+    assert set(Frame.__slots__) == {"step", "time_s", "motions", "image", "picture", "readings", "scan"}
 
 
 def test_starts_again_on_every_call(write_log: WriteLog, pixel: Pixel) -> None:

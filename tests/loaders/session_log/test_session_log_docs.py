@@ -20,11 +20,12 @@ from maurice_loaders.session_log.records import RECORD_KEYS
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Camera, SessionInfo
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "session-log.md").read_text(encoding="utf-8")
-SESSION, SURVEY = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
+SESSION, LASER, SURVEY = re.findall(r"```json\n(.*?)```", PAGE, re.DOTALL)
 SCHEMA = json.loads((DOCS / "session-log.schema.json").read_text(encoding="utf-8"))
 
 
@@ -57,20 +58,26 @@ def test_the_examples_read_as_the_page_says(tmp_path: Path, image: U8) -> None:
     assert second.events == ("lights off",)
     assert dict(second.frame.readings) == {"floor_left": 0.82, "floor_right": 0.11}
     assert log.info.survey == tmp_path / "survey.log"
+    (tmp_path / "laser.log").write_text(LASER, encoding="utf-8")
+    first, second = open_session(tmp_path / "laser.log").moments()
+    np.testing.assert_allclose(second.frame.motions, [[0.3, 0, 0.1]])
+    assert first.frame.scan is not None
+    np.testing.assert_array_equal(first.frame.scan.hits, [True, True, False, False])
+    np.testing.assert_array_equal(first.frame.scan.misses, [False, False, False, True])
     pictures = list(SurveyLog(with_pictures(tmp_path, SURVEY, image)).survey_pictures())
     assert [p.covered for p in pictures] == [True, False, False]
 
 
-@pytest.mark.parametrize("text", [SESSION, SURVEY], ids=["session", "survey"])
+@pytest.mark.parametrize("text", [SESSION, LASER, SURVEY], ids=["session", "laser", "survey"])
 def test_the_examples_obey_the_schema(validator: Any, text: str) -> None:
     for line in lines_of(text):
         assert validator.is_valid(line), line
 
 
 def test_the_page_tells_every_key_and_the_bounds_and_no_option_that_there_is_not() -> None:
-    for kind in ("header", "record", "camera", "map"):
+    for kind in ("header", "record", "camera", "map", "scan"):
         for key in SCHEMA["$defs"][kind]["properties"]:
-            assert f'"{key}":' in SESSION + SURVEY, key
+            assert f'"{key}":' in SESSION + LASER + SURVEY, key
             assert re.search(rf"`{key}\b|\.{key}`", PAGE), key
     assert all(f"`{key}`" in PAGE for key in RECORD_KEYS)
     assert "at most 1e9 in size, `t` at most 4e9" in PAGE
@@ -94,6 +101,8 @@ def test_what_the_writer_writes_obeys_the_schema(validator: Any, tmp_path: Path,
         writer.odometry(0, [1, 0, 0], encoders_m=[1, 1, 1, 1])
         writer.truth(0, [1, 0, 0])
         writer.event(0, "floor wood")
+        writer.odometry_pose(0, [1, 0, 0])
+        writer.scan(0, LaserScan(np.array([1, np.nan, np.inf], np.float32), -1.0, 1.0, 0.0, 8.0))
         writer.image(1, image, camera="front")
         writer.image(2, image, covered=True)
     with SessionWriter(tmp_path / "survey.log", SessionInfo("least"), "survey") as writer:

@@ -15,8 +15,9 @@ from rerun.chunk import RrdReader
 from helpers.commands import run
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
+from maurice_loaders.reading.recording import PLACEHOLDER
 from maurice_loaders.reading.session import Glance, RecordedSession
-from maurice_loaders.reading.transforms import PLACEHOLDER, Placeholders
+from maurice_loaders.reading.transforms import Placeholders
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import SessionInfo
