@@ -17,7 +17,7 @@ from ..scene import RunView, Scene
 from .story import HEIGHT_PX, errors_row, over_events
 
 COMPARED_WORDS_PX, COMPARED_ERRORS_PX = 84, 100
-CLOUDS, DRIVE = 64, 36  # shares of the left column: the clouds over the words on the drive
+DRIVE_PX, RUN_PX = 102, 34  # of the words on the drive, below the clouds: without a run's, and of each run's
 ROW_PX = 70  # of the histograms of a run
 
 
@@ -26,8 +26,9 @@ def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     path, count = (CLOSER, 2) if scene.has_truth else (SHARED, 1 + len(runs))
     lanes = lanes_px(count)
     middle = HEIGHT_PX - COMPARED_WORDS_PX - lanes - COMPARED_ERRORS_PX
+    words = DRIVE_PX + RUN_PX * (len(runs) - 1)
     left = rrb.Vertical(
-        shared.clouds_view(runs, scene), shared.drive_words_view(), row_shares=[CLOUDS, DRIVE]
+        shared.clouds_view(runs, scene), shared.drive_words_view(), row_shares=[middle - words, words]
     )
     body = rrb.Horizontal(left, _seen(runs, scene, middle), column_shares=[1, 2])
     screen = rrb.Vertical(
