@@ -160,16 +160,17 @@ def replay_session(
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and output.alone and not output.no_recording
-    if asked is None and opened.info.survey is None:
-        if alone:
-            from ..running.drive import show_alone  # imports Rerun
+    without = asked is None and opened.info.survey is None
+    if without and alone:
+        from ..running.drive import show_alone  # imports Rerun
 
-            written = show_alone(opened, output.named(["drive"]), listener)
-            info = opened.info
-            return RunScores((), info.name, info.display_units, tuple(info.notes), written)
-        if not opened.overview()[0]:
-            shown = "a replay into a recording, without options of the filter, shows the drive"
-            raise InputError(opened.path, f"found no pictures, which the filter needs; {shown}")
+        written = show_alone(opened, output.named(["drive"]), listener)
+        info = opened.info
+        return RunScores((), info.name, info.display_units, tuple(info.notes), written)
+    if not opened.overview()[0]:
+        shown = "a replay into a recording, without options of the filter, shows the drive"
+        hint = shown if without else "`inspect` lists what it holds"
+        raise InputError(opened.path, f"found no pictures, which the filter needs; {hint}")
     references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
     playback = playback_of_session(opened, references, runs, listener)

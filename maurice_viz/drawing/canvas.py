@@ -233,7 +233,8 @@ def _put_inside(image: U8, name: str, polygon: F64, text_px: float) -> None:
         color = GROUND if width * shrunk / text_px < room / 0.9 else PALE
         middle = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
         width, height = text_size(name, shrunk)
-        put_text(image, name, middle[0] - width / 2, middle[1] + height / 2, shrunk, color)
+        inside = image.shape[1] * 0.95 - width  # of the wall to the right
+        put_text(image, name, min(middle[0] - width / 2, inside), middle[1] + height / 2, shrunk, color)
 
 
 def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) -> None:

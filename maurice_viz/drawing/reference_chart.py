@@ -140,7 +140,7 @@ def _write_name(part: U8, name: str, text: float) -> None:
     square = round(text)
     room = width - 1.5 * text
     small = min(text, text * room / max(text_size(name, text)[0], 1))
-    left = (room - text_size(name, small)[0]) / 2
+    left = max((room - text_size(name, small)[0]) / 2, 0)
     low = round(height - 0.45 * text)
     part[low - square : low, round(left) : round(left) + square] = BAR_INKS[channel_color(name)]
     write(part, name, left + 1.5 * text, low, small, TEXT_INK)
@@ -193,7 +193,7 @@ def _with_axis(channels: tuple[tuple[str, int], ...], size: tuple[int, int], mos
         x = 4 + mark / most * (end - 4)
         image[high + 2 : high + 6, round(x) : round(x) + 1] = PALE_INK
         words = f"{mark:g} nats" if mark == marks[-1] else f"{mark:g}"
-        write(image, words, max(x - 0.4 * text, 0), high + 7 + 0.95 * text, 0.95 * text, TEXT_INK)
+        write(image, words, max(x - 0.4 * text, 0), high + 9 + 0.95 * text, 0.95 * text, TEXT_INK)
     return image
 
 
