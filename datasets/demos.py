@@ -33,7 +33,7 @@ def kidnapping_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     return paths_in(cached("demos", key, make))
 
 
-def laser_paths(progress: Progress | None = None) -> SimulationPaths:
+def laser_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo of a robot with a laser, carried away in an office, from the user's cache."""
 
     def make(folder: Path) -> None:
