@@ -18,10 +18,12 @@ from urllib.parse import urlsplit
 
 from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.header import header_to_json
+from maurice_loaders.session_log.records import scan_to_json
 from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.progress import NamedProgress
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
+from .robot.segments import Progress
 from .sessions import play, session_info
 from .simulation import SimulationPlan, stage
 from .surveys import one_thread
@@ -212,6 +214,10 @@ class LiveLog:
         named = {} if camera is None else {"camera": camera}
         self._put(t_s, {"image": {"base64": data}} | named)
 
+    def scan(self, t_s: float, scan: LaserScan) -> None:
+        """Send a scan of a laser."""
+        self._put(t_s, {"scan": scan_to_json(scan)})
+
     def truth(self, t_s: float, pose: F64) -> None:
         """Send the true pose."""
         if self._truth:
@@ -247,7 +253,7 @@ def serve(
     truth: bool = True,
     ready: Callable[[Address], None],
     over: Callable[[Tally], None],
-    progress: NamedProgress | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Drive a complete session and send its lines at an address.
 

@@ -33,6 +33,14 @@ def map_in(path: Path, options: ReadingOptions | None = None) -> OccupancyMap | 
         return map_of(path, bag, occupancy_of_message)
 
 
+def expected_map(path: Path) -> OccupancyMap:
+    """Return the map that a bag holds. InputError as of `map_in`, and without one."""
+    occupancy = map_in(path)
+    if occupancy is None:
+        raise InputError(path, "found a bag without a map, expected one; name a map.yaml with --map")
+    return occupancy
+
+
 def map_of(path: Path, bag: BagSource, make: Callable[[Any], Map]) -> Map | None:
     """Return the first map of a bag that can be used. InputError where there are only others."""
     problem = ""

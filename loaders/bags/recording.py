@@ -346,6 +346,11 @@ def looks_like_mcap(path: Path) -> bool:
     return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
 
 
+def looks_like_bag(path: Path) -> bool:
+    """Return whether a file or folder is a bag of any kind."""
+    return looks_like_rosbag1(path) or looks_like_rosbag2(path) or looks_like_mcap(path)
+
+
 MCAP = "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it"
 FORMATS = (
     _format("rosbag1", "ROS 1 bag: .bag, chunks plain, bz2 or lz4", looks_like_rosbag1),

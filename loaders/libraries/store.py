@@ -16,9 +16,10 @@ from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena, open_arena
-from maurice_mcl.values.progress import Progress
 from maurice_mcl.values.session import Camera
 
+from ..bags.maps import expected_map
+from ..bags.recording import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files.maps import check_span, read_map, read_occupancy
 from ..files.ros_maps import ENDINGS
@@ -30,6 +31,7 @@ from .files import VERSION, hash_file, load_library, manifest_warnings, save_lib
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
+Progress = Callable[[int, int], None]  # pictures done, pictures in all
 Warn = Callable[[str], None]
 
 
@@ -173,8 +175,9 @@ def open_library(
     progress: Progress | None = None,
     warn: Warn | None = None,
 ) -> Library:
-    """Read a library folder, or build a survey's library unless the cache has it; a `map.yaml` is one, too.
+    """Read a library folder, or build a survey's library unless the cache has it.
 
+    A ROS `map.yaml` is one, too, and a bag with a map in it: a library of places without pictures.
     A survey is a log, a folder with a `survey.log`, or a table (CSV) of pictures with poses, without times.
     The cache knows a library by the content of log and pictures and by the channels' parameters; what is
     damaged there is built again. Its folder: MAURICE_CACHE, or the user's cache. Arguments as for
@@ -188,6 +191,8 @@ def open_library(
     path = Path(path)
     if path.suffix.lower() in ENDINGS:
         return map_library(read_occupancy(path), path.stem)
+    if looks_like_bag(path):
+        return map_library(expected_map(path), path.stem)
     path = survey_in(path)
     log = open_table(path) if is_table(path) else None
     if path.is_dir() and log is None:

@@ -25,9 +25,11 @@ from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
 from ..running.open import (
     library_at,
+    library_of,
     make_runs,
     open_library_for,
     open_session,
+    read_as_amcl,
 )
 from ..running.output import OutputOptions, output_of, show_recording
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
@@ -156,39 +158,35 @@ def replay_session(
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run stores its library's path: give a path, not an opened library")
+    reading = read_as_amcl(reading, specs, listener)
     opened = open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and output.alone and not output.no_recording
-    without = asked is None and opened.info.survey is None
-    if without and alone:
-        from ..running.drive import show_alone  # imports Rerun
+    place = library_of(opened, asked)
+    if place is None:
+        if alone:
+            from ..running.drive import show_alone  # imports Rerun
 
-        written = show_alone(opened, output.named(["drive"]), listener)
-        info = opened.info
-        return RunScores((), info.name, info.display_units, tuple(info.notes), written)
-    overview = opened.overview()
-    if not overview[0]:
-        shown = "a replay into a recording, without options of the filter, shows the drive"
-        hint = shown if without else "`inspect` lists what it holds"
-        raise InputError(opened.path, f"found no pictures, which the filter needs; {hint}")
-    references = open_library_for(opened, asked, keep_going=reading.keep_going, listener=listener)
+            written = show_alone(opened, output.named(["drive"]), listener)
+            info = opened.info
+            return RunScores((), info.name, info.display_units, tuple(info.notes), written)
+        if not opened.overview()[0]:
+            shown = "a replay into a recording, without options of the filter, shows the drive"
+            raise InputError(opened.path, f"found no pictures, which the filter needs; {shown}")
+    references = open_library_for(opened, place, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
-    playback = playback_of_session(opened, references, runs, overview, listener)
-    survey = asked if isinstance(asked, Path) else opened.info.survey or opened.path
+    playback = playback_of_session(opened, references, runs, listener)
+    survey = place if isinstance(place, Path) else opened.path
     inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
     return play(playback, output.named(words_of(specs)), listener, saving(runs, inputs, output), report)
 
 
 def playback_of_session(
-    session: RecordedSession,
-    library: Library,
-    runs: Sequence[FilterRun],
-    overview: tuple[int, bool],
-    listener: Listener,
+    session: RecordedSession, library: Library, runs: Sequence[FilterRun], listener: Listener
 ) -> Playback:
-    """Prepare runs of one recorded session, whose `overview` is known, for `play`."""
-    pictures, has_truth = overview
+    """Prepare runs of one recorded session for `play`."""
+    pictures, has_truth = session.overview()
     return Playback(
         shared(run_together(runs, session.moments())),
         pictures,

@@ -10,6 +10,8 @@ from typing import Protocol
 
 import numpy as np
 
+from maurice_loaders.bags.maps import map_in
+from maurice_loaders.bags.recording import looks_like_bag
 from maurice_loaders.config_files import motion_file, to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import chosen
@@ -81,6 +83,25 @@ def start_pose(
     return typed_pose(start, units_named(info.display_units), START_WORDS)
 
 
+def read_as_amcl(reading: ReadingOptions, specs: Sequence[RunSpec], listener: Listener) -> ReadingOptions:
+    """Use scans after the way and turn that AMCL's parameters name, unless the reading options do.
+
+    All runs of one session share its moments: the first file of AMCL's decides. Remarks what means nothing
+    here. InputError.
+    """
+    remark = once(listener.remark)
+    for spec in specs:
+        amcl = spec.amcl
+        if amcl is None:
+            continue
+        for text in amcl.remarks:
+            remark(f"{spec.config}: {text}")
+        if reading.min_distance_m is None and reading.min_angle_rad is None:
+            way_m, turn_rad = amcl.min_distance_m, amcl.min_angle_rad
+            reading = replace(reading, min_distance_m=way_m, min_angle_rad=turn_rad)
+    return reading
+
+
 NONE_YET = (
     "If you have none, make one from a drive with true poses: "
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
@@ -117,13 +138,21 @@ def open_session(
     return session
 
 
+def library_of(session: RecordedSession, asked: Path | Library | None) -> Path | Library | None:
+    """Return the library that was asked for, or the header names, or the bag itself where it holds a map."""
+    if asked is not None or session.info.survey is not None or not looks_like_bag(session.path):
+        return asked or session.info.survey
+    has_map = session.observed.scans and map_in(session.path) is not None
+    return session.path if has_map else None
+
+
 def open_library_for(
     session: RecordedSession, library: Path | Library | None, *, keep_going: bool, listener: Listener = SILENT
 ) -> Library:
     """Return the library that was asked for, or the one that the session's header names. InputError."""
-    if isinstance(library, Library):
-        return library
-    path = library or session.info.survey
+    path = library_of(session, library)
+    if isinstance(path, Library):
+        return path
     if path is None:
         raise InputError(
             session.path, f"found no library that goes with it; name one with --library. {NONE_YET}"

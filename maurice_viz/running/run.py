@@ -14,7 +14,6 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from maurice_loaders.errors import InputError
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.writer import RunWriter
 from maurice_mcl.reasons.verdict import decisive_step
@@ -187,11 +186,11 @@ def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Ste
 
 
 def remark(collector: ResultCollector, session: RecordedSession, listener: Listener) -> None:
-    """Report what was skipped of a session and what went wrong in its runs; InputError without a step."""
+    """Report what was skipped of a session and what went wrong in its runs."""
     remark_skipped(session, listener)
     remark_zeros(collector, listener)
     if not collector.updates:
-        raise InputError(session.path, "found no picture that can be read, so nothing was localized")
+        listener.warning(f"{session.path}: holds no picture, so nothing was localized")
 
 
 def remark_zeros(collector: ResultCollector, listener: Listener) -> None:
