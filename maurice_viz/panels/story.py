@@ -27,7 +27,8 @@ from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 from .traces import LINE_WIDTH, POSITION_ERROR, SPREAD
 from .views import MAP, Overrides, labeled, plane_view
 
-EVERY = 10  # updates between two points of the limit, which is a straight line
+EVERY = 10  # updates between two verdicts on a live drive
+UNSEEN = (0, 0, 0, 0)  # of a line that only keeps the axis of a live drive above the limit
 FAINT = 0.8  # width of lines that are beside the point
 ABOVE = 1.1  # times the largest error, or the first label: where the axis ends
 LABELS_APART = 0.19  # of the axis, at least
@@ -37,32 +38,21 @@ DOT, FINE_DOT = 1.5, 1.0  # radius of a particle of a thinned and of a whole clo
 class LimitsPanel(Panel):
     """Draws the error above which runs count as lost, and what is plotted beside it."""
 
-    def __init__(self, run: RunView, scene: Scene) -> None:
-        super().__init__(run, scene)
-        self._seen = 0
-        self._moment: Moment | None = None  # of the last update
-
     def prepare(self, rec: rr.RecordingStream) -> None:
         lost, has_truth = self._scale.say(self._run.radii.lost_m), self._scene.has_truth
-        line = rr.SeriesLines(colors=[STATES["lost"]], widths=[FAINT], names=[f"lost above {lost}"])
+        line = rr.SeriesLines(
+            colors=[STATES["lost"], UNSEEN], widths=[FAINT, FAINT], names=[f"lost above {lost}", "room above"]
+        )
         rec.log(LIMITS, line, static=True)
         what = f"**{'Error' if has_truth else 'Spread'}**, {self._scale.units.name}"
         text = f"{what}\n\nlost above {lost}" if has_truth else what
         rec.log(ERROR_UNIT, rr.TextDocument(text, media_type=MARKDOWN), static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        self._moment = update.moment
-        if self._seen % EVERY == 0:
-            self._log(rec)
-        self._seen += 1
-
-    def finish(self, rec: rr.RecordingStream) -> None:
-        self._log(rec)
-
-    def _log(self, rec: rr.RecordingStream) -> None:
-        if self._moment is not None and self._scene.has_truth:
-            set_phase(rec, self._moment, Phase.ESTIMATE)
-            rec.log(LIMITS, rr.Scalars(self._scale.length(self._run.radii.lost_m)))
+        if self._scene.has_truth:
+            set_phase(rec, update.moment, Phase.ESTIMATE)
+            lost = self._scale.length(self._run.radii.lost_m)
+            rec.log(LIMITS, rr.Scalars([lost, ABOVE * lost]))
 
 
 AT_THE_END = "The replay runs. What happened stands here when it ends."
@@ -84,7 +74,7 @@ class VerdictDrawing:
             set_phase(self._rec, moment, Phase.PREDICT)
             self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(self._words)))
         self._times_s[moment.frame.step] = moment.frame.time_s
-        if self._live and len(self._times_s) % EVERY == 0:
+        if self._live and len(self._times_s) % EVERY == 1:  # from the first step
             self._decide(verdicts())
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:

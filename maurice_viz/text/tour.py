@@ -67,7 +67,8 @@ def tour_pages(
 ) -> list[tuple[int, str]]:
     """Return step and Markdown of each moment, to be shown from its step until the next one's.
 
-    Each ends with the words that are `explained`.
+    Each ends with the words that are `explained`, and where these say what to do, with the command that walks
+    through the step.
     """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
     pages = []
@@ -76,7 +77,9 @@ def tour_pages(
         look = _look(moment, scale)
         if number + 1 < len(tour):
             look = f"{look} Next: **step {tour[number + 1].step}**, {names[number + 1]}."
-        pages.append((moment.step, "\n\n".join(part for part in (f"{title} {look}", explained) if part)))
+        walk = f"Phase by phase: `maurice-replay open FILE --step {moment.step} --phase weight`"
+        below = f"{explained} {walk}" if explained.endswith(GO_THERE) else explained
+        pages.append((moment.step, "\n\n".join(part for part in (f"{title} {look}", below) if part)))
     return pages
 
 

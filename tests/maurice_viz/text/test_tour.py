@@ -29,6 +29,10 @@ def test_each_page_says_where_it_is_where_to_look_and_what_comes_next():
     assert page.endswith("Next: **step 54**, localized again.")
     assert "200 were drawn anew" in pages[2][1]
     assert "Next" not in pages[-1][1]
+    (_, first), *_ = tour_pages(tour_of(verdicts), verdicts, INCHES, words([RunView("robust", ("color",))]))
+    assert first.endswith("`maurice-replay open FILE --step 1 --phase weight`")
+    crowd = words([RunView(label, ("color",)) for label in "abcd"])  # no room for it
+    assert all(page.endswith(crowd) for _, page in tour_pages(tour_of(verdicts), verdicts, INCHES, crowd))
 
 
 def test_without_truth_no_page_speaks_of_it():
