@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
+
+from maurice_mcl.values.progress import NamedProgress
 
 from .folders import SimulationPaths, cached, paths_in
 from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, LASER_SEED, UPDATES, simulation_key
 
-Progress = Callable[[int, int, str], None]  # done, all, what is being made
 
-
-def demo_paths(seed: int = DEMO, progress: Progress | None = None) -> SimulationPaths:
+def demo_paths(seed: int = DEMO, progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
 
     def make(folder: Path) -> None:
@@ -22,7 +21,7 @@ def demo_paths(seed: int = DEMO, progress: Progress | None = None) -> Simulation
     return paths_in(cached("demos", simulation_key("tracking", seed, seed, UPDATES), make))
 
 
-def kidnapping_paths(progress: Progress | None = None) -> SimulationPaths:
+def kidnapping_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo's kidnapped drive from the user's cache, made when absent."""
 
     def make(folder: Path) -> None:
@@ -34,7 +33,7 @@ def kidnapping_paths(progress: Progress | None = None) -> SimulationPaths:
     return paths_in(cached("demos", key, make))
 
 
-def laser_paths(progress: Progress | None = None) -> SimulationPaths:
+def laser_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo of a robot with a laser, carried away in an office, from the user's cache."""
 
     def make(folder: Path) -> None:

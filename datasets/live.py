@@ -20,10 +20,10 @@ from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.header import header_to_json
 from maurice_loaders.session_log.records import scan_to_json
 from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.progress import NamedProgress
 from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
-from .robot.segments import Progress
 from .sessions import play, session_info
 from .simulation import SimulationPlan, stage
 from .surveys import one_thread
@@ -253,7 +253,7 @@ def serve(
     truth: bool = True,
     ready: Callable[[Address], None],
     over: Callable[[Tally], None],
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> None:
     """Drive a complete session and send its lines at an address.
 

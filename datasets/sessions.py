@@ -16,6 +16,7 @@ from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
 from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.progress import NamedProgress
 from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import KIDNAPPED, NO_PICTURE, Frame, Moment, SessionInfo
 
@@ -23,7 +24,7 @@ from .folders import SIMULATION, SimulationPaths, copy_whole, paths_in, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .render.laser import SimulatedLaser, occupancy_of
-from .robot.segments import Happened, Log, Moved, Progress, write_segments
+from .robot.segments import Happened, Log, Moved, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import (
@@ -73,7 +74,7 @@ def simulate(
     laser: bool = False,
     motion_from: str | Path | None = None,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> SimulationPaths:
     """Drive the simulated Maurice; write its session and survey into a new folder, atomically.
 
@@ -135,7 +136,7 @@ def _notes_of(set_up: Stage) -> tuple[str, ...]:
     return (f"tier {set_up.plan.tier}", *set_up.eye.notes, *things, *set_up.course.notes)
 
 
-def play(set_up: Stage, log: Log, report: Progress) -> None:
+def play(set_up: Stage, log: Log, report: NamedProgress) -> None:
     """Drive the robot and write the session."""
     course, arena = set_up.course, set_up.world.arena
     write_segments(log, course.start, course.segments(), set_up.eye, arena, course.total, report)
@@ -148,7 +149,7 @@ def write_simulation(
     surveyor: Surveyor | None = None,
     lossless: bool = False,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> SimulationPaths:
     """Write a session and its survey (cached without a surveyor) into a new folder, all of it or nothing.
 
@@ -185,7 +186,7 @@ def write_demo(
     updates: int = UPDATES,
     surveyor: Surveyor | None = None,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> SimulationPaths:
     """Write survey and session of one seed into a new folder: position tracking where nothing changes."""
     plan = _demo_plan(seed, updates)

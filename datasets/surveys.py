@@ -20,6 +20,7 @@ from maurice_loaders.files.writing import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import INCH_M, wrap
+from maurice_mcl.values.progress import NamedProgress
 from maurice_mcl.values.randomness import Domain, stream
 from maurice_mcl.values.session import Camera, SessionInfo
 
@@ -27,7 +28,7 @@ from .folders import SIMULATED_SURVEY, cached, fingerprint, seal
 from .render.camera import Lens
 from .render.camera_session import CameraSession, survey_camera
 from .robot.motion import Chassis
-from .robot.segments import FRAME_S, Progress
+from .robot.segments import FRAME_S
 from .tasks import GENERATOR, SURVEY, TIERS, SimPurpose
 from .worlds.build import build_world, check_tier, load_plan
 from .worlds.world import World, clearance, inside
@@ -108,7 +109,7 @@ def write_survey(
     world: World,
     camera: CameraSession,
     surveyor: Surveyor,
-    report: Progress,
+    report: NamedProgress,
     poses: F64 | None = None,
 ) -> None:
     """Write the covered pictures, then every reference with its nominal pose, or those at `poses` (L, 3)."""
@@ -123,7 +124,7 @@ def write_survey(
             report(number, len(nominal), "survey")
 
 
-def cached_survey(world: World, seed: int, report: Progress, *, half_resolution: bool = False) -> Path:
+def cached_survey(world: World, seed: int, report: NamedProgress, *, half_resolution: bool = False) -> Path:
     """Return the folder of a world's survey, from the cache; it depends on world and arena seed alone."""
     key = f"{GENERATOR}-{fingerprint(world)[:24]}-{seed}{'-half' if half_resolution else ''}"
 
@@ -144,7 +145,7 @@ def write_survey_folder(
     half_resolution: bool = False,
     poses: F64 | None = None,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> Path:
     """Write a survey log with its pictures into a new folder, all or nothing; return the log's path."""
     report = progress or (lambda done, total, what: None)
@@ -166,7 +167,7 @@ def survey(
     poses: F64 | None = None,
     half_resolution: bool = False,
     force: bool = False,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> Path:
     """Take the reference pictures of a simulated world; return the path of the survey's log.
 

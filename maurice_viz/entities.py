@@ -21,7 +21,7 @@ PHASES_PER_STEP = 6  # phases of one update on the phase timeline, whether or no
 
 WORLD = "/world"
 FLOORS = "/world/floors"
-BARE_FLOORS = "/world/floors-bare"  # without names, for what is drawn over them
+BARE_FLOORS = "/world/floors-bare"  # without names and ruler, for small maps and close-ups
 WALLS = "/world/walls"
 NODES = "/world/nodes"
 
@@ -145,6 +145,11 @@ class RunPaths:
     def line_key(self) -> str:
         """The key of the plot of evidence: one EncodedImage."""
         return self.at("key", "evidence")
+
+    @property
+    def marks_key(self) -> str:
+        """The key of the other plots of one run: one EncodedImage."""
+        return self.at("key", "marks")
 
     @property
     def headings(self) -> str:

@@ -15,7 +15,7 @@ from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.scoring.comparison import ComparisonResult, RunComparison, Step, StepComparison
 from maurice_mcl.scoring.dead_reckoning import DeadReckoning
 from maurice_mcl.scoring.events import Say, in_meters
-from maurice_mcl.scoring.lost_signal import LostSignal, SignalSummary
+from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, Scorer
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
 from maurice_mcl.values.arrays import F64
@@ -118,7 +118,6 @@ class ResultCollector:
         self._reckonings = {
             label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
         }
-        self._signals = {label: LostSignal() for label in labels}
         self._radii = dict.fromkeys(labels, USUAL)
         self._took_s = dict.fromkeys(labels, 0.0)
         self.updates = 0  # added so far
@@ -140,7 +139,6 @@ class ResultCollector:
             reckoning = self._reckonings[label]
             if reckoning is not None:
                 reckoning.add(moment, record)
-            self._signals[label].add(record)
             self._radii[label] = record.estimate.radii
             self._took_s[label] += sum(record.took_s.values())
         pairings = self._pairings.items()
@@ -162,7 +160,7 @@ class ResultCollector:
     def _result(self, label: str, score: RunScore) -> RunResult:
         took_s = self._took_s[label]
         per_s = score.updates / took_s if took_s > 0 else None
-        verdict, signal = self._verdict(label), self._signals[label].summary()
+        verdict, signal = self._verdict(label), self._verdicts[label].signal.summary()
         result = RunResult(label, score, per_s, verdict, self._radii[label], signal=signal)
         pairing = self._pairings.get(label)
         return result if pairing is None else replace(result, against=pairing.first, paired=pairing.result())

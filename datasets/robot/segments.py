@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +11,7 @@ import numpy as np
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import Arena
+from maurice_mcl.values.progress import NamedProgress
 from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import KIDNAPPED
 
@@ -22,8 +23,6 @@ SETTLE_S = 0.5  # before and after each movement; invented
 TURN_RAD_S = float(np.radians(45))  # invented
 DRIVE_M_S = 0.15  # invented
 CARRY_S = 20.0  # to carry the robot somewhere else; invented
-
-Progress = Callable[[int, int, str], None]  # done, all, what is being made
 
 
 class Log(Protocol):
@@ -90,7 +89,13 @@ class Segment:
 
 
 def write_segments(
-    log: Log, start: F64, segments: Iterable[Segment], eye: Eye, arena: Arena, total: int, report: Progress
+    log: Log,
+    start: F64,
+    segments: Iterable[Segment],
+    eye: Eye,
+    arena: Arena,
+    total: int,
+    report: NamedProgress,
 ) -> None:
     """Write a session as it goes: movements, events, a picture and the truth for each segment."""
     log.event(0.0, _floor_event(arena, start))

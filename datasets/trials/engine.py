@@ -20,6 +20,7 @@ import cv2
 import joblib  # type: ignore[import-untyped]  # has no types
 
 from maurice_loaders.errors import InputError
+from maurice_mcl.values.progress import Progress
 
 from .plan import Plan
 from .rows import RowStore
@@ -29,7 +30,6 @@ LOCAL, DASK = "local", "dask"
 CLUSTER = "pip install 'maurice-replay[cluster]'"
 SCHEDULER_PATIENCE_S = 10.0
 AHEAD = 2  # jobs waiting per worker
-Progress = Callable[[int, int], None]  # runs on disk, runs in all
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 

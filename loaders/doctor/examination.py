@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -21,6 +21,7 @@ from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import path_of
 from maurice_mcl.values.library import Library
+from maurice_mcl.values.progress import Progress
 from maurice_mcl.values.session import Moment, SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
@@ -140,8 +141,6 @@ def _gain(path: Path, info: SessionInfo) -> float:
 
 MOST_PICTURES = 60
 BETWEEN_S = 2.0  # pictures that come more often are passed over
-
-Progress = Callable[[int, int], None]
 
 
 def look(

@@ -17,6 +17,7 @@ from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.library import Library
+from maurice_mcl.values.progress import NamedProgress
 from maurice_mcl.values.session import Camera
 
 from ..errors import InputError, PictureError
@@ -28,7 +29,6 @@ from .remembered import remembered
 VERSION = 3  # of what landmarks are made of: another one makes them again
 LANDMARKS = "landmarks"
 
-Progress = Callable[[int, int, str], None]  # done, of how many, what
 Warn = Callable[[str], None]
 
 
@@ -36,7 +36,7 @@ def with_landmarks(
     library: Library,
     *,
     camera: Camera | None = None,
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
     warn: Warn | None = None,
 ) -> Library:
     """Return a library with landmarks, if its pictures allow any; else the same, and `warn` is told why.

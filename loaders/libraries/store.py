@@ -16,6 +16,7 @@ from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.library import ChannelIndex, Library
 from maurice_mcl.values.map import Arena, open_arena
+from maurice_mcl.values.progress import Progress
 from maurice_mcl.values.session import Camera
 
 from ..bags.maps import expected_map
@@ -31,7 +32,6 @@ from .files import VERSION, hash_file, load_library, manifest_warnings, save_lib
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
-Progress = Callable[[int, int], None]  # pictures done, pictures in all
 Warn = Callable[[str], None]
 
 

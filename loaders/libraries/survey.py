@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from maurice_mcl.values.arrays import F64, U8, Bool
 from maurice_mcl.values.geometry import angle_between
+from maurice_mcl.values.progress import Progress
 from maurice_mcl.values.radii import fitted_m
 from maurice_mcl.values.session import Moment, SessionInfo
 
@@ -112,8 +113,6 @@ def _same(a: F64, b: F64, every: Spacing) -> bool:
 
 
 EVERY = Spacing(0.4, float(np.radians(45)))  # what a drive through rooms is thinned to
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -164,29 +164,34 @@ def replay_session(
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and output.alone and not output.no_recording
     place = library_of(opened, asked)
-    if place is None:
-        if alone:
-            from ..running.drive import show_alone  # imports Rerun
+    if place is None and alone:
+        from ..running.drive import show_alone  # imports Rerun
 
-            written = show_alone(opened, output.named(["drive"]), listener)
-            info = opened.info
-            return RunScores((), info.name, info.display_units, tuple(info.notes), written)
-        if not opened.overview()[0]:
-            shown = "a replay into a recording, without options of the filter, shows the drive"
-            raise InputError(opened.path, f"found no pictures, which the filter needs; {shown}")
+        written = show_alone(opened, output.named(["drive"]), listener)
+        info = opened.info
+        return RunScores((), info.name, info.display_units, tuple(info.notes), written)
+    overview = opened.overview()
+    if not overview[0]:
+        shown = "a replay into a recording, without options of the filter, shows the drive"
+        hint = shown if place is None else "`inspect` lists what it holds"
+        raise InputError(opened.path, f"found neither pictures nor scans, which the filter needs; {hint}")
     references = open_library_for(opened, place, keep_going=reading.keep_going, listener=listener)
     runs = make_runs(opened, references, specs, listener)
-    playback = playback_of_session(opened, references, runs, listener)
+    playback = playback_of_session(opened, references, runs, overview, listener)
     survey = place if isinstance(place, Path) else opened.path
     inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
     return play(playback, output.named(words_of(specs)), listener, saving(runs, inputs, output), report)
 
 
 def playback_of_session(
-    session: RecordedSession, library: Library, runs: Sequence[FilterRun], listener: Listener
+    session: RecordedSession,
+    library: Library,
+    runs: Sequence[FilterRun],
+    overview: tuple[int, bool],
+    listener: Listener,
 ) -> Playback:
-    """Prepare runs of one recorded session for `play`."""
-    pictures, has_truth = session.overview()
+    """Prepare runs of one recorded session, whose `overview` is known, for `play`."""
+    pictures, has_truth = overview
     return Playback(
         shared(run_together(runs, session.moments())),
         pictures,

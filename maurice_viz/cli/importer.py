@@ -130,7 +130,7 @@ def _usual_run(log: RecordedSession) -> Playback:
 
     library = open_library_for(log, None, keep_going=False, listener=TO_CONSOLE)
     runs = make_runs(log, library, [RunSpec()], TO_CONSOLE)
-    return playback_of_session(log, library, runs, TO_CONSOLE)
+    return playback_of_session(log, library, runs, log.overview(), TO_CONSOLE)
 
 
 def _play(playback: Playback, recording_id: str | None) -> None:

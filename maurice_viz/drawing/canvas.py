@@ -86,12 +86,13 @@ def _encoded(suffix: str, image: U8, options: list[int]) -> bytes:
 
 
 LONG_SIDE_PX = 1280  # of the drawing: twice what a map view has on a screen of 1600 x 1000
-MAP_MARGINS = {"left": 0.09, "right": 0.05, "top": 0.075, "bottom": 0.06}  # shares of the arena's long side
-MAP_TEXT_SHARE = 0.024  # height of capitals, as a share of the arena's long side
+MAP_MARGINS = {"left": 0.095, "right": 0.05, "top": 0.075, "bottom": 0.06}  # shares of the arena's long side
+MAP_TEXT_SHARE = 0.026  # height of capitals, as a share of the arena's long side
 FLOOR_COLORS: dict[str, RGB] = {"wood": (62, 44, 30), "carpet": (54, 54, 60)}
 OTHER_FLOOR_COLORS: tuple[RGB, ...] = ((40, 54, 46), (56, 40, 58), (52, 52, 40))
 MOST_TICKS = 9  # labels along one side of the ruler
-LEAST_TEXT_SCALE = 0.7  # of the usual size of text, to make a name fit its obstacle
+LEAST_TEXT_SCALE = 0.85  # of the usual size of text, to make a name fit its obstacle
+MOST_OVER = 1.6  # of the room in an obstacle, for a name of the least size
 TICK_STEPS = (1, 2, 3, 5, 10)
 
 
@@ -149,7 +150,7 @@ class Canvas:
 
 
 def draw_ground(arena: Arena, scale: Scale, *, named: bool = True) -> Canvas:
-    """Draw floors and obstacles with their names, and a ruler along two sides."""
+    """Draw floors and obstacles; if `named`, with their names and a ruler along two sides."""
     extent = map_extent(arena, scale)
     unit_per_px = max(extent.width, extent.height) / LONG_SIDE_PX
     shape = (round(extent.height / unit_per_px), round(extent.width / unit_per_px), 3)
@@ -164,7 +165,7 @@ def draw_ground(arena: Arena, scale: Scale, *, named: bool = True) -> Canvas:
         _fill_obstacle(canvas, obstacle, scale)
     if named:
         _put_names(canvas, arena, scale, text_px)
-    _ruler(canvas, arena, scale, text_px)
+        _ruler(canvas, arena, scale, text_px)
     return canvas
 
 
@@ -224,14 +225,16 @@ def _put_names(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> No
 
 
 def _put_inside(image: U8, name: str, polygon: F64, text_px: float) -> None:
-    """Write a name in the middle of an obstacle, smaller if need be; not at all where it would not fit."""
+    """Write a name in the middle of an obstacle, smaller if need be; pale where it is over the edge."""
     room = np.ptp(polygon[:, 0]) * 0.9
     width, _ = text_size(name, text_px)
     shrunk = max(min(text_px, text_px * room / max(width, 1)), LEAST_TEXT_SCALE * text_px)
-    if width * shrunk / text_px < 1.3 * room:  # a little over the edge is better than too small to read
+    if width * shrunk / text_px < MOST_OVER * room:
+        color = GROUND if width * shrunk / text_px < room / 0.9 else PALE
         middle = (polygon.min(axis=0) + polygon.max(axis=0)) / 2
         width, height = text_size(name, shrunk)
-        put_text(image, name, middle[0] - width / 2, middle[1] + height / 2, shrunk, GROUND)
+        inside = image.shape[1] * 0.95 - width  # of the wall to the right
+        put_text(image, name, min(middle[0] - width / 2, inside), middle[1] + height / 2, shrunk, color)
 
 
 def _put_name(image: U8, name: str, polygon: F64, at_top: bool, text_px: float) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.values.arrays import F32, U8
 
-from ..style import BAR, EMPTY, GROUND, PALE, RGB, RULER, RUN_COLORS
+from ..style import EMPTY, GROUND, PALE, PICTURE, REFERENCE, RULER
 from .heat import SHADES, grid_of, heat_of, place_heat
 from .indexed import IndexedColors
 
@@ -28,9 +28,8 @@ PLANES = "RGB"
 EDGES = "edges"
 
 ROW = IndexedColors()
-GROUND_INK, AXIS_INK, GRAY_INK = (ROW.flat(color) for color in (GROUND, RULER, BAR))
-PLANE_INKS = tuple(ROW.flat(color) for color in ((150, 62, 58), (66, 120, 70), (70, 82, 168)))
-RUN_INKS: Mapping[RGB, int] = {color: ROW.flat(color) for color in RUN_COLORS}
+GROUND_INK, AXIS_INK = ROW.flat(GROUND), ROW.flat(RULER)
+BARS_INK, LINE_INK = ROW.flat(PICTURE), ROW.flat(REFERENCE)
 HEAT_INK = ROW.ramp(EMPTY, PALE, SHADES)
 
 
@@ -62,18 +61,16 @@ def cell_px(count: int) -> float:
     return CELLS_PX / max(count, 1)
 
 
-def draw_row(
-    cells: Sequence[Cell], sample: Mapping[str, F32], reference: Mapping[str, F32], color: RGB
-) -> bytes:
-    """Draw all cells side by side as a PNG; the reference's lines have a run's color."""
+def draw_row(cells: Sequence[Cell], sample: Mapping[str, F32], reference: Mapping[str, F32]) -> bytes:
+    """Draw all cells side by side as a PNG."""
     image = np.full((HIGH_PX, CELLS_PX), GROUND_INK, np.uint8)
     for number, cell in enumerate(cells):
         left, right = round(cell_px(len(cells)) * number), round(cell_px(len(cells)) * (number + 1)) - GAP_PX
-        _draw_cell(image[:, left:right], cell, sample[cell.channel], reference[cell.channel], RUN_INKS[color])
+        _draw_cell(image[:, left:right], cell, sample[cell.channel], reference[cell.channel])
     return ROW.png(image)
 
 
-def _draw_cell(image: U8, cell: Cell, sample: F32, reference: F32, ink: int) -> None:
+def _draw_cell(image: U8, cell: Cell, sample: F32, reference: F32) -> None:
     grid = grid_of(cell.channel, len(sample))
     if grid is not None:
         most = float(max(sample.max(), reference.max()))
@@ -84,10 +81,10 @@ def _draw_cell(image: U8, cell: Cell, sample: F32, reference: F32, ink: int) -> 
     top = 1.05 * max(float(values.max()), float(others.max()), LEAST)
     element = np.arange(width) * len(values) // width
     bars, line = (np.rint((height - 1) * (1 - part[element] / top)) for part in (values, others))
-    image[np.arange(height)[:, None] >= bars] = GRAY_INK if cell.plane is None else PLANE_INKS[cell.plane]
+    image[np.arange(height)[:, None] >= bars] = BARS_INK
     image[-1] = AXIS_INK
     points = np.column_stack([np.arange(width), line]).astype(np.int32)
-    cv2.polylines(image, [points], False, ink, LINE_PX)
+    cv2.polylines(image, [points], False, LINE_INK, LINE_PX)
 
 
 def _values(cell: Cell, descriptor: F32) -> F32:

@@ -20,11 +20,11 @@ from .. import style
 from ..style import RGB, Scale
 from .canvas import MAP_MARGINS, Extent, long_side, map_extent, put_text, text_size
 
-HEIGHT_PX = 64
+HEIGHT_PX = 52
 TEXT_PX = 24.0
 GAP_PX = 18
-INSET_PX = 70
-ROWS_PX = 1150  # width of a key of several rows, which is as wide as its view
+INSET_PX = 24
+ROWS_PX = 800  # least width of a key of several rows, which is as wide as its view
 # the keys of a run, by name: what is above its maps
 WEIGHTS, MATCHES, LIKELIHOOD, EXPLAINED = "weights", "matches", "likelihood", "explained"
 CIRCLES, CIRCLE_PX = 5, 22  # circles in a key, and the radius of the largest
@@ -37,8 +37,8 @@ DISK_PX = 0.42  # radius of a disk, as a share of the height of capitals
 RAMP_PX = 5.0  # length of the color scale, in heights of capitals
 ROW_HEIGHT = 2.2  # height of a row, in heights of capitals
 LEFT_PX = 60
-# heights of capitals, of a key WIDTH_PX wide: at least 8 px on a screen of 1600 x 1000
-BELIEF_PX, LIKELIHOOD_PX = 26.0, 31.0
+# heights of capitals, of a key WIDTH_PX wide: at least 8 px on a screen of 1280 x 800
+BELIEF_PX, LIKELIHOOD_PX = 26.0, 38.0
 
 
 def _strip(width: int) -> U8:
@@ -85,7 +85,7 @@ def explain_key(has_truth: bool, color: RGB = style.RUN_COLORS[0]) -> U8:
     truth = [_arrow(style.TRUTH), _text("truth  ")] if has_truth else []
     estimate = [_arrow(color), _text("estimate  ")]
     arrows = [_text("references: "), *truth, *estimate, _arrow(style.RANK), _text("winner  ")]
-    arrows += [_ring(color), _text("2 sigma of the cloud")]
+    arrows += [_ring(color), _text("2 sigma")]
     return _rows(_joined(*_circles()), _joined(*arrows))
 
 
@@ -93,10 +93,10 @@ def _circles() -> list[U8]:
     """Draw circles of references as large as they are so many nats below the best."""
     steps = np.linspace(0, style.DEEPEST, CIRCLES)
     sizes = np.maximum((CIRCLE_PX * (1 - steps / style.DEEPEST)).round().astype(int), 3).tolist()
-    labels = ["0", *(f"{nats:g}" for nats in steps[1:-1]), f"{style.DEEPEST:g} or more"]
+    labels = [*(f"{nats:g}" for nats in steps[:-1]), f"{style.DEEPEST:g}+"]
     disks = [_disk(style.CIRCLE, size) for size in sizes]
     parts = [part for disk, label in zip(disks, labels, strict=True) for part in (disk, _text(label))]
-    return [_text("references, nats below the best: "), *parts]
+    return [_text("references, nats behind: "), *parts]
 
 
 @lru_cache

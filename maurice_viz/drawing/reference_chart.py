@@ -39,7 +39,7 @@ from .indexed import fill, write
 
 CHART_PX = (288, 260)  # width and height, in a recording of many updates
 BAR_SHARE = 0.23  # of the height, with the axis below it
-TEXT_SHARE = 0.045  # height of capitals, of the width
+TEXT_SHARE = 0.052  # height of capitals, of the width
 COST_SHARE = 0.32  # of a small chart's height: what each element costs
 TICK_NATS = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # nats between two marks of the axis
 MOST_MARKS = 5
@@ -130,7 +130,7 @@ def _ground(channels: tuple[tuple[str, int], ...], size: tuple[int, int]) -> U8:
             levels, costs = _levels_and_costs(part, text)
             levels[:] = _grounds(elements)[np.arange(width) * len(_grounds(elements)) // width]
             costs[:] = EMPTY_INK
-            _name_planes(levels, elements, 0.8 * text)
+            _name_planes(levels, elements, 0.95 * text)
     return image
 
 
@@ -140,7 +140,7 @@ def _write_name(part: U8, name: str, text: float) -> None:
     square = round(text)
     room = width - 1.5 * text
     small = min(text, text * room / max(text_size(name, text)[0], 1))
-    left = (room - text_size(name, small)[0]) / 2
+    left = max((room - text_size(name, small)[0]) / 2, 0)
     low = round(height - 0.45 * text)
     part[low - square : low, round(left) : round(left) + square] = BAR_INKS[channel_color(name)]
     write(part, name, left + 1.5 * text, low, small, TEXT_INK)
@@ -174,8 +174,8 @@ def _draw_bar(image: U8, entry: EntryExplanation, most: float, size: tuple[int, 
         image[low:high, round(at) : round(after)] = ink
         label = f"{channel.channel} {channel.loses:.1f}"
         for words in (label, channel.channel):
-            if _width(words, 0.9 * text) < after - at - 4:
-                write(image, words, at + 3, high - 0.6 * text, 0.9 * text, ink)
+            if _width(words, 0.95 * text) < after - at - 4:
+                write(image, words, at + 3, high - 0.6 * text, 0.95 * text, ink)
                 break
         at = after
     total = sum(channel.loses for channel in entry.channels)
@@ -193,7 +193,7 @@ def _with_axis(channels: tuple[tuple[str, int], ...], size: tuple[int, int], mos
         x = 4 + mark / most * (end - 4)
         image[high + 2 : high + 6, round(x) : round(x) + 1] = PALE_INK
         words = f"{mark:g} nats" if mark == marks[-1] else f"{mark:g}"
-        write(image, words, max(x - 0.4 * text, 0), high + 7 + 0.9 * text, 0.85 * text, TEXT_INK)
+        write(image, words, max(x - 0.4 * text, 0), high + 9 + 0.95 * text, 0.95 * text, TEXT_INK)
     return image
 
 

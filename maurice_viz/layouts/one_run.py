@@ -27,13 +27,14 @@ from ..panels.sensors import (
     sensor_space_view,
     sensor_words_view,
 )
-from ..panels.traces import run_plots
+from ..panels.traces import marks_key, run_plots
 from ..panels.views import untitled
 from ..scene import RunView, Scene
 from .story import HEIGHT_PX, OWN_LANES, over_events
 
 INSIDE_WORDS_PX = 78  # two lines
-SENSOR_WORDS, SENSOR_PICTURES = 1.45, (3.6, 3.0)  # shares of a column: a few lines of text over the pictures
+SENSOR_WORDS, SENSOR_PICTURES = 1.9, (3.4, 2.9)  # shares of a column: a few lines of text over the pictures
+MARKS_PX = 54  # of the key of plots, in two rows
 FIGURES_PX, FIGURE_PX = 188, 23  # of a table without channels, and of each channel's row
 MAP_PERCENT = 40  # of the width: the map of a run
 
@@ -41,7 +42,7 @@ MAP_PERCENT = 40  # of the width: the map of a run
 def overview(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the map over the words; right circles and camera, over the five best and two plots."""
     paths = run.paths
-    left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[1.9, 1])
+    left = _map_over_words(run, scene)
     maps = rrb.Tabs(circles_view(paths, scene), *likelihood_views(paths, run.channels, scene), active_tab=0)
     compared = rrb.Horizontal(maps, *seen_views([run]), column_shares=[1.25, 1])
     plots = run_plots(run, scene)
@@ -54,7 +55,7 @@ def overview(run: RunView, scene: Scene) -> rrb.Vertical:
 def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the phases over two sentences; the cloud before and after, and the picture over the weights."""
     paths = run.paths
-    seen = named_view("The robot sees", entities.CAMERA) if run.channels else headings_view(paths)
+    seen = named_view("The robot sees", entities.CAMERA) if scene.has_pictures else headings_view(paths)
     beside = rrb.Vertical(seen, weight_bars_view(paths), row_shares=[52, 48])
     close_ups = [side_view(paths, side, scene) for side in (BEFORE, AFTER)]
     clouds = rrb.Horizontal(*close_ups, beside, column_shares=[445, 445, 390])
@@ -74,7 +75,7 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     whose = (CAMERA_CARD, *columns_of(scene.has_truth))
     cards = rrb.Horizontal(*(card_view(paths, who) for who in whose))
     charts = rrb.Horizontal(*(chart_view(paths, who) for who in whose))
-    right = rrb.Vertical(sentence_view(paths), cards, charts, row_shares=[128, 310, 175])
+    right = rrb.Vertical(sentence_view(paths), cards, charts, row_shares=[160, 278, 175])
     body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
     return untitled(over_events(body, [run], noticed=True))
 
@@ -87,9 +88,10 @@ def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
     views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
     in_3d = () if run.sensor is None else run.sensor.sensors.items()
     views += [sensor_space_view(paths, scene, name) for name, sensor in in_3d if in_space(sensor)]
-    left = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
+    left: rrb.View | rrb.Container = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
     plot = run_plots(run, scene)[0]
-    body = rrb.Horizontal(rrb.Vertical(left, plot, row_shares=[3.2, 1]), right, column_shares=[1, 1.1])
+    left = rrb.Vertical(left, plot, marks_key(paths), row_shares=[400, 125, MARKS_PX])
+    body = rrb.Horizontal(left, right, column_shares=[1, 1.1])
     return untitled(over_events(body, [run], noticed=True), but=[plot])
 
 
@@ -99,10 +101,16 @@ def _of_sensor(run: RunView, name: str) -> rrb.Container:
     return rrb.Vertical(sensor_words_view(run.paths, name), *pictures, name=name, row_shares=shares)
 
 
+def _map_over_words(run: RunView, scene: Scene) -> rrb.Vertical:
+    """Lay out the map over the words, over the key of the plots beside it."""
+    views = belief_view(run.paths, scene), words_view(run.paths), marks_key(run.paths)
+    return rrb.Vertical(*views, row_shares=[370, 140, MARKS_PX])
+
+
 def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out another localizer's clouds: the map over the words; right the close-up over headings, plots."""
     paths = run.paths
-    left = rrb.Vertical(belief_view(paths, scene), words_view(paths), row_shares=[1.9, 1])
+    left = _map_over_words(run, scene)
     seen = rrb.Vertical(*(seen_views([run]) if scene.has_pictures else []), headings_view(paths))
     close = rrb.Horizontal(closeup_view(paths, scene), seen, column_shares=[1.6, 1])
     plots = run_plots(run, scene)

@@ -17,7 +17,7 @@ from ..scene import RunView, Scene
 from .story import HEIGHT_PX, errors_row, over_events
 
 COMPARED_WORDS_PX, COMPARED_ERRORS_PX = 84, 100
-CLOUDS, DRIVE = 64, 36  # shares of the left column: the clouds over the words on the drive
+DRIVE_PX, RUN_PX = 102, 34  # of the words on the drive, below the clouds: without a run's, and of each run's
 ROW_PX = 70  # of the histograms of a run
 
 
@@ -26,8 +26,9 @@ def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     path, count = (CLOSER, 2) if scene.has_truth else (SHARED, 1 + len(runs))
     lanes = lanes_px(count)
     middle = HEIGHT_PX - COMPARED_WORDS_PX - lanes - COMPARED_ERRORS_PX
+    words = DRIVE_PX + RUN_PX * (len(runs) - 1)
     left = rrb.Vertical(
-        shared.clouds_view(runs, scene), shared.drive_words_view(), row_shares=[CLOUDS, DRIVE]
+        shared.clouds_view(runs, scene), shared.drive_words_view(), row_shares=[middle - words, words]
     )
     body = rrb.Horizontal(left, _seen(runs, scene, middle), column_shares=[1, 2])
     screen = rrb.Vertical(
@@ -54,14 +55,17 @@ def _seen(runs: Sequence[RunView], scene: Scene, height: int) -> rrb.Container |
 
 def traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Plot one quantity per panel, one line per run in its color, as the lanes below name them."""
-    knows, particles = lines.knows_plot(runs), lines.particle_plots(runs)
-    spread, confidence = lines.cloud_plots(runs, scene)
-    columns = [rrb.Vertical(spread, confidence, *particles)]
+    particles, (spread, confidence) = lines.particle_plots(runs), lines.cloud_plots(runs, scene)
+    errors = lines.error_plots(runs, scene) if scene.has_truth else []
+    if not any(run.channels for run in runs):  # nothing to compare with
+        return _over_key([[*errors, confidence], [spread, *particles]], runs)
+    knows = lines.knows_plot(runs)
     if scene.has_truth:
-        columns = [rrb.Vertical(*lines.error_plots(runs, scene), knows, lines.rank_plot(runs)), *columns]
+        left = rrb.Vertical(*errors, knows, lines.rank_plot(runs))
+        right = rrb.Vertical(spread, confidence, *particles)
     else:
-        columns = [rrb.Vertical(knows, spread, confidence), rrb.Vertical(*particles)]
-    return over_events(rrb.Horizontal(*columns, _last(runs)), runs)
+        left, right = rrb.Vertical(knows, spread, confidence), rrb.Vertical(*particles)
+    return over_events(rrb.Horizontal(left, right, _last(runs)), runs)
 
 
 def _last(runs: Sequence[RunView]) -> rrb.Vertical:
@@ -75,5 +79,10 @@ def _last(runs: Sequence[RunView]) -> rrb.Vertical:
 def recorded_traces(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     """Plot one quantity per panel of another localizer's clouds, whose evidence is not known."""
     columns = [lines.error_plots(runs, scene)] if scene.has_truth else []
-    columns.append(lines.cloud_plots(runs, scene))
-    return over_events(rrb.Horizontal(*(rrb.Vertical(*column) for column in columns)), runs)
+    return _over_key([*columns, lines.cloud_plots(runs, scene)], runs)
+
+
+def _over_key(columns: Sequence[Sequence[rrb.View]], runs: Sequence[RunView]) -> rrb.Vertical:
+    """Lay out columns of plots over the key of their marks, over the lanes."""
+    plots = rrb.Horizontal(*(rrb.Vertical(*column) for column in columns))
+    return over_events(rrb.Vertical(plots, lines.marks_key(runs[0].paths), row_shares=[9, 1]), runs)

@@ -70,8 +70,9 @@ def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
     if runs[0].channels:
         matches = [best_match_view(run) for run in runs if run.channels]
         views: list[rrb.View] = [*seen_views(runs), *matches]
-    else:  # without a camera there is no picture
-        views = [*(sensor_words_view(paths, name) for name in runs[0].sensors), headings_view(paths)]
+    else:
+        views = [*(sensor_words_view(paths, name) for name in runs[0].sensors)]
+        views += seen_views(runs) if scene.has_pictures else [headings_view(paths)]
     rows = [views[first : first + MOST_IN_A_ROW] for first in range(0, len(views), MOST_IN_A_ROW)]
     if len(rows) == 1 or len(rows[-1]) == MOST_IN_A_ROW:
         shares = [PICTURES] * len(rows) + [WORDS]

@@ -33,7 +33,7 @@ from ..style import (
     weight_colors,
 )
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
-from .views import MAP, map_view, plane_view
+from .views import BARE_MAP, MAP, map_view, plane_view
 
 PARTICLE_PT = 1.75  # radius in points of the screen
 FEW_PARTICLES = 300  # particles drawn in updates with less detail
@@ -272,7 +272,6 @@ class CloseupFrame:
     def __init__(self, path: str, scene: Scene) -> None:
         self._path, self._scale = path, scene.scale
         self._long = long_side(scene.arena, scene.scale)
-        self._corner = scene.scale.screen(np.array([scene.arena.bounds[:2]]))[0]  # left and low, as drawn
         self._half = 0.0  # of its side, in display units
         self._at = np.zeros(2, np.float32)  # its middle, as drawn
         self._points = False  # whether it points to a truth
@@ -305,12 +304,7 @@ class CloseupFrame:
         self._draw_away(rec, truths)
 
     def _draw_bar(self, rec: rr.RecordingStream) -> None:
-        """Draw the scale bar; where the map's ruler is in view, there is none."""
-        left, low = self._at[0] - self._half, self._at[1] + self._half
-        if left < self._corner[0] or low > self._corner[1]:
-            rec.log(f"{self._path}/bar", rr.LineStrips2D.from_fields(strips=[]))
-            rec.log(f"{self._path}/length", rr.Points2D.from_fields(positions=[], labels=[]))
-            return
+        """Draw the scale bar: the ground of a close-up has no ruler."""
         unit = self._scale.units.name
         length = bar_for(self._half * BAR_SHARE, unit)
         end = BAR_LEFT + length / self._half
@@ -381,7 +375,7 @@ def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
 
 def closeup_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the close-up of the cloud."""
-    contents = [*MAP, entities.NODES, f"{paths.at('belief')}/**", *frame_marks(paths.closeup)]
+    contents = [*BARE_MAP, entities.NODES, f"{paths.at('belief')}/**", *frame_marks(paths.closeup)]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     return plane_view("Cloud close up", contents, Extent(-1, 1, -1, 1), origin=paths.closeup)
 

@@ -59,7 +59,7 @@ def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
     draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image)), EDGES_QUALITY))
 
 
-NAME_ABOVE = 0.08  # of a picture's width: its name stands so far above it; in a narrow view more
+NAME_ABOVE = 0.12  # of a picture's width: its name stands so far above it; in a narrow view more
 
 
 def draw_name(

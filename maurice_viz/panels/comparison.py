@@ -9,28 +9,29 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.scoring.comparison import Step
-from maurice_mcl.values.arrays import F32, F64, I32
-from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.arrays import F64, I32
+from maurice_mcl.values.records import Belief, StepRecord
 from maurice_mcl.values.session import Moment
 
 from .. import entities
-from ..drawing.arrow import blob_of, row_of, strips_of, text_of
+from ..drawing.arrow import Row, blob_of, points_of, row_of, strips_of, text_of
 from ..drawing.canvas import Extent, jpeg
 from ..drawing.histogram_row import CELLS_PX, HIGH_PX, KEY_PX, TITLE_PX, Cell, cell_px, cells_of, draw_row
 from ..entities import BARE_FLOORS, COMPARE_CLOSEUP, WALLS, Phase, bars_of, gap_of
 from ..playback import RunResult
 from ..scene import RunView, Scene
-from ..style import PALE, TRUTH, font_safe
-from ..text.comparison import NOT_YET, drive_words, errors_m, key_words, step_words
+from ..style import PALE, PICTURE, REFERENCE, TRUTH, font_safe
+from ..text.comparison import NOT_YET, drive_words, errors_m, key_words, step_words, unweighed_words
 from .belief import CloseupFrame, frame_marks, sample, truth_marker
 from .camera import SEES, draw_jpeg, draw_name, prepare_jpeg
-from .panel import MARKDOWN, set_phase
+from .panel import MARKDOWN, set_phase, set_phase_only
 from .views import Overrides, plane_view
 
 DOTS_A_CLOUD = 200  # per cloud on the shared map: four full clouds would hide each other
 DOT_PT = 1.5  # radius in points of the screen
-NAMES_TOP, NAME_ROW = -1.02, 0.14  # of the close-up: the names of the runs, one below the other
-KEY_ROWS = (-22, 8)  # of a row of histograms: the tops of the two labels of its key
+CLOSEUP = Extent(-2.0, 1.15, -1.0, 1.0)  # what is seen of it: the clouds, and left of them
+NAMES_LEFT, NAMES_TOP, NAME_ROW = -1.45, -1.0, 0.19  # the names of the runs, one below the other
+KEY_ROWS = (-24, 1, 26)  # of a row of histograms: the tops of the labels of its key
 
 
 class ComparisonDrawing:
@@ -41,7 +42,8 @@ class ComparisonDrawing:
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._runs, self._scale, self._library = rec, tuple(runs), scene.scale, scene.library
-        self._labels = tuple(run.label for run in runs)
+        self._labels, self._has_truth = tuple(run.label for run in runs), scene.has_truth
+        self._sensors = {run.label: run.sensor for run in runs}
         self._clouds = {label: entities.cloud_of(label) for label in self._labels}
         self._truths = {  # of other drives
             run.label: truth_marker(entities.truth_of(run.label), scene.arena, scene.scale)
@@ -61,31 +63,47 @@ class ComparisonDrawing:
     def see(self, steps: Mapping[str, Step]) -> None:
         """Log one update of all runs."""
         moment, _ = steps[self._labels[0]]
-        set_phase(self._rec, moment, Phase.WEIGHT)
+        set_phase(self._rec, moment, Phase.PREDICT)
         truths = {id(own): own.truth for own, _ in steps.values() if own.truth is not None}
         self._frame.draw(
             self._rec, [sample(record.weighted) for _, record in steps.values()], [*truths.values()]
         )
+        self._draw_before_weighing(steps)
+        set_phase(self._rec, moment, Phase.MEASURE)
+        for run in self._runs:
+            self._draw_bars(run, steps[run.label][1])
+        set_phase(self._rec, moment, Phase.WEIGHT)
         off = errors_m(steps)
         for run in self._runs:
             own, record = steps[run.label]
-            self._rec.log(self._clouds[run.label], rr.Points2D.from_fields(positions=self._dots(record)))
+            self._rec.log(self._clouds[run.label], self._dots(record.weighted))
             self._draw_name(run, off.get(run.label))
             if own.truth is not None:
                 gap = self._scale.screen(np.stack([record.estimate.pose[:2], own.truth[:2]]))
                 self._rec.log(gap_of(run.label), row_of(rr.LineStrips2D, strips=strips_of([gap])))
             if run.label in self._truths:
                 self._draw_drive(run.label, own)
-            self._draw_bars(run, record)
-        words = text_of(f"#### {font_safe(step_words(steps, self._scale, self._runs[0].radii))}")
-        self._rec.log(entities.TEXT, row_of(rr.TextDocument, text=words))
+        self._log_text(step_words(steps, self._scale, self._runs[0].radii, self._sensors))
+
+    def _draw_before_weighing(self, steps: Mapping[str, Step]) -> None:
+        """Log the clouds as they moved, without errors, on the timeline `phase` alone."""
+        moment, _ = steps[self._labels[0]]
+        set_phase_only(self._rec, moment, Phase.PREDICT)
+        for run in self._runs:
+            self._rec.log(self._clouds[run.label], self._dots(steps[run.label][1].predicted))
+            self._rec.log(gap_of(run.label), row_of(rr.LineStrips2D, strips=strips_of([])))
+            self._draw_name(run, None)
+        self._log_text(unweighed_words(moment.frame.step))
+
+    def _log_text(self, words: str) -> None:
+        self._rec.log(entities.TEXT, row_of(rr.TextDocument, text=text_of(f"#### {font_safe(words)}")))
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log how the runs compare over the drive so far."""
         self._log_result(drive_words(results, self._scale))
 
     def _log_result(self, words: str) -> None:
-        text = f"{words}\n\n{key_words(self._scale, self._runs[0].radii)}"
+        text = f"{words}\n\n{key_words(self._scale, self._runs[0].radii, self._has_truth)}"
         self._rec.log(entities.RESULT, rr.TextDocument(font_safe(text), media_type=MARKDOWN), static=True)
 
     def _prepare_run(self, run: RunView) -> None:
@@ -95,7 +113,7 @@ class ComparisonDrawing:
         gap = rr.LineStrips2D.from_fields(colors=[TRUTH], radii=points(0.8), draw_order=49.0)
         rec.log(gap_of(label), gap, static=True)
         name = rr.Points2D.from_fields(
-            positions=[(0.0, NAMES_TOP + run.number * NAME_ROW)],
+            positions=[(NAMES_LEFT, NAMES_TOP + run.number * NAME_ROW)],
             colors=[run.color],
             radii=points(0.0),
             show_labels=True,
@@ -117,11 +135,11 @@ class ComparisonDrawing:
         wide = cell_px(len(cells))
         places = [(KEY_PX + wide * (number + 0.46), -TITLE_PX) for number in range(len(cells))]
         places += [(KEY_PX / 2, top) for top in KEY_ROWS]
-        texts = [*(cell.title for cell in cells), "bars: the robot's", f"line: {run.label}'s match"]
+        texts = [*(cell.title for cell in cells), run.label, "bars: the robot's", "line: its match"]
         titles = rr.Points2D(
             places,
             radii=rr.components.Radius.ui_points(0.0),
-            colors=[PALE] * (len(texts) - 1) + [run.color],
+            colors=[PALE] * len(cells) + [run.color, PICTURE, REFERENCE],
             labels=[font_safe(text) for text in texts],
             show_labels=True,
         )
@@ -135,7 +153,7 @@ class ComparisonDrawing:
         references = {
             channel: self._library.index[channel].references[best] for channel in comparison.channels
         }
-        row = draw_row(cells, comparison.descriptors, references, run.color)
+        row = draw_row(cells, comparison.descriptors, references)
         self._rec.log(bars_of(run.label, "row"), row_of(rr.EncodedImage, blob=blob_of(row)))
 
     def _draw_name(self, run: RunView, error_m: float | None) -> None:
@@ -152,9 +170,10 @@ class ComparisonDrawing:
         if moment.truth is not None:
             self._truths[label].draw(self._rec, moment.truth)
 
-    def _dots(self, record: StepRecord) -> F32:
-        cloud = record.weighted
-        return self._scale.screen(cloud.poses[by_weight(cloud.weights, DOTS_A_CLOUD), :2] + cloud.origin)
+    def _dots(self, cloud: Belief) -> Row:
+        some = by_weight(cloud.weights, DOTS_A_CLOUD)
+        places = self._scale.screen(cloud.poses[some, :2] + cloud.origin)
+        return row_of(rr.Points2D, positions=points_of(places))
 
 
 def _name_of(run: RunView) -> str:
@@ -182,7 +201,7 @@ def clouds_view(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
             contents.append(truth)
             overrides[truth] = rr.Points2D.from_fields(labels=["truth"], show_labels=True)
     contents = list(dict.fromkeys(contents))
-    return plane_view("Clouds", contents, Extent(-1, 1, -1, 1), overrides, origin=COMPARE_CLOSEUP)
+    return plane_view("Clouds", contents, CLOSEUP, overrides, origin=COMPARE_CLOSEUP)
 
 
 def histograms_view(run: RunView) -> rrb.Spatial2DView:

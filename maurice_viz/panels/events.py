@@ -17,7 +17,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.reasons.causes import CAUSES, UNKNOWN, Failure
+from maurice_mcl.reasons.causes import UNKNOWN, Failure
 from maurice_mcl.scoring import events as kinds
 from maurice_mcl.scoring.events import KINDS, RunEvent
 from maurice_mcl.values.arrays import F64
@@ -28,6 +28,7 @@ from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import FRESH, GROUND, LOST, MISSING, PALE, RGB, STATES, font_safe, packed
 from ..text import narration
+from ..text.causes import say_state
 from ..text.comparison import closest
 from ..text.what_if import BRANCH
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
@@ -150,14 +151,11 @@ class Look:
 
 NOTHING = Look("", GROUND)
 EQUALLY_CLOSE = Look("equal", MISSING)
-STATE_WORDS = {kinds.WRONG: "sure of a wrong place", kinds.PROBABLY_LOST: "probably lost"}
 
 
-def look_of_state(state: str, cause: str = "") -> Look:
+def look_of_state(state: str, failure: Failure | None = None) -> Look:
     """Return the look of a localization status; of a lost run with its cause, where that is known."""
-    if cause and cause != UNKNOWN:
-        return Look(f"lost: {CAUSES[cause].title}", STATES[kinds.LOST])
-    return Look(STATE_WORDS.get(state, state), STATES[state])
+    return Look(say_state(state, failure), STATES[state])
 
 
 def look_of_event(name: str, color: RGB, word: str = "") -> Look:
@@ -297,7 +295,7 @@ class LanesDrawing:
                 if failure.kind == UNKNOWN:  # the lane says what it was, as before
                     continue
                 first, last = failure.episode.first, failure.episode.last
-                cause = look_of_state(kinds.LOST, failure.kind)
+                cause = look_of_state(kinds.LOST, failure)
                 self._shared.explain(1 + number, first, last, lost, cause)
                 self._own[number].explain(1, first, last, lost, cause)
         for lanes in (self._shared, *self._own, *self._closer):

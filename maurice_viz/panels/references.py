@@ -38,12 +38,13 @@ from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, SAYS_NOTHING, TRUTH, Sc
 from .belief import run_key
 from .camera import NAME, CaptionedPicture, draw_name, named_view
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
-from .views import BARE_MAP, MAP, map_view, plane_view
+from .views import BARE_MAP, map_view, plane_view
 from .world import distinct_places
 
 CIRCLE_OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
 LARGEST_RADIUS = 0.15  # radius of the best entry's circle, in node spacings
 LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that are nearer together overlap
+LABEL_ROOM = 0.9  # node spacings: labels of ranks that are nearer together overlap
 SMALLEST_RADIUS = 0.012  # so that every entry is visible
 NOTHING_WORDS = "this picture says almost nothing"
 MAP_PX = 120  # along the longer side of a map
@@ -67,9 +68,7 @@ class MatchCirclesPanel(Panel):
             self._circles.draw(rec, self._paths, comparison)
 
     def clear(self, rec: rr.RecordingStream) -> None:
-        rec.log(self._paths.circles, rr.Points2D.from_fields(radii=[0.0]))
-        rec.log(self._paths.says_nothing, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32)))
-        rec.log(self._paths.best, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32), labels=[]))
+        self._circles.clear(rec, self._paths)
 
 
 class MatchCircles:
@@ -80,6 +79,8 @@ class MatchCircles:
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn
+        middle, top = self.centers[:, 0].mean(), self.centers[:, 1].min()
+        self._words_at = np.array([[middle, top]], np.float32)  # where it says that a picture says nothing
         self._tells = True  # whether the last picture told places apart
         self.spacing = scale.length(spacing_m)  # between nodes, or what it is drawn as, in display units
 
@@ -87,8 +88,8 @@ class MatchCircles:
         """Log what does not change: places and colors."""
         circles = rr.Points2D.from_fields(positions=self.centers, colors=[CIRCLE], draw_order=3.0)
         rec.log(paths.circles, circles, static=True)
-        ranks = [str(rank) for rank in range(1, BEST + 1)]
-        best = rr.Points2D.from_fields(colors=[RANK], labels=ranks, show_labels=True, draw_order=30.0)
+        # no labels yet: static ones would hide all later ones
+        best = rr.Points2D.from_fields(colors=[RANK], show_labels=True, draw_order=30.0)
         rec.log(paths.best, best, static=True)
         radius = rr.components.Radius.ui_points(0.0)
         words = rr.Points2D.from_fields(
@@ -104,16 +105,34 @@ class MatchCircles:
         rec.log(paths.circles, row_of(rr.Points2D, radii=floats_of(radii * np.float32(self.spacing))))
         self._tell_nothing(rec, paths, comparison.log_likelihood)
         best = comparison.best(BEST)
-        places, sizes = points_of(self.centers[best]), floats_of(radii[best] * np.float32(self.spacing))
-        rec.log(paths.best, row_of(rr.Points2D, positions=places, radii=sizes))
+        places, sizes = self.centers[best], floats_of(radii[best] * np.float32(self.spacing))
+        labels = rr.Points2D.from_fields(labels=rank_labels(places, LABEL_ROOM * self.spacing))
+        rec.log(paths.best, row_of(rr.Points2D, positions=points_of(places), radii=sizes), labels)
+
+    def clear(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
+        """Log no circles, until the next are drawn."""
+        rec.log(paths.circles, rr.Points2D.from_fields(radii=[0.0]))
+        for path in (paths.says_nothing, paths.best):
+            rec.log(path, rr.Points2D.from_fields(positions=np.zeros((0, 2), np.float32)))
+        self._tells = True
 
     def _tell_nothing(self, rec: rr.RecordingStream, paths: RunPaths, log_likelihood: F32) -> None:
         """Say where the map is that the picture hardly tells places apart, or take that away."""
         tells = tells_apart(log_likelihood)
         if tells != self._tells:
-            places = self.centers[:0] if tells else self.centers.mean(axis=0, keepdims=True)
+            places = self.centers[:0] if tells else self._words_at
             rec.log(paths.says_nothing, row_of(rr.Points2D, positions=points_of(places)))
             self._tells = tells
+
+
+def rank_labels(places: F32, room: float) -> list[str]:
+    """Return the labels of references (K, 2), best first; of those nearer than `room` the first has all."""
+    labels = [""] * len(places)
+    for rank, place in enumerate(places):
+        first = int(np.argmax(np.hypot(*(places - place).T) < room))
+        first = first if labels[first] or first == rank else rank
+        labels[first] += f", {rank + 1}" if labels[first] else str(rank + 1)
+    return labels
 
 
 def node_spacing(poses: F64) -> float:
@@ -257,9 +276,8 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 
 def circles_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
-    contents = [*MAP, paths.key(MATCHES), *_circles_of(paths)]
-    name = f"Match circles ({scene.scale.units.name})"
-    return map_view(name, contents, scene, paths.particles, run_key(MATCHES, scene.has_truth))
+    contents = [*BARE_MAP, paths.key(MATCHES), *_circles_of(paths)]
+    return map_view("Match circles", contents, scene, paths.particles, run_key(MATCHES, scene.has_truth))
 
 
 def _circles_of(paths: RunPaths) -> list[str]:
@@ -291,6 +309,6 @@ def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: Scene) -> 
         contents += [paths.particles]
         contents += [] if views else [paths.says_nothing]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
-        title = channel if views else f"Likelihood ({scene.scale.units.name})"  # of all channels together
+        title = channel if views else "Likelihood"  # of all channels together
         views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene.has_truth)))
     return views

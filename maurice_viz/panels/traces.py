@@ -40,6 +40,7 @@ MARKS: tuple[tuple[str, RGB, float], ...] = (  # vertical lines in all plots
     ("new particles", FRESH, LIMIT_WIDTH),
     ("in the log", PALE, LIMIT_WIDTH),
 )
+SPREAD_WORDS = "spread, band: 2 sigma"  # below an error
 LIMIT_REACH = 2.0  # a limit is drawn if it is at most so many times the largest error
 
 QUANTITIES = (
@@ -91,10 +92,13 @@ class TracesPanel(Panel):
         names, colors, widths = (list(part) for part in zip(*lines, strict=True))
         style = rr.SeriesLines(names=names, colors=colors, widths=widths)
         rec.log(self._paths.trace(EVIDENCE), style, static=True)
-        key = rr.EncodedImage(
-            contents=png(line_key([*evidence_lines(self._run.all_channels), *MARKS])), media_type="image/png"
-        )
-        rec.log(self._paths.line_key, key, static=True)
+        marks = [*MARKS, (SPREAD_WORDS, self._run.color, LIMIT_WIDTH)]
+        for path, items in (
+            (self._paths.line_key, [*evidence_lines(self._run.all_channels), *marks]),
+            (self._paths.marks_key, marks),
+        ):
+            key = rr.EncodedImage(contents=png(line_key(items)), media_type="image/png")
+            rec.log(path, key, static=True)
         unseen = rr.SeriesPoints(colors=[(0, 0, 0, 0)], marker_sizes=[0.0])
         for quantity in (*LABELED_STEPS, EVIDENCE):
             rec.log(top_path(self._paths, quantity), unseen, static=True)
@@ -135,24 +139,22 @@ class TracesPanel(Panel):
         if EVIDENCE in self._most:
             most, least = self._most[EVIDENCE], self._least[EVIDENCE]
             rec.log(top_path(self._paths, EVIDENCE), scalars(most + ABOVE_EVIDENCE * (most - least)))
-        self._draw_limits(rec)
+        self._draw_limit(rec)
         for quantity, (low, high) in self._extents().items():
             self._events.draw(rec, self._paths.trace(quantity), low, high)
 
-    def _draw_limits(self, rec: rr.RecordingStream) -> None:
-        """Draw the errors by which the run is judged, unless all of its own are far smaller."""
-        for name, limit, color in self._limits():
-            line = f"{self._paths.trace(POSITION_ERROR)}/limits/{name}"
-            rec.log(line, rr.SeriesLines(names=[name], colors=[color], widths=[LIMIT_WIDTH]), static=True)
+    def _draw_limit(self, rec: rr.RecordingStream) -> None:
+        """Draw the error above which the run is lost, unless all of its own are far smaller."""
+        line = f"{self._paths.trace(POSITION_ERROR)}/limits/lost"
+        for limit in self._limits():
+            rec.log(line, rr.SeriesLines(names=["lost"], colors=[LOST], widths=[LIMIT_WIDTH]), static=True)
             for step, time_s in self._ends:
                 set_place(rec, step, time_s, Phase.ESTIMATE)
                 rec.log(line, scalars(limit))
 
-    def _limits(self) -> list[tuple[str, float, RGB]]:
-        radii, length = self._run.radii, self._scale.length
-        limits = [("right", length(radii.right_m), BAR), ("lost", length(radii.lost_m), LOST)]
-        reach = LIMIT_REACH * self._most.get(POSITION_ERROR, 0.0)
-        return [limit for limit in limits if limit[1] <= reach]
+    def _limits(self) -> list[float]:
+        lost = self._scale.length(self._run.radii.lost_m)
+        return [lost] if lost <= LIMIT_REACH * self._most.get(POSITION_ERROR, 0.0) else []
 
     def _extents(self) -> dict[str, tuple[float, float]]:
         """Return the least and largest value of each plot, where its lines of events end."""
@@ -160,9 +162,9 @@ class TracesPanel(Panel):
         for quantity, steps in LABELED_STEPS.items():
             if quantity in extents:
                 extents[quantity] = 0.0, round_top(extents[quantity][1], steps)
-        if POSITION_ERROR in extents:  # its plot also has the spread and the limits
-            limits = [limit for _, limit, _ in self._limits()]
-            extents[POSITION_ERROR] = 0.0, max(extents[POSITION_ERROR][1], self._most[SPREAD], *limits)
+        if POSITION_ERROR in extents:  # its plot also has the spread and the limit
+            most = max(extents[POSITION_ERROR][1], self._most[SPREAD], *self._limits())
+            extents[POSITION_ERROR] = 0.0, most
         return extents | {quantity: (0.0, top) for quantity, top in SHARE_TOPS.items()}
 
     def _note(self, quantity: str, *values: float) -> None:
@@ -177,7 +179,7 @@ class TracesPanel(Panel):
     def _draw_rank(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log how well the picture fits the true pose, by rank."""
         logs, truth = update.record.sighting.comparison.log_likelihood, update.moment.truth
-        if truth is None or not len(logs):
+        if truth is None or not len(logs) or not self._run.channels:
             return
         at_truth = self._scene.entry_at(truth)
         if at_truth < 0:
@@ -208,7 +210,7 @@ def round_top(most: float, steps: float) -> float:
 
 
 def error_plots(runs: Sequence[RunView], scene: Scene) -> list[rrb.TimeSeriesView]:
-    """Plot the errors of some runs against the truth, over the band of two sigma and the limits."""
+    """Plot the errors of some runs against the truth, over the band of two sigma and the limit."""
     unit = scene.scale.units.name
     return [
         plot_of_runs(POSITION_ERROR, f"Position error ({unit})", runs, None, TWO_SIGMA),
@@ -266,6 +268,13 @@ def evidence_key(paths: RunPaths) -> rrb.Spatial2DView:
     return picture_view("Key", paths.line_key)
 
 
+def marks_key(paths: RunPaths) -> rrb.Spatial2DView:
+    """Show the key of the marks in the plots of one run."""
+    view = picture_view("Key", paths.marks_key)
+    view.titlebar = False
+    return view
+
+
 def key_share(run: RunView) -> float:
     """Return the share of a column that the key needs: a row per three lines."""
-    return 0.2 + 0.1 * -(-(len(run.all_channels) + 1 + len(MARKS)) // 3)
+    return 0.2 + 0.1 * -(-(len(run.all_channels) + 2 + len(MARKS)) // 3)

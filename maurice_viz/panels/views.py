@@ -21,7 +21,7 @@ from ..style import CLOUD, GROUND
 Overrides = dict[EntityPathLike, VisualizerLike | Iterable[VisualizerLike]]
 
 MAP = (FLOORS, WALLS)
-BARE_MAP = (BARE_FLOORS, WALLS)  # without names: under colors they are hard to read
+BARE_MAP = (BARE_FLOORS, WALLS)  # without names and ruler: under colors, and small, they are hard to read
 SHADED = 3  # steps from the one to look at
 FPS = 4.0  # updates a second when the viewer plays
 SMALL_AND_PALE = rr.Points2D.from_fields(colors=[CLOUD], radii=rr.components.Radius.ui_points(1.0))

@@ -104,9 +104,9 @@ class DrawnLanes:
         return LEFT + (step - first) / (last - first) * (WIDTH - LEFT - RIGHT)
 
 
-def _cause(step: int, state: str, failures: Sequence[Failure]) -> str:
-    """Return why a run was lost at a step; empty where it was not, or where that is not known."""
+def _cause(step: int, state: str, failures: Sequence[Failure]) -> Failure | None:
+    """Return why a run was lost at a step; None where it was not, or where that is not known."""
     if state not in (LOST, PROBABLY_LOST):
-        return ""
-    kinds = [failure.kind for failure in failures if failure.episode.first <= step <= failure.episode.last]
-    return kinds[0] if kinds else ""
+        return None
+    at_step = (failure for failure in failures if failure.episode.first <= step <= failure.episode.last)
+    return next(at_step, None)

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from maurice_loaders.errors import InputError
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.writer import RunWriter
 from maurice_mcl.reasons.verdict import decisive_step
@@ -186,11 +187,11 @@ def _warned(playback: Playback, listener: Listener) -> Iterator[Mapping[str, Ste
 
 
 def remark(collector: ResultCollector, session: RecordedSession, listener: Listener) -> None:
-    """Report what was skipped of a session and what went wrong in its runs."""
+    """Report what was skipped of a session and what went wrong in its runs; InputError without a step."""
     remark_skipped(session, listener)
     remark_zeros(collector, listener)
     if not collector.updates:
-        listener.warning(f"{session.path}: holds no picture, so nothing was localized")
+        raise InputError(session.path, "found no picture that can be read, so nothing was localized")
 
 
 def remark_zeros(collector: ResultCollector, listener: Listener) -> None:

@@ -24,12 +24,13 @@ from maurice_mcl.reasons.causes import (
     SENSOR,
     SLIPPED,
     TURNED,
+    UNKNOWN,
     VIEW,
     Failure,
 )
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.suspicion import LOG_SAYS
-from maurice_mcl.scoring.events import FAILURE, KINDS, RunEvent, joined
+from maurice_mcl.scoring.events import FAILURE, KINDS, LOST, PROBABLY_LOST, WRONG, RunEvent, joined
 
 from ..style import Scale
 from .explanation import planes_of
@@ -311,3 +312,13 @@ def say_incident(incident: Incident, scale: Scale) -> str:
 def steps_text(first: int, last: int) -> str:
     """Return "step 34" or "steps 34 to 37"."""
     return f"step {first}" if first == last else f"steps {first} to {last}"
+
+
+STATE_WORDS = {WRONG: "sure of a wrong place", PROBABLY_LOST: "probably lost"}
+
+
+def say_state(state: str, failure: Failure | None = None) -> str:
+    """Return a localization status; of a lost run with its cause, where that is known: "lost: too dark"."""
+    if failure is None or failure.kind == UNKNOWN:
+        return STATE_WORDS.get(state, state)
+    return f"{LOST}: {failure.title}"

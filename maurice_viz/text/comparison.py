@@ -7,11 +7,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from maurice_mcl.scoring.comparison import ErrorDifference, Step
-from maurice_mcl.scoring.near_truth import picture_gain
+from maurice_mcl.scoring.near_truth import gains_by_channel, picture_gain
+from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.radii import Radii
+from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.session import Moment
 
 from ..playback import RunResult
 from ..style import Scale
+from .narration import spread
 
 NOT_YET = "How the runs compare over the drive is told when they have ended."
 LEAST_CLOSER = 1 / 18  # of the radius `right`: a smaller difference is none
@@ -41,10 +45,20 @@ def closest(steps: Mapping[str, Step], radii: Radii) -> str | None:
     return off[0][0]
 
 
-def step_words(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
-    """Return who is closer to the truth at a step, and what the picture did to the particles near it."""
+def step_words(
+    steps: Mapping[str, Step], scale: Scale, radii: Radii, sensors: Mapping[str, SensorModel | None]
+) -> str:
+    """Return who is closer to the truth at a step, and what the picture did to the particles near it.
+
+    Of two runs also what each channel did, by the run's sensors, where they are known.
+    """
     moment, _ = next(iter(steps.values()))
-    return " ".join([f"Step {moment.frame.step}:", _who(steps, scale, radii), *_why(steps, scale)])
+    return " ".join([f"Step {moment.frame.step}:", _who(steps, scale, radii), *_why(steps, scale, sensors)])
+
+
+def unweighed_words(step: int) -> str:
+    """Return what is known of a step before its picture weighs the clouds."""
+    return f"Step {step}: the dots have moved by odometry; the picture has not weighed them yet."
 
 
 def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
@@ -52,16 +66,20 @@ def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
     if len(off) < 2:
         places = np.array([record.estimate.pose[:2] for _, record in steps.values()])
         apart = float(np.hypot(*(places - places[0]).T).max())
-        return f"the estimates are {'at most ' if len(steps) > 2 else ''}{scale.say(apart)} apart."
+        wide = [
+            f"{spread(record.mean_estimate, scale)} with `{label}`" for label, (_, record) in steps.items()
+        ]
+        return (
+            f"the estimates are {'at most ' if len(steps) > 2 else ''}{scale.say(apart)} apart; the clouds "
+            f"spread over {', '.join(wide)}. Who is closer is not known without truth."
+        )
     first, second, *_ = off
-    others = ", ".join(f"`{label}` {scale.say(error)}" for label, error in list(off.items())[1:])
     if closest(steps, radii) is None:
-        return f"`{first}` and `{second}` are equally close ({scale.say(off[first])} off; {others})."
-    gap = scale.say(off[second] - off[first])
-    return f"`{first}` is **{gap} closer** ({scale.say(off[first])} off; {others})."
+        return f"`{first}` and `{second}` are equally close, {scale.say(off[first])} off."
+    return f"`{first}` is **{scale.say(off[second] - off[first])} closer** than `{second}`."
 
 
-def _why(steps: Mapping[str, Step], scale: Scale) -> list[str]:
+def _why(steps: Mapping[str, Step], scale: Scale, sensors: Mapping[str, SensorModel | None]) -> list[str]:
     """Say what the picture did near the truth, within the smallest radius that holds dots of some run."""
     for share in NEAR_SHARES:
         gains: dict[str, float | None] = {}
@@ -74,6 +92,7 @@ def _why(steps: Mapping[str, Step], scale: Scale) -> list[str]:
         if known:
             made = [
                 f"**{gain:.1f} x**{' as heavy' if k == 0 else ''} with `{label}`"
+                f"{_by_channel(*steps[label], radius_m, sensors.get(label)) if len(steps) == 2 else ''}"
                 for k, (label, gain) in enumerate(known.items())
             ]
             none = [f"`{label}`" for label, gain in gains.items() if gain is None]
@@ -85,10 +104,22 @@ def _why(steps: Mapping[str, Step], scale: Scale) -> list[str]:
     return ["No run has dots near the truth."]
 
 
-def key_words(scale: Scale, radii: Radii) -> str:
+def _by_channel(moment: Moment, record: StepRecord, radius_m: float, sensor: SensorModel | None) -> str:
+    """Say what the channels of a run would have done alone: of many those that do most and least."""
+    if moment.truth is None or sensor is None or len(record.sighting.comparison.channels) < 2:
+        return ""
+    gains = gains_by_channel(sensor, record, moment.truth, radius_m)
+    order = sorted(gains, key=lambda channel: -gains[channel])
+    if len(order) < 2:
+        return ""
+    most, least = ("", "") if len(order) == 2 else ("most ", "least ")
+    return f" ({most}by {order[0]} {gains[order[0]]:.1f} x, {least}by {order[-1]} {gains[order[-1]]:.1f} x)"
+
+
+def key_words(scale: Scale, radii: Radii, has_truth: bool = True) -> str:
     """Explain the marks of the screen, below the words on the drive."""
-    least = scale.say(least_closer_m(radii))
-    return f"Dots: some of each cloud; an oval holds most of them. Lane: who is closer, by {least} or more."
+    lane = f" Lane: who is closer, by {scale.say(least_closer_m(radii))} or more." if has_truth else ""
+    return f"Dots: some of each cloud, most of it in the oval.{lane}"
 
 
 def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
@@ -103,7 +134,7 @@ def drive_words(results: Sequence[RunResult], scale: Scale) -> str:
             lines.append(f"{_difference(result, paired.position, scale)}{parted}")
         elif paired.apart_mean_m is not None:
             apart = scale.say(paired.apart_mean_m)
-            lines.append(f"`{result.label}` is {apart} away.{parted}")
+            lines.append(f"`{result.label}` is {apart} from it.{parted}")
     if not lines:
         return NOT_YET
     return "\n".join(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from maurice_mcl.reasons.causes import CAUSES, UNKNOWN
+from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.verdict import RunVerdict, shared_incidents, shared_kidnappings
 from maurice_mcl.scoring.episodes import SEARCHING, Episode
 
@@ -124,14 +124,14 @@ def _why(verdict: RunVerdict) -> str:
     failure = verdict.unexplained
     if any(map(verdict.has_loud_incident, verdict.episodes)):
         return ""
-    return "" if failure is None or failure.kind == UNKNOWN else CAUSES[failure.kind].title
+    return "" if failure is None or failure.kind == UNKNOWN else failure.title
 
 
 def _without_truth(verdict: RunVerdict) -> Outcome:
     """Return what can be said of a run that no truth judges."""
     if verdict.failures:
         failure = verdict.failures[0]
-        why = "" if failure.kind == UNKNOWN else f": {CAUSES[failure.kind].title}"
+        why = "" if failure.kind == UNKNOWN else f": {failure.title}"
         return Outcome(
             "{was} probably lost; no truth is known", str(failure.episode.first), "from step ", why
         )

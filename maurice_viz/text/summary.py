@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from maurice_datasets.trials.rows import SCHEMA
-from maurice_mcl.reasons.causes import CAUSES
 from maurice_mcl.scoring.comparison import (
     ComparisonResult,
     ErrorDifference,
@@ -48,7 +47,7 @@ def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
 
 def _why(result: RunResult) -> str:
     """Return the causes of a run's failures, each once."""
-    titles = dict.fromkeys(CAUSES[failure.kind].title for failure in result.verdict.failures)
+    titles = dict.fromkeys(failure.title for failure in result.verdict.failures)
     return ", ".join(titles) or "-"
 
 

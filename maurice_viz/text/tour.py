@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from maurice_mcl.reasons.causes import CARRIED, CAUSES, DARK, JUMPED, OVERSTATED, SLIPPED, Failure
+from maurice_mcl.reasons.causes import CARRIED, DARK, JUMPED, OVERSTATED, SLIPPED, Failure
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.tour import BACK, BEGINS, DIVIDED, ENDS, FOUND, LOST, SURE, TourMoment
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
@@ -87,7 +87,7 @@ def _name(moment: TourMoment, several: bool) -> str:
     if isinstance(moment.fact, Incident):
         return moment.fact.about.title
     if isinstance(moment.fact, Failure):
-        name = f"the cause, {CAUSES[moment.fact.kind].title}"
+        name = f"the cause, {moment.fact.title}"
     else:
         name = NAMES.get(moment.kind, "farthest off")
     return f"`{moment.label}` {name}" if several and moment.label else name

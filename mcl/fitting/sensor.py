@@ -7,7 +7,7 @@ uniform prior. Pictures come from drives, or from the library's leave-one-out ta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from ..sensor.references import ReferenceLookup
 from ..values.arrays import F32, F64, I32, U8
 from ..values.geometry import wrap
 from ..values.library import Library
+from ..values.progress import Progress
 from ..values.session import Moment
 
 COLORS = ("red", "green", "blue")
@@ -94,7 +95,6 @@ def _peak(color: str, mean: F64, sd: F64) -> Peak:
 # Tuning: scales and weights of channels, fitted on drives with known truth.
 
 LEAST_WEIGHT = 0.02  # a channel with less of the sum is dropped
-Progress = Callable[[int, int], None]  # steps done, steps in all
 SEARCH_LOG_RATIO = 5.0  # natural log of how far scales and weights may move from where the search starts
 
 

@@ -7,7 +7,6 @@ one is more similar than its neighbors.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
@@ -19,6 +18,7 @@ from ..values.arrays import F64, I32, Bool
 from ..values.geometry import wrap, wrap_angle
 from ..values.library import Library
 from ..values.map import Grid, make_grid, place_tree, spacing
+from ..values.progress import Progress
 from ..values.radii import SAME_WAY_RAD
 from .left_out import Index, LeftOutTable
 
@@ -120,8 +120,6 @@ def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float
 NEIGHBOR_SPACINGS = 1.6  # diagonal ones included
 FAR_SPACINGS = 3.0  # further entries are other places
 CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -79,6 +79,7 @@ INCIDENTS: Mapping[str, IncidentKind] = {
 BEFALLING = frozenset(kind.cause for kind in INCIDENTS.values())  # causes that an incident tells of
 
 Value = float | str
+TOO_DARK = 0.2  # of the expected brightness, at most: nothing can be seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,3 +92,9 @@ class Failure:
     evidence: Mapping[str, Value] = field(default_factory=dict)  # named numbers and words that decide
     truth_known: bool = True  # False: said without ground truth, from the evidence alone
     also: tuple[str, ...] = ()  # further causes that had a part in it, the likelier first
+
+    @property
+    def title(self) -> str:
+        """The cause in a word or two."""
+        is_dark = self.kind == LIGHTING and float(self.evidence.get("brightness", 1.0)) <= TOO_DARK
+        return "too dark" if is_dark else CAUSES[self.kind].title

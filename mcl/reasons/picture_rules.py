@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..values.session import first_word
-from .causes import AMBIGUITY, LIBRARY_GAP, LIGHTING, SENSOR, VIEW, Failure, Value
+from .causes import AMBIGUITY, LIBRARY_GAP, LIGHTING, SENSOR, TOO_DARK, VIEW, Failure, Value
 from .evidence import UpdateEvidence
 from .story import FIRST_UPDATES, Story
 from .surroundings import PlaceFit
@@ -45,7 +45,7 @@ def library_gap(story: Story) -> Failure | None:
 
 
 def lighting(story: Story) -> Failure | None:
-    """The pictures are brighter or darker than the references, and fit better with that taken out."""
+    """The pictures are too dark; or brighter or darker than the references, and fit better corrected."""
     lit = [update for update in _bad(story) if update.light is not None and update.fit is not None]
     if not lit or story.usual is None:
         return None
@@ -57,7 +57,8 @@ def lighting(story: Story) -> Failure | None:
         return None
     alike, is_repaired = _alike(lit, story), after <= REPAIRED_SHARE * before
     all_colors = _median(light.colors for light in lights) >= COLORS_SHARE
-    if alike < UNLIKE_LAYOUT or not (is_repaired or (alike >= ALIKE_LAYOUT and all_colors)):
+    is_lit = alike >= UNLIKE_LAYOUT and (is_repaired or (alike >= ALIKE_LAYOUT and all_colors))
+    if not is_lit and np.exp(ratio) > TOO_DARK:
         return None
     texts = [text for k in story.pictures for text in story.updates[k].events if first_word(text) == "lights"]
     words: dict[str, Value] = {"told": texts[0]} if texts else {}

@@ -16,6 +16,7 @@ from ..filter.localizer import LEFT_MAP, Localizer
 from ..filter.motion import PictureMotion
 from ..scoring.dead_reckoning import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
+from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore
 from ..values.arrays import F64
 from ..values.radii import USUAL, Radii
@@ -286,6 +287,11 @@ class VerdictBuilder:
             doubts=episodes.doubts,
             sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record, episodes.is_bereft),
         )
+
+    @property
+    def signal(self) -> LostSignal:
+        """The lost signal of the run, up to now."""
+        return self._diagnosis.episodes.signal
 
     def result(self) -> RunVerdict:
         """Return the verdict up to now."""

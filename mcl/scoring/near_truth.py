@@ -5,13 +5,14 @@ That share changes three times in an update: by the motion, by the picture, and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..sensor.model import SensorModel
 from ..values.arrays import F64
-from ..values.records import Belief, StepRecord
+from ..values.records import Belief, StepRecord, normalize
 from .metrics import LOST_RAD
 
 
@@ -53,6 +54,22 @@ def picture_gain(record: StepRecord, truth: F64, radius_m: float) -> float | Non
     if len(near) < LEAST_NEAR or before <= 0:
         return None
     return float(record.weighted.weights[near].sum()) / before
+
+
+def gains_by_channel(
+    sensor: SensorModel, record: StepRecord, truth: F64, radius_m: float
+) -> dict[str, float]:
+    """Return the same for each channel, as if it alone had weighed the particles; {} for too few of them."""
+    seen, predicted, gains = record.sighting.comparison, record.predicted, dict[str, float]()
+    for channel in seen.channels:
+        alone = sensor.only(channel)
+        sighting = alone.at(alone.compare(seen.descriptors), predicted.poses)
+        log_weights, total = normalize(predicted.log_weights + sighting.log_likelihood)
+        weighted = Belief(predicted.poses, log_weights, predicted.origin)
+        gain = picture_gain(replace(record, weighted=weighted), truth, radius_m)
+        if gain is not None and np.isfinite(total):
+            gains[channel] = gain
+    return gains
 
 
 def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, NDArray[np.intp]]:

@@ -186,6 +186,11 @@ class SensorModel:
             of_channels=comparison.log_likelihood,
         )
 
+    def only(self, channel: str) -> SensorModel:
+        """Return the model with one channel in use, and no pose sensor."""
+        weights = {channel: self.weights[channel]}
+        return replace(self, parameters=replace(self.parameters, weights=weights), sensors={})
+
     def compare_reference(self, entry: int) -> Comparison:
         """Compare one of the library's own pictures, as its channels measured it, with all L entries."""
         return self.compare({name: self.library.index[name].references[entry] for name in self.weights})

@@ -5,5 +5,6 @@
 - `scan`, `occupancy`: a planar laser, and the map that it is compared with
 - `map`, `session`, `library`: where the robot is, what it measured, the surveyed references
 - `pose_sensor`: the seam for sensors of other packages
+- `progress`: who hears how far a long work is
 - `records`: the values of one step; `radii`: how near is near, for a library
 """

@@ -101,6 +101,8 @@ def test_a_drive_without_pictures_is_refused_for_that(tmp_path):
         log.odometry(1.0, [0.1, 0.0, 0.2])
     with pytest.raises(InputError, match="found no pictures"):
         mv.replay(tmp_path / "wheels.log")
+    with pytest.raises(InputError, match=r"found neither pictures nor scans, which the filter needs; `inspect`"):
+        mv.replay(tmp_path / "wheels.log", library=tmp_path / "library")
 
 
 FUNCTIONS = [name for name in mv.__all__ if inspect.isfunction(getattr(mv, name))]

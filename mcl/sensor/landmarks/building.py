@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...values.arrays import F32, F64, I32, U8
 from ...values.library import Library
+from ...values.progress import NamedProgress
 from ...values.session import Camera
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
 from .calibration import (
@@ -30,7 +31,6 @@ from .matching import AGREES_PX, disagreement, overlapping, pairwise, spread_out
 from .records import Records, records_of
 from .sensor import Landmarks
 
-Progress = Callable[[int, int, str], None]
 ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
 LEAST_REFERENCES = 8
 MOST_REFERENCES = 1500  # the adjustment takes the cube of them
@@ -86,7 +86,7 @@ def build_landmarks(
     library: Library,
     camera: Camera | None,
     read: Callable[[int], U8 | None],
-    progress: Progress | None = None,
+    progress: NamedProgress | None = None,
 ) -> Landmarks | NoLandmarks:
     """Build the landmark sensor of a library; `read` returns the picture of a reference by its number.
 
@@ -159,7 +159,7 @@ def _too_few(count: int) -> NoLandmarks:
 
 
 def _keypoints(
-    used: NDArray[np.intp], read: Callable[[int], U8 | None], progress: Progress
+    used: NDArray[np.intp], read: Callable[[int], U8 | None], progress: NamedProgress
 ) -> tuple[list[Keypoints], tuple[int, int] | None]:
     """Return the keypoints of some references, none where its picture is missing or of another size."""
     keypoints, size, none = [], None, keypoints_of(np.zeros((8, 8, 3), np.uint8))

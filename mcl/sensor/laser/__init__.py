@@ -6,6 +6,7 @@
 - `rays`: how far beams reach on the map
 - `models`: the nats of a scan at many poses: our model, and those of AMCL
 - `beams`: each beam of a scan judged at one pose: agrees, short, beyond, unknown, miss
+- `matching`: where on a map one scan was taken: all poses searched, from coarse to fine
 - `sensor`: the pose sensor `Laser`
 - `picture`: what people are shown: the scan on the map, the beams that disagree, a sentence
 """

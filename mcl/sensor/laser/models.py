@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...values.arrays import F32, F64
+from ...values.arrays import F32, F64, U8, Bool
 from ...values.occupancy import OccupancyMap
 from .field import Field, distances_m
 from .parameters import LaserParameters
@@ -58,12 +58,10 @@ class LaserMap:
         return known
 
     def _field(self, model: str, sd_m: float, max_m: float) -> Field:
-        near = np.exp(np.square(self.distances.values) / np.float32(-2 * sd_m**2))
         if model == "calibrated":
-            worth = np.log(near * np.float32(1 - OUTLIER) + np.float32(OUTLIER))
-            unknown = self.occupancy.unknown
-            worth[unknown] = np.maximum(worth[unknown], np.float32(UNKNOWN_NATS))
+            worth = worth_of(self.distances.values, self.occupancy.unknown, sd_m)
             return Field.of(worth, UNKNOWN_NATS, self.occupancy)
+        near = _near(self.distances.values, sd_m)
         value_of = _cubed if model == "likelihood_field" else np.log
         pz = np.asarray(self.parameters.z_hit * near + self.parameters.z_rand / max_m, np.float32)
         worth = np.asarray(value_of(pz), np.float32)
@@ -74,6 +72,18 @@ class LaserMap:
         """Return AMCL's likelihood of a beam that ends at a distance from the nearest occupied cell."""
         p = self.parameters
         return float(p.z_hit * np.exp(-0.5 * (distance_m / sd_m) ** 2) + p.z_rand / max_m)
+
+
+def worth_of(distances: F32 | U8, unknown: Bool, sd_m: float) -> F32:
+    """Return our nats (H, W), <= 0, of a beam by how far the cell where it ends is from what is occupied."""
+    worth: F32 = np.log(_near(distances, sd_m) * np.float32(1 - OUTLIER) + np.float32(OUTLIER))
+    worth[unknown] = np.maximum(worth[unknown], np.float32(UNKNOWN_NATS))
+    return worth
+
+
+def _near(distances: F32 | U8, sd_m: float) -> F32:
+    near: F32 = np.exp(np.square(distances) / np.float32(-2 * sd_m**2))
+    return near
 
 
 def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:

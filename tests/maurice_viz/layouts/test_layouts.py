@@ -134,11 +134,18 @@ def test_a_run_without_channels_beside_one_with_them_has_no_tab_about_channels()
     assert "Histograms of sensed" not in {str(view.name) for view in views(tabs["compare"])}
 
 
-@pytest.mark.parametrize("channels", [("color",), ()])
-def test_inside_a_step_has_short_titles_and_no_bars(channels: tuple[str, ...]) -> None:
-    found = list(views(one_run.inside_a_step(RunView("a", channels), shown())))
+@pytest.mark.parametrize("has_pictures", [True, False])
+def test_inside_a_step_has_short_titles_and_no_bars(has_pictures: bool) -> None:
+    scene = replace(shown(), has_pictures=has_pictures)
+    found = list(views(one_run.inside_a_step(RunView("a", ()), scene)))
     assert all(len(str(view.name)) <= 25 for view in found)
     assert not any(view.titlebar for view in found)
     names = {str(view.name) for view in found}
     assert {"Phases", "Before", "After", "Weights"} <= names
-    assert ("The robot sees" in names) == bool(channels)
+    assert ("The robot sees" in names) == has_pictures
+
+
+def test_a_run_without_channels_has_no_plot_of_what_pictures_say_and_a_key() -> None:
+    found = {str(view.name) for view in views(several_runs.traces([RunView("sensed", ())], shown()))}
+    assert {"Position error (in)", "Spread (in)", "Key"} <= found
+    assert not {"Knows where it is (0-1)", "Rank of the true place", "Evidence (nats)"} & found

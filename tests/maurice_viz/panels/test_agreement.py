@@ -293,12 +293,11 @@ def test_band_and_lines_of_events_are_those_of_the_records(drive):
     assert {"kidnapped", "reseeded"} <= set(expected)
     most = max(scale.length(offset(record.estimate.pose, moment.truth).apart_m) for moment, record in played)
     radii = played[0][1].estimate.radii  # by which the run is judged
-    for name, limit_m in (("right", radii.right_m), ("lost", radii.lost_m)):
-        drawn = recordings.rows(path, f"{RUN.trace('position_error')}/limits/{name}")
-        near = scale.length(limit_m) <= 2 * most
-        assert [(row.step, row.values["Scalars:scalars"]) for row in drawn] == [
-            (step, [pytest.approx(scale.length(limit_m))]) for step in (1, STEPS) if near
-        ]
+    drawn = recordings.rows(path, f"{RUN.trace('position_error')}/limits/lost")
+    near = scale.length(radii.lost_m) <= 2 * most
+    assert [(row.step, row.values["Scalars:scalars"]) for row in drawn] == [
+        (step, [pytest.approx(scale.length(radii.lost_m))]) for step in (1, STEPS) if near
+    ]
     for quantity in ("position_error", "heading_error", "spread", "confidence", "evidence", "ancestors"):
         for kind, steps in expected.items():
             lines = recordings.rows(path, f"{RUN.trace(quantity)}/events/{kind}")

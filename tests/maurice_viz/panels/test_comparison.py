@@ -19,7 +19,7 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.scoring.comparison import ComparisonResult, ErrorDifference, Step, StepComparison
 from maurice_mcl.scoring.metrics import LOST_RAD, Scorer
-from maurice_mcl.scoring.near_truth import picture_gain
+from maurice_mcl.scoring.near_truth import gains_by_channel, picture_gain
 from maurice_viz import entities
 from maurice_viz import entities as paths
 from maurice_viz.drawing.histogram_row import CELLS_PX, HIGH_PX, cells_of, draw_row
@@ -27,7 +27,7 @@ from maurice_viz.layouts import several_runs
 from maurice_viz.panels.comparison import DOTS_A_CLOUD, ComparisonDrawing, by_weight
 from maurice_viz.playback import FilterRun, ResultCollector, RunResult, aligned, run_together, shared
 from maurice_viz.scene import RunView, Scene, numbered
-from maurice_viz.style import RUN_COLORS, scale_for
+from maurice_viz.style import REFERENCE, scale_for
 from maurice_viz.text.comparison import closest, drive_words, errors_m, least_closer_m
 from maurice_viz.viewer import sinks
 
@@ -66,17 +66,20 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Seen]:
 
 
 def words(path: Path, entity: str) -> list[str]:
-    return [row.values["TextDocument:text"][0] for row in read.rows(path, entity)]
+    """Return the texts of whole steps."""
+    return [row.values["TextDocument:text"][0] for row in read.rows(path, entity) if row.step is not None]
 
 
 def test_the_words_of_a_step_have_its_errors_and_name_who_is_closer(usual):
     path, seen = usual
     scale, radii = scale_for("in", fakes.arena(5, 4)), RunView("a", ()).radii
-    for text, (steps, _) in zip(words(path, paths.TEXT), seen, strict=True):
+    names = [read.rows(path, f"{paths.COMPARE_CLOSEUP}/name/{number}") for number in range(len(LABELS))]
+    whole = [[row for row in rows if row.step is not None] for rows in names]
+    for text, named, (steps, _) in zip(words(path, paths.TEXT), zip(*whole, strict=True), seen, strict=True):
         errors = errors_m(steps)
         assert list(errors.values()) == sorted(errors.values())
-        for error in errors.values():
-            assert scale.say(error) in text
+        for row, label in zip(named, LABELS, strict=True):
+            assert row.values["Points2D:labels"][0] == f"{label}: {scale.say(errors[label])} off"
         first, second, *_ = errors
         gap = errors[second] - errors[first]
         assert ("closer**" in text) == (gap >= least_closer_m(radii)) == (closest(steps, radii) == first)
@@ -91,6 +94,11 @@ def test_a_gain_is_the_weight_after_over_the_weight_before():
     expected = record.weighted.weights[turned].sum() / record.predicted.weights[turned].sum()
     assert gain == pytest.approx(expected)
     assert picture_gain(record, truth + 1000, 1.0) is None
+    library = fakes.make_library()
+    sensor = build_localizer(library, fakes.make_session(library, 1), of_feature("color", 300)).sensor
+    alone = gains_by_channel(sensor, record, truth, 100.0)
+    assert alone == {"color": pytest.approx(expected, rel=1e-4)}  # the only channel did it all
+    assert gains_by_channel(sensor, record, truth + 1000, 1.0) == {}
     unweighted = fakes.changed(record, weighted=record.predicted)
     assert picture_gain(unweighted, truth, 100.0) == pytest.approx(1)
     assert moment.truth is not None
@@ -104,10 +112,10 @@ def test_each_run_has_its_histograms_and_its_color(usual):
     assert titles == ["color R", "color G", "color B", "edges, square root", "chromaticity", "tiny"]
     sample = {"color": np.full(84, 0.5, np.float32)}
     reference = {"color": np.full(84, 0.25, np.float32)}
-    png = draw_row(cells_of({"color": 84}), sample, reference, RUN_COLORS[1])
+    png = draw_row(cells_of({"color": 84}), sample, reference)
     image = np.array(Image.open(io.BytesIO(png)).convert("RGB"))
     assert image.shape == (HIGH_PX, CELLS_PX, 3)
-    line = (image == RUN_COLORS[1]).all(axis=2)
+    line = (image == REFERENCE).all(axis=2)
     assert abs(np.flatnonzero(line.any(axis=1)).mean() / HIGH_PX - (1 - 0.5 / 1.05)) < 0.05
     assert seen
 
@@ -116,7 +124,7 @@ def test_the_dots_are_few_and_as_dense_as_the_weight(usual):
     path, seen = usual
     scale = scale_for("in", fakes.arena(5, 4))
     for label in LABELS:
-        rows = read.having(read.rows(path, paths.cloud_of(label)), "Points2D:positions")
+        rows = [row for row in read.rows(path, paths.cloud_of(label)) if row.step is not None]
         assert len(rows) == len(seen)
         for row, (steps, _) in zip(rows, seen, strict=True):
             cloud = steps[label][1].weighted
@@ -166,7 +174,8 @@ def test_without_truth_nothing_is_said_of_errors(tmp_path):
     drawn(tmp_path / "c.rrd", has_truth=False)
     text = words(tmp_path / "c.rrd", paths.TEXT)[-1]
     assert "apart" in text
-    assert "truth" not in text
+    assert text.endswith("Who is closer is not known without truth.")
+    assert "off" not in text
 
 
 def views(part: Any) -> Iterator[rrb.View]:

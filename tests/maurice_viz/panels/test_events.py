@@ -176,9 +176,12 @@ def test_every_state_has_a_color_and_a_word(state):
 
 
 def test_every_cause_and_kind_of_event_has_a_word():
-    words = {draw_events.look_of_state("lost", cause).word for cause in CAUSES}
+    words = {
+        draw_events.look_of_state("lost", Failure(cause, 2, Episode("lost", 3, 12, 3))).word
+        for cause in CAUSES
+    }
     assert len(words) == len(CAUSES)
-    assert draw_events.look_of_state("lost", UNKNOWN).word == "lost"
+    assert draw_events.look_of_state("lost", Failure(UNKNOWN, 2, Episode("lost", 3, 12, 3))).word == "lost"
     lanes = {name for name, kind in KINDS.items() if kind.lanes}
     assert set(KINDS) - lanes == {
         RESAMPLED,

@@ -13,7 +13,7 @@ from maurice_mcl.filter.estimate import heaviest_cluster
 from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.map import Arena
 from maurice_viz.panels.population import rings_of
-from maurice_viz.panels.references import MatchCircles, nearness, node_spacing
+from maurice_viz.panels.references import MatchCircles, nearness, node_spacing, rank_labels
 from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import DEEPEST, scale_for
 
@@ -38,6 +38,12 @@ def test_circles_of_calibrated_likelihoods_have_sizes_that_differ():
     """By area in proportion to the likelihood, 4 and 12 nats below the best were the same dot."""
     below = np.array([0, 1, 2, 4, 6, 8, 12], np.float32)
     np.testing.assert_allclose(nearness(-7 - below), [1, 0.875, 0.75, 0.5, 0.25, 0, 0], atol=1e-6)
+
+
+def test_references_at_one_place_share_a_label():
+    places = np.array([[0, 0], [1, 0], [9, 0], [0, 1], [2, 0]], np.float32)
+    assert rank_labels(places, 1.2) == ["1, 2, 4", "", "3", "", "5"]  # the fifth is near the second alone
+    assert rank_labels(places, 0.5) == ["1", "2", "3", "4", "5"]
 
 
 def test_walls_are_cut_at_the_bounds():

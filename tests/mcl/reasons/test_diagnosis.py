@@ -110,6 +110,11 @@ CASES = {
         {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6), "alike": 0.1},
         range(9, UPDATES),
     ),
+    "too dark to see": (
+        "lighting",
+        {"fit": POOR, "light": replace(LIT, ratio=-2.0, cost=3.9), "alike": 0.0},
+        range(9, UPDATES),
+    ),
     "dark, and edges are gone": (
         "lighting",
         {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9)},
