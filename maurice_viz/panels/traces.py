@@ -92,7 +92,8 @@ class TracesPanel(Panel):
         names, colors, widths = (list(part) for part in zip(*lines, strict=True))
         style = rr.SeriesLines(names=names, colors=colors, widths=widths)
         rec.log(self._paths.trace(EVIDENCE), style, static=True)
-        marks = [*MARKS, (SPREAD_WORDS, self._run.color, LIMIT_WIDTH)]
+        below = [(SPREAD_WORDS, self._run.color, LIMIT_WIDTH)] if self._scene.has_truth else []
+        marks = [*MARKS, *below]
         for path, items in (
             (self._paths.line_key, [*evidence_lines(self._run.all_channels), *marks]),
             (self._paths.marks_key, marks),

@@ -30,7 +30,17 @@ from maurice_mcl.reasons.causes import (
 )
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.suspicion import LOG_SAYS
-from maurice_mcl.scoring.events import FAILURE, KINDS, LOST, PROBABLY_LOST, WRONG, RunEvent, joined
+from maurice_mcl.scoring.events import (
+    CONVERGED,
+    FAILURE,
+    KINDS,
+    LOST,
+    PROBABLY_LOST,
+    SPREAD,
+    WRONG,
+    RunEvent,
+    joined,
+)
 
 from ..style import Scale
 from .explanation import planes_of
@@ -314,7 +324,12 @@ def steps_text(first: int, last: int) -> str:
     return f"step {first}" if first == last else f"steps {first} to {last}"
 
 
-STATE_WORDS = {WRONG: "sure of a wrong place", PROBABLY_LOST: "probably lost"}
+STATE_WORDS = {
+    WRONG: "sure of a wrong place",
+    PROBABLY_LOST: "probably lost",
+    CONVERGED: "dots together",
+    SPREAD: "dots spread",
+}
 
 
 def say_state(state: str, failure: Failure | None = None) -> str:
