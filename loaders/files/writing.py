@@ -197,10 +197,17 @@ def new_folder(target: Path, *kinds: FolderKind, force: bool = False) -> Iterato
     """Return a temporary sibling to fill; it becomes `target` when all went well, and is removed otherwise.
 
     InputError if `target` exists, unless it is empty or, with `force`, one of these kinds (`check_target`).
+    One about a file in the sibling names it as it would have been called.
     """
     check_target(target, *kinds, force=force)
     with scratch_folder(target) as folder:
-        yield folder
+        try:
+            yield folder
+        except InputError as problem:
+            if problem.file is None or folder not in problem.file.parents:
+                raise
+            place = target / problem.file.relative_to(folder)
+            raise InputError(place, problem.message, problem.line) from None
         check_target(target, *kinds, force=force)  # again: filling may have taken hours
         aside = sibling(target, "old") if os.path.lexists(target) else None
         try:

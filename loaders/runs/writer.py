@@ -59,7 +59,7 @@ class RunWriter:
         self._folder, self._manifest = folder, manifest
         self._schema = steps_schema(manifest.channels)
         self._waiting: list[StepRows] = []
-        self._written = 0
+        self.written = 0  # steps
         self.failures: Sequence[Failure] | None = None  # why the run failed, as far as it got
         with new_folder(folder, *RUNS, force=force) as begun:  # never without a manifest
             for table in TABLES:
@@ -78,7 +78,11 @@ class RunWriter:
     def close(self, state: str) -> None:
         """Write what is left, and in the manifest how it ended: "complete", "stopped" or "failed"."""
         self._flush()
-        write_manifest(self._folder, ended(self._manifest, state, self._written, self.failures))
+        failures = self.failures or ()
+        known = all(failure.episode.last <= self.written for failure in failures)  # else a disk ran full
+        write_manifest(
+            self._folder, ended(self._manifest, state, self.written, self.failures if known else None)
+        )
 
     def _flush(self) -> None:
         if not self._waiting:
@@ -90,9 +94,9 @@ class RunWriter:
             "steps": pl.DataFrame([row.step for row in rows], schema=self._schema, orient="row"),
         }
         for table in TABLES:
-            part = self._folder / table / part_name(self._written + 1)
+            part = self._folder / table / part_name(self.written + 1)
             put(part, _parquet(frames[table]))
-        self._written += len(rows)
+        self.written += len(rows)
 
 
 def part_name(first_step: int) -> str:

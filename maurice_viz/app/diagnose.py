@@ -22,8 +22,9 @@ from ..listener import SILENT, Listener
 from ..running.output import walk_command
 from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure
+from ..text.headline import headline
 from ..text.score_json import failure_json
-from ..text.verdict import say_verdict
+from ..text.verdict import off_map, say_verdict
 from .replay import replay
 
 NEVER_LOST = "No failure: it was never lost."
@@ -55,7 +56,7 @@ class RunDiagnosis:
     def text(self) -> str:
         """The diagnosis in lines."""
         scale = Scale(units_named(self.display_units))
-        lines = [f"{self.label}: {say_verdict(self.verdict, scale)}"]
+        lines = [f"{self.label}: {headline({self.label: self.verdict}, scale)}{off_map(self.verdict)}"]
         if not self.verdict.has_truth:
             lines.append(NO_TRUTH if self.failures else NONE_WITHOUT_TRUTH)
         if not self.failures and self.verdict.has_truth:

@@ -20,7 +20,7 @@ from ..running.open import typed_pose
 from ..running.output import walk_command
 from ..running.saved import Opened, open_saved
 from ..style import Scale
-from ..text.explanation import say_step
+from ..text.explanation import GLOSSARY, say_step
 from ..text.explanation_table import to_json
 from ..text.sensors import say_sensors
 from .convert import only_run
@@ -41,7 +41,7 @@ class Explanation:
     @property
     def text(self) -> str:
         """The explanation in sentences, paragraphs separated by blank lines."""
-        paragraphs = [*say_step(self.step, self.scale), *self.of_sensors]
+        paragraphs = [*say_step(self.step, self.scale), *self.of_sensors, GLOSSARY]
         paragraphs.append(f"Walk through it: {walk_command(self.source, self.step.step, self.phase)}")
         return "\n\n".join([f"{self.label}, step {self.step.step}", *paragraphs])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -184,7 +185,8 @@ class TuningResult:
         """The gain over the default in a sentence, in nats per picture."""
         scores = self.scored or self.fitted
         held_out = "that were not fitted on" if self.scored else "fitted on"
-        gained = f"gained over the default {scores.gained:+.3f} nats a picture"
+        times = f"{math.exp(scores.gained):.2g} times as likely"
+        gained = f"gained over the default {scores.gained:+.3f} nats a picture ({times})"
         return f"{gained}, on {scores.pictures} pictures {held_out}"
 
     def to_toml(self) -> str:

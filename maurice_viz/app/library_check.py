@@ -196,8 +196,10 @@ def say_default(library: Library, *, fitted: bool = True) -> Iterator[str]:
 
 def say_scales(library: Library) -> Iterator[str]:
     """Yield what the library's own pictures show about the features that are mostly used with it."""
-    reference = nearest_reference(library.poses, library.arena)
-    for feature in ("blended", "best"):
-        weights = FEATURES[feature]
+    reference, told = nearest_reference(library.poses, library.arena), dict[str, float]()
+    for weights in (FEATURES["blended"], FEATURES["best"]):
         _, telling = adapted(configure([Layer("feature", {"sensor.weights": weights})]), library, reference)
+        if telling is not None:
+            new = {name: factor for name, factor in telling.stretched.items() if name not in told}
+            telling, told = replace(telling, stretched=new), told | new
         yield from say_places(library.name, weights, telling)

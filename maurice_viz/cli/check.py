@@ -115,9 +115,9 @@ def _print(result: CheckResult) -> None:
             if drive.failure.recording is not None:
                 lines.append(f"recording: {drive.failure.recording}")
         for line in lines:
-            results.print(line, soft_wrap=True)
+            results.say(line)
     failed = [drive.session for drive in result.drives if not drive.passed]
-    results.print(f"failed: {', '.join(failed)}" if failed else "passed", soft_wrap=True)
+    results.say(f"failed: {', '.join(failed)}" if failed else "passed")
 
 
 def _table(title: str, *names: str) -> Table:

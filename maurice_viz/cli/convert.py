@@ -92,7 +92,7 @@ def _tell(session: LiveSession, json_output: bool) -> None:
         numbers = {"records": counts.records, "pictures": counts.pictures, "broken": counts.broken}
         print_json({"session": session.path, **numbers, "gaps": counts.gaps})
     elif info is not None:
-        results.print(f"{session.path}: {counts.records} records, {counts.pictures} of them pictures")
+        results.say(f"{session.path}: {counts.records} records, {counts.pictures} of them pictures")
 
 
 def convert(
@@ -127,7 +127,7 @@ def convert(
         done = converted.counts
         counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
         others = f"{done.events} events, {done.readings} readings"
-        results.print(f"{converted.file}: {counts}, {others}", soft_wrap=True)
+        results.say(f"{converted.file}: {counts}, {others}")
 
 
 def export(
@@ -207,7 +207,7 @@ def _report(summary: ImportSummary) -> None:
         f"a session picture is {summary.nearest_reference_median_m:.2f} m from the nearest reference "
         f"(median; at most {summary.nearest_reference_max_m:.2f} m)",
     ]
-    results.print("\n".join(lines))
+    results.say("\n".join(lines))
     for text in summary.notes:
         note(f"note: {text}")
     note(f"now try: maurice-replay compare {summary.session}")

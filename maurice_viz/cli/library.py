@@ -21,6 +21,7 @@ from ..app.library import tune as tune_channels
 from ..app.library_check import LibraryCheck, check_library
 from ..running.open import library_at
 from ..style import Scale, scale_for, units_named
+from ..text.explanation import SHARES, say_times
 from ..text.places import drive_score_of, say_drive, say_places, scores_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
@@ -91,11 +92,11 @@ def build(
         )
     built, covered = result.library, result.coverage
     also = f", {sensor_facts(built)}" if built.sensors else ""
-    results.print(f"{output}: {built.size} entries, channels {', '.join(built.index)}{also}", soft_wrap=True)
+    results.say(f"{output}: {built.size} entries, channels {', '.join(built.index)}{also}")
     if covered is not None:
         scale = scale_for(built.display_units, built.arena)
         for line in (f"coverage: {_coverage(covered, scale)}", *_gap_lines(covered, scale)):
-            results.print(line, soft_wrap=True)
+            results.say(line)
 
 
 def sensor_facts(library: Library) -> str:
@@ -165,10 +166,14 @@ def _facts_table(library: Library) -> Table:
     )
     for name, index in library.index.items():
         channel = _channel_facts(name, index)
+        unit, whole = f" ({channel['unit']})", SHARES.get(str(channel["unit"]))
+        noise, relevance = float(index.noise_floor.max()), float(index.relevance.max())
+        if whole is not None:
+            noise, relevance, unit = 100 * noise / whole, 100 * relevance / whole, "% of the pixels"
         table.add_row(
             f"channel {name}",
-            f"{channel['length']} numbers, noise floor up to {channel['noise_floor_peak']:.3g}, "
-            f"relevance up to {channel['relevance_peak']:.3g} ({channel['unit']})",
+            f"{channel['length']} numbers, noise floor up to {noise:.3g}, "
+            f"relevance up to {relevance:.3g}{unit}",
         )
     for name, sensor in library.sensors.items():
         table.add_row(f"sensor {name}", getattr(sensor, "summary", "there"))
@@ -197,7 +202,7 @@ def check(
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Compare a library's pictures with each other: aliases, ambiguity, gaps, and references to add."""
+    """Compare a library's pictures with each other: look-alikes, ambiguity, gaps, and references to add."""
     outputs = by_suffix(files, (".png", ".csv"))
     feature = feature or "blended"
     with listening() as listener:
@@ -232,7 +237,7 @@ def _print(report: LibraryCheck, weights: Mapping[str, float]) -> None:
     lines += _pair_lines(report.library, report.similarity, scale)
     lines += (*_missing_lines(report.advice, scale), *_add_lines(report.advice, scale))
     for line in lines:
-        results.print(line, soft_wrap=True)
+        results.say(line)
 
 
 def _coverage(covered: Coverage, scale: Scale) -> str:
@@ -252,13 +257,11 @@ def _gap_lines(covered: Coverage, scale: Scale) -> Iterator[str]:
 def _pair_lines(library: Library, similarity: SelfSimilarity, scale: Scale) -> Iterator[str]:
     for entry in similarity.aliased[:MOST_PAIRS].tolist():
         pose, alias = (scale.say_pose(library.poses[k]) for k in (entry, similarity.alias[entry]))
-        by, share = -similarity.margin[entry], similarity.confusion[entry]
-        taken = (
-            f"its best neighbor ranks {similarity.rank[entry]}, and {share:.0%} of the likelihood is far away"
-        )
-        yield f"alias: {pose} is more like {alias} than like its neighbors, by {by:.2f} nats: {taken}"
+        times, share = say_times(-similarity.margin[entry]), similarity.confusion[entry]
+        away = f"{share:.0%} of the likelihood is far away"
+        yield f"look-alike: {pose} is {times} times more like {alias} than like any neighbor; {away}"
     if len(similarity.aliased) > MOST_PAIRS:
-        yield f"... and {len(similarity.aliased) - MOST_PAIRS} more aliases; --json lists all"
+        yield f"... and {len(similarity.aliased) - MOST_PAIRS} more look-alikes; --json lists all"
 
 
 def _to_add(advice: LibraryAdvice, scale: Scale) -> str:
@@ -299,20 +302,25 @@ def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage
     table.add_row("left out, found again", retrieved)
     table.add_row("retrieval error", _error(similarity, scale))
     share = len(similarity.aliased) / library.size
-    table.add_row("aliases", f"{len(similarity.aliased)} of {library.size} entries ({share:.0%})")
+    table.add_row(
+        "look-alikes",
+        f"{len(similarity.aliased)} of {library.size} entries ({share:.0%}) are more like one far away than "
+        "like any neighbor",
+    )
     mean, often = float(similarity.confusion.mean()), int((similarity.confusion > CONFUSED_SHARE).sum())
     table.add_row(
-        "confused", f"{mean:.0%} of the likelihood is far away on average; over half for {often} entries"
+        "confused",
+        f"{mean:.0%} of a picture's likelihood is far away on average; over half for {often} entries",
     )
     middle, most = float(np.median(places)), float(places.max())
-    table.add_row("ambiguity", f"{middle:.1f} places fit as well (median), {most:.1f} at worst")
+    table.add_row("ambiguity", f"{middle:.1f} places fit a picture (median), {most:.1f} at worst")
     for place in np.argsort(-places, kind="stable")[:MOST_PLACES].tolist():
         x_m, y_m = similarity.places[place].tolist()
         table.add_row("", f"{scale.say_point(x_m, y_m)}: {places[place]:.1f} places fit")
     ranges = [f"to {scale.say(k * similarity.spacing_m)}" for k in CURVE] + ["beyond"]
     lowest = zip(ranges, similarity.similarity, strict=True)
-    curve = ", ".join(f"{name}: {cost:.2f}" for name, cost in lowest if np.isfinite(cost))
-    table.add_row("lowest cost by distance", f"{curve} nats")
+    curve = ", ".join(f"{name}: {say_times(cost)}" for name, cost in lowest if np.isfinite(cost))
+    table.add_row("unlike, by distance", f"the best match there is so many times less likely: {curve}")
     return table
 
 
@@ -366,8 +374,12 @@ def tune(
         note(f"{output} written; now try: maurice-replay SESSION --config {output}")
 
 
+LOG_SCORE = "log score: log of the probability that a picture alone gives its place, higher is better"
+
+
 def _tuning_table(tuning: TuningResult) -> Table:
-    table = Table(title=f"library {tuning.library}", title_justify="left", caption=tuning.gain)
+    table = Table(title=f"library {tuning.library}", title_justify="left", caption_justify="left")
+    table.caption = f"{tuning.gain}\n{LOG_SCORE}"
     for name in ("", "distance", "scale", "weight", "log score, fitted"):
         table.add_column(name, justify="left" if name in ("", "distance") else "right")
     sets = [tuning.fitted]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
@@ -78,7 +79,7 @@ def _print_contents(path: Path, json_output: bool, reading: list[str] | None) ->
         table.add_row(*row)
     results.print(table)
     for text in (*contents.warnings, *contents.problems):
-        results.print(text)
+        results.say(text)
     if contents.problem_count > len(contents.problems):
         results.print(f"... and {contents.problem_count - len(contents.problems)} more problems")
 
@@ -96,7 +97,15 @@ def _print_events(run: Path, json_output: bool) -> None:
 
 def _event_table(by_run: dict[str, Sequence[RunEvent]], title: str) -> Table:
     """Return a table with one row per event, by step, and a column for the run where there are several."""
-    table = Table(title=Text(title, no_wrap=True, overflow="ignore"), title_justify="left")
+    shown = Text(title, no_wrap=True, overflow="ignore")
+    table = Table(
+        title=shown,
+        title_justify="left",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
     several = len(by_run) > 1
     for name in ("step", "time (s)"):
         table.add_column(name, justify="right", no_wrap=True)
@@ -200,7 +209,7 @@ def doctor(
         print_json(_json(examination, options))
     else:
         beside = [] if library is None else ["--library", str(library)]
-        results.print("\n".join(_lines(examination, options, beside)), soft_wrap=True)
+        results.say("\n".join(_lines(examination, options, beside)))
     if output is not None and examination.fixed != read_by:
         words = shlex.join([str(session), "--reading", str(output)])
         note(f"{output} written; now try: maurice-replay {words}")

@@ -209,7 +209,7 @@ def verify(run: opt.Run, json_output: opt.Json = False) -> None:
         print_json({"runs": [verdict.to_json() for verdict in verdicts]})
     else:
         for verdict in verdicts:
-            results.print(str(verdict), soft_wrap=True)
+            results.say(str(verdict))
     if not all(verdict.same for verdict in verdicts):
         raise typer.Exit(1)
 
@@ -225,7 +225,7 @@ def printed(json_output: bool, *, all_rows: bool = False) -> Report:
             units = units_named(scores.display_units)
             say = verdict_line if all_rows else headline
             line = say({run.label: run.verdict for run in scores.runs}, Scale(units))
-            results.print(Text(line, style="bold"))
+            results.say(line, style="bold")
             results.print(to_table(scores.runs, units, scores.name, results, all_rows=all_rows))
             if not all_rows:
                 note("--all prints the whole verdict and table")

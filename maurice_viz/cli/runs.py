@@ -47,7 +47,7 @@ def diagnose(
         if json_output:
             print_json(diagnoses.to_json())
         else:
-            results.print(Text(diagnoses.text), soft_wrap=not results.is_terminal)
+            results.say(diagnoses.text)
         if output is not None:
             for picture in draw(diagnoses, output, force=force, listener=listener):
                 listener.remark(f"{picture} written")
@@ -91,7 +91,7 @@ def explain(
         if json_output:
             print_json(explained.to_json())
         else:
-            typer.echo(explained.text)
+            results.say(explained.text)
         if output is not None:
             listener.remark(f"{output} written")
 
@@ -195,11 +195,12 @@ def budget(
         return
     drives = f"{shares.drives} drives" if shares.drives > 1 else f"{shares.parts[0].error.count} seeds"
     title = Text(f"{shares.name}: {shares.filter}, {drives}, 95 % intervals")
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    table.padding = (0, 1, 0, 0)
     units = shares.display_units
     for name in ("with", f"error ({units})", "lost", "so this part", f"costs ({units})"):
         table.add_column(name, no_wrap="(" in name)  # figures
     for row in budget_rows(shares):
         table.add_row(*row)
     results.print(table)
-    results.print(say_budget(shares), soft_wrap=True)
+    results.say(say_budget(shares))

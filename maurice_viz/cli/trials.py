@@ -87,7 +87,7 @@ def run(
     if json_output:
         print_json(asdict(done))
         return
-    results.print(f"{output}: {done.runs:,} runs, {done.made:,} made now, {done.failed:,} of them failed")
+    results.say(f"{output}: {done.runs:,} runs, {done.made:,} made now, {done.failed:,} of them failed")
     if done.error is not None:
         note(f"the first that failed: {done.error}; the column error has all")
     note(f"now try: maurice-replay trials table {output} --by {','.join(_first(chosen))}")

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ..style import Scale, units_named
-from ..text.verdict import verdict_line
+from ..text.headline import headline
 from .replay import to_table
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results
@@ -113,7 +113,7 @@ def _remedies(run: Path, from_step: int | None, seeds: int, json_output: bool) -
     if json_output:
         print_json(ranking.to_json())
         return
-    results.print(Text(ranking.line, style="bold"))
+    results.say(ranking.line, style="bold")
     results.print(_remedy_table(ranking))
     best = ranking.proposed
     if best is not None:
@@ -145,6 +145,6 @@ def _print(compared: WhatIf) -> None:
     """Print when the branch parts from the run, what happened to both, and their scores."""
     scores = compared.scores
     units = units_named(scores.display_units)
-    results.print(Text(compared.line, style="bold"))
-    results.print(Text(verdict_line({run.label: run.verdict for run in scores.runs}, Scale(units))))
+    results.say(compared.line, style="bold")
+    results.say(headline({run.label: run.verdict for run in scores.runs}, Scale(units)))
     results.print(to_table(scores.runs, units, scores.name, results))

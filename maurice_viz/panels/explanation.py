@@ -34,7 +34,7 @@ from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scal
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import RANK, RGB
-from ..text.explanation import headline, say_step
+from ..text.explanation import GLOSSARY, headline, say_step
 from ..text.explanation_table import brief_table, winner_first
 from .camera import SEES, draw_jpeg, draw_name, named_view, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
@@ -60,7 +60,6 @@ ARROW_SHARE = 0.035  # length of the arrows on the map, as a share of the arena'
 ARROW_PT = (4.5, 3.0, 1.5)  # radii in points: arrows on top of each other are all visible
 LEFT_OUT_WORDS = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
-GLOSSARY = "One nat lost: 2.7 times less likely. Rank 1: the best of all. Quality: likeness, 0 to 1."
 CAMERA_CARD = "camera"
 NARROW = 0.17  # of a card's width: how far above it its name stands
 NAMES = {CAMERA_CARD: SEES, WINNER: "best match", TRUTH: "nearest to truth", ESTIMATE: "nearest to estimate"}

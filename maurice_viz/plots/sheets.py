@@ -35,7 +35,7 @@ DARKEST = 0.25  # of the scale of colors, so that the number on a dot stays read
 def draw_ambiguity(
     library: Library, similarity: SelfSimilarity, scale: Scale, advice: LibraryAdvice | None = None
 ) -> U8:
-    """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between aliases.
+    """Draw (H, W, 3): walls, one dot per place, brighter the more places fit, and lines between look-alikes.
 
     With `advice`, rays are references to add, each in its heading: out of a place's dot, or at a new place.
     """
@@ -64,9 +64,9 @@ def draw_ambiguity(
         height = radius * 0.8
         put_text(image, label, x - height * 0.4 * len(label), y + height / 2, height, GROUND)
     text_px = MAP_TEXT_SHARE * long_side(library.arena, scale) / canvas.unit_per_px
-    what = "number of places that fit a picture taken here; lines: aliases"
+    what = "number of places that fit a picture taken here; lines: look-alikes"
     if added:
-        what = f"number of places that fit a picture; lines: aliases; pink: {len(added)} to add"
+        what = f"number of places that fit a picture; lines: look-alikes; pink: {len(added)} to add"
     put_text(image, what, text_px, 1.6 * text_px, text_px, PALE)
     return image
 

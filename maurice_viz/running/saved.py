@@ -14,6 +14,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import expect_regular
+from maurice_loaders.files.writing import discard
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
@@ -233,21 +234,23 @@ def saving(
         yield {}
         return
     writers = _writers(runs, inputs, output.save_run, output.force)
-    state = "failed"
+    state, problem = "failed", None
     try:
         yield writers
         state = "complete"
     except KeyboardInterrupt:
         state = "stopped"
         raise
-    except OSError as problem:
-        raise _full(output.save_run, problem) from None
+    except OSError as error:
+        problem = error
     finally:
-        try:
-            for writer in writers.values():
+        for writer in writers.values():
+            try:
                 writer.close(state)
-        except OSError as problem:
-            raise _full(output.save_run, problem) from None
+            except OSError as error:
+                problem = error
+        if problem is not None:
+            raise _full(output.save_run, problem, min(writer.written for writer in writers.values()))
 
 
 def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
@@ -297,8 +300,13 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
     )
 
 
-def _full(target: Path, problem: OSError) -> SinkError:
-    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); free some space")
+def _full(target: Path, problem: OSError, steps: int) -> SinkError:
+    """Return the error of a disk that ran full; a folder that holds no step is removed."""
+    kept = f"it holds {steps} steps; free some space, and replace it with --force"
+    if not steps:
+        discard(target)
+        kept = "free some space"
+    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); {kept}")
 
 
 def changed_sensors(run: SavedRun) -> tuple[str, ...]:

@@ -146,7 +146,7 @@ def _difference(result: RunResult, off: ErrorDifference, scale: Scale) -> str:
     mean = f"`{result.label}` is **{_closer(off.mean, scale)}**"
     steps = f"closer at {off.better} of {off.updates} steps"
     if off.interval is None:
-        return f"{mean}, {steps}: too few steps to tell whether that is chance."
+        return f"{mean}, {steps}: **may be chance**, as the steps are few or one stretch of them decides."
     low, high = off.interval
     chance = "**may be chance**" if low <= 0 <= high else "hardly chance"
     return f"{mean} (95 %: {_closer(high, scale)} to {_closer(low, scale)}): {chance}; {steps}."

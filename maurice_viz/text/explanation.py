@@ -114,6 +114,8 @@ KNOWN: Mapping[str, tuple[int, Planes]] = {
 
 MOST_CHANNELS = 3  # that a sentence lists
 LARGE_FACTOR = 1e6  # a larger factor is no more informative
+SHARES = {"256 x share": 256.0, "share": 1.0}  # units of channels that count pixels: what all of them are
+GLOSSARY = "One nat lost: 2.7 times less likely. Rank 1: the best of all. Quality: likeness, 0 to 1."
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,11 +198,15 @@ def _other(entry: EntryExplanation, what: str, winner: EntryExplanation) -> str:
 
 def say_behind(nats: float) -> str:
     """Describe a gap in log-likelihood: "2.3 nats behind the winner: 10 times less likely"."""
+    return f"{nats:.1f} nats behind the winner: {say_times(nats)} times less likely"
+
+
+def say_times(nats: float) -> str:
+    """Write the factor of likelihood that so many nats are: "160,000", "over a million"."""
     factor = math.exp(min(nats, 700.0))
     if factor > LARGE_FACTOR:
-        return f"{nats:.1f} nats behind the winner: over a million times less likely"
-    times = f"{factor:.1f}" if factor < 10 else f"{float(f'{factor:.2g}'):,.0f}"
-    return f"{nats:.1f} nats behind the winner: {times} times less likely"
+        return "over a million"
+    return f"{factor:.1f}" if factor < 10 else f"{float(f'{factor:.2g}'):,.0f}"
 
 
 def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
@@ -212,14 +218,22 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
     planes = planes_of(mine.channel, len(mine.sample))
     run = where_lost(mine, best, planes.count)
     if run is not None:
-        unit = CHANNELS[mine.channel].unit if mine.channel in CHANNELS else "the channel's unit"
         text += f", {run.nats:.1f} of them at {planes.name(run.plane, run.first, run.last)}"
         text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
-        pair = (run.picture, run.reference)
-        values = " against ".join(f"{value:.1f}" if value >= 10 else f"{value:.2g}" for value in pair)
-        text += f" ({values}, {unit})"
+        text += f" ({_amounts(mine.channel, run.picture, run.reference)})"
     more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LEAST_NATS]
     return f"{text}; {', '.join(more[:MOST_CHANNELS])}." if more else f"{text}."
+
+
+def _amounts(channel: str, picture: float, reference: float) -> str:
+    """Say what a picture has against a reference: "2.9% against 1.3% of the pixels a bin"."""
+    unit = CHANNELS[channel].unit if channel in CHANNELS else "the channel's unit"
+    whole = SHARES.get(unit)
+    pair = (picture, reference) if whole is None else (100 * picture / whole, 100 * reference / whole)
+    values = [f"{value:.1f}" if value >= 10 else f"{value:.2g}" for value in pair]
+    if whole is None:
+        return f"{' against '.join(values)}, {unit}"
+    return f"{'% against '.join(values)}% of the pixels a bin"
 
 
 def _and(channel: str, cost: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 
 from maurice_mcl.library.drive_score import DriveScore
@@ -12,11 +13,13 @@ ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with r
 
 
 def scores_of(score: PlaceScore) -> str:
-    """Return both log scores, and the pictures and places that they are computed from."""
+    """Return what a picture tells of its place, and the pictures and places that this is computed from."""
     if not score.pictures:
         return f"no two of {score.places} places see each other, so none can be left out"
     of = f"{score.pictures} pictures of {score.places} places, each place left out in turn"
-    return f"log score {score.score:.2f} per picture, {score.blind:.2f} for knowing nothing; {of}"
+    times = f"{math.exp(score.score - score.blind):.2g} times as likely as knowing nothing does"
+    logs = f"log score {score.score:.2f} against {score.blind:.2f}"
+    return f"a picture makes its place {times} ({logs}); {of}"
 
 
 def say_places(name: str, channels: Iterable[str], score: PlaceScore | None) -> Iterator[str]:
@@ -27,9 +30,9 @@ def say_places(name: str, channels: Iterable[str], score: PlaceScore | None) -> 
     if score.worse_than_nothing:
         yield f"{name}: {WORSE} ({by}: {scores_of(score)}); {ADVICE}"
     if score.stretched:
-        fitted = ", ".join(f"{channel} {factor:g} times ours" for channel, factor in score.stretched.items())
-        keep = "--set sensor.widening=1 keeps ours"
-        yield f"{name}: scales fitted on the library's own pictures, each place left out: {fitted}; {keep}"
+        fitted = ", ".join(f"{channel} x {factor:g}" for channel, factor in score.stretched.items())
+        keep = "--set sensor.widening=1 keeps the defaults"
+        yield f"{name}: scales fitted on its own pictures, as multiples of the defaults: {fitted}; {keep}"
     if score.widening != 1:
         why = "" if score.worse_than_nothing else f", as {score.places} places do not confirm them"
         keep = "--set sensor.widening=1 keeps the fitted ones"
@@ -37,10 +40,11 @@ def say_places(name: str, channels: Iterable[str], score: PlaceScore | None) -> 
 
 
 def drive_score_of(score: DriveScore) -> str:
-    """Return what a drive's pictures add at their true poses: "+0.52 nats per picture (16 pictures)"."""
+    """Return what a drive's pictures add at their true poses: "... 1.7 times as likely ... (16 pictures)"."""
     if not score.pictures:
         return "none of its pictures has a true pose in the library's free space"
-    return f"{score.gain:+.2f} nats per picture over knowing the place roughly ({score.pictures} pictures)"
+    times = f"{math.exp(score.gain):.2g} times as likely as knowing the place roughly does"
+    return f"a picture makes the true pose {times} ({score.pictures} pictures)"
 
 
 def say_drive(

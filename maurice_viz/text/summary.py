@@ -24,6 +24,7 @@ from ..style import Units
 from .causes import steps_text
 
 Cell = Callable[[RunResult], str]
+UNDECIDED = "undecided"  # instead of an interval: the drive is too short, or one stretch of it decides
 
 
 def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
@@ -32,7 +33,7 @@ def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
 
 
 def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
-    """Return the five rows that say most; of several runs also how much closer each is than the first."""
+    """Return the five rows that say most."""
     unit = units.name
     rows: list[tuple[str, Cell]] = [
         (f"error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
@@ -41,8 +42,7 @@ def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
         ("lost", _lost),
         ("why", _why),
     ]
-    cells = [(name, [cell(result) for result in results]) for name, cell in rows]
-    return [*cells, *paired_rows(results, units)[:1]]
+    return [(name, [cell(result) for result in results]) for name, cell in rows]
 
 
 def _why(result: RunResult) -> str:
@@ -77,7 +77,7 @@ def say_difference(difference: ErrorDifference, unit: float, digits: int) -> str
     """Write a mean difference and its 95 % interval in multiples of `unit`: "-0.4 [-0.9, 0.1]"."""
     ends = () if difference.interval is None else difference.interval
     mean, *interval = (f"{value / unit:z.{digits}f}" for value in (difference.mean, *ends))
-    return f"{mean} [{', '.join(interval)}]" if interval else mean
+    return f"{mean} [{', '.join(interval) or UNDECIDED}]"
 
 
 def _closer(difference: ErrorDifference | None) -> str:

@@ -54,7 +54,7 @@ def say_verdict(verdict: RunVerdict, scale: Scale) -> str:
     if not verdict.updates:
         return NOTHING_YET
     shared = _shared([verdict], scale)
-    left = _off_map(verdict)
+    left = off_map(verdict)
     if not verdict.has_truth:
         return f"{shared}{_sentence(_without_truth(verdict, scale))}{left}"
     before = _before(verdict, scale)
@@ -74,7 +74,7 @@ def _made_worse(verdict: RunVerdict, scale: Scale) -> str:
     return f"the {alone.sensors} made it worse: {off} off on average, {without} by odometry alone"
 
 
-def _off_map(verdict: RunVerdict) -> str:
+def off_map(verdict: RunVerdict) -> str:
     """Return where map and run contradict each other, as sentences after the others."""
     if verdict.in_obstacles:
         ruled = ruled_out(verdict)

@@ -88,7 +88,7 @@ class ErrorDifference:
     """A run's error minus the first run's over the scored updates of a drive, in meters or radians."""
 
     mean: float
-    interval: tuple[float, float] | None  # 95 %; None: too few updates
+    interval: tuple[float, float] | None  # 95 %; None: too few updates, or one stretch of them decides
     block: int  # updates in a block of it
     updates: int  # that both runs have, with truth, from the fourth on
     better: int  # updates at which the run was closer to the truth than the first
@@ -162,8 +162,15 @@ def _difference(first: float | None, other: float | None) -> float | None:
 
 
 def difference_of(values: F64) -> ErrorDifference | None:
-    """Sum up differences of errors (n,) at the updates of one drive; None for none."""
+    """Sum up differences of errors (n,) at the updates of one drive; None for none.
+
+    An interval that reaches further than the largest difference is none: where one event makes nearly all
+    of the difference, most draws miss it, and their standard errors are next to zero.
+    """
     if not len(values):
         return None
     mean, better, worse = float(values.mean()), int((values < 0).sum()), int((values > 0).sum())
-    return ErrorDifference(mean, mean_interval(values), block_length(values), len(values), better, worse)
+    interval = mean_interval(values)
+    if interval is not None and interval[1] - mean > np.abs(values).max():
+        interval = None
+    return ErrorDifference(mean, interval, block_length(values), len(values), better, worse)

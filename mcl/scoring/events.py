@@ -291,7 +291,8 @@ class EventDetector:
         if LEFT_MAP in record.events:
             yield LEFT_THE_MAP, "every particle drove out of free space: the cloud stays where it was"
         if (share := self._dip.see(record.effective_sample_size / size, limits)) is not None:
-            yield ESS_DIP, f"effective sample size {record.effective_sample_size:.0f} of {size} ({share:.1%})"
+            worth = f"{record.effective_sample_size:.0f} of {size} ({share:.1%})"
+            yield ESS_DIP, f"few particles have nearly all the weight: effective sample size {worth}"
         if RESEEDED in record.events:
             yield RESEEDED, _reseeded(record)
         if EXPANDED in record.events:
@@ -365,24 +366,27 @@ def _reseeded(record: StepRecord) -> str:
         return "fresh particles"
     count = f"{int(record.injected.sum())} of {record.belief.size} fresh"
     if record.recovery_test is None:
-        return f"{count} (evidence {record.calibrated_evidence:.1f} nats)"
+        return f"{count} (fit of this picture {record.calibrated_evidence:.1f} nats)"
     return f"{say_recovery_test(record.recovery_test)}: {count}"
 
 
 def _expanded(record: StepRecord) -> str:
     test = record.recovery_test
-    why = f"evidence {record.calibrated_evidence:.1f} nats" if test is None else say_recovery_test(test)
+    fit = f"fit of this picture {record.calibrated_evidence:.1f} nats"
+    why = fit if test is None else say_recovery_test(test)
     return f"{why}: the whole cloud was spread"
 
 
 def say_recovery_test(test: RecoveryTest) -> str:
-    """Say what recovery compared: "threshold -9.1 nats, this picture -10.7"."""
+    """Say what recovery compared: "this picture fits badly (-10.7 nats, threshold -9.1)"."""
     of_average = test.compared == AVERAGES
-    first, second = ("long-term average", "short-term") if of_average else ("threshold", "this picture")
+    what, limit = "this picture fits badly", "threshold"
+    if of_average:
+        what, limit = "pictures fit badly of late", "long-term average"
     if not np.isfinite(test.found):
-        return f"{first} {test.threshold:.1f} nats, {second}: no particle in free space"
+        return f"no particle in free space ({limit} {test.threshold:.1f} nats)"
     difference = abs(test.threshold - test.found)
     digits = (
         1 if not 0 < difference < 0.1 else min(-math.floor(math.log10(difference)), 6)
     )  # so that they differ
-    return f"{first} {test.threshold:.{digits}f} nats, {second} {test.found:.{digits}f}"
+    return f"{what} ({test.found:.{digits}f} nats, {limit} {test.threshold:.{digits}f})"

@@ -24,9 +24,9 @@ from rich.segment import Segment
 from rich.text import Text
 
 from .errors import one_line_errors
-from .visible import CONTROLS, visible
+from .visible import CONTROLS, visible, wrapped
 
-TABLE_WIDTH = 100  # of a table that goes to a file or a pipe, where there is no terminal to ask
+WIDTH = 80  # of what goes to a file or a pipe, where there is no terminal to ask
 IS_ASKED = Console().is_terminal or "COLUMNS" in os.environ  # Rich asks the one or the other
 
 
@@ -38,16 +38,22 @@ class VisibleConsole(Console):
         for part in super().render(renderable, options):
             yield part if part.control else Segment(visible(part.text), part.style)
 
+    def say(self, text: str, style: str = "") -> None:
+        """Print sentences in lines that fit, broken between words; a command or a path is never broken."""
+        for line in wrapped(text, self.width):
+            self.print(Text(line, style=style), soft_wrap=True)
 
-results = VisibleConsole(
-    width=None if IS_ASKED else TABLE_WIDTH, soft_wrap=False, highlight=False, markup=False
-)
+
+results = VisibleConsole(width=None if IS_ASKED else WIDTH, soft_wrap=False, highlight=False, markup=False)
 notes = VisibleConsole(stderr=True, soft_wrap=True, highlight=False, markup=False)
 
 
 def note(text: str) -> None:
-    """Print a line that is not a result."""
-    notes.print(text)
+    """Print a line that is not a result: broken between words on a terminal, else whole for programs."""
+    if notes.is_terminal:
+        notes.say(text)
+    else:
+        notes.print(text)
 
 
 def print_json(value: object) -> None:

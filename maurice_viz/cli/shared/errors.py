@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
+
+from .visible import wrapped
 
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143}  # what a shell gives a command ended by a signal
 
@@ -67,7 +70,10 @@ def fail(text: str) -> NoReturn:
     """End the command with one line on standard error and status 1."""
     import typer
 
-    typer.echo(f"maurice-replay: {' '.join(text.split())}", err=True)
+    line = f"maurice-replay: {' '.join(text.split())}"
+    if sys.stderr.isatty():
+        line = "\n".join(wrapped(line, shutil.get_terminal_size().columns))
+    typer.echo(line, err=True)
     raise typer.Exit(1)
 
 

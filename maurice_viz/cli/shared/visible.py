@@ -1,4 +1,4 @@
-"""What is printed never steers a terminal: control characters in names, notes and paths become visible marks.
+"""What is printed breaks between words and never steers a terminal: control characters become visible marks.
 
 Recordings come from anywhere. A name in one may hold the escape that renames a window, moves the cursor over
 the line above, or turns the direction of writing.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, TextIO
@@ -27,6 +28,27 @@ def _mark(match: re.Match[str]) -> str:
     if code < 0x20:
         return chr(0x2400 + code)  # Unicode's pictures of control characters
     return "\N{SYMBOL FOR DELETE}" if code == 0x7F else "\N{REPLACEMENT CHARACTER}"
+
+
+def wrapped(text: str, width: int) -> Iterator[str]:
+    """Yield a text in lines of at most `width` characters, broken between words.
+
+    A command stays on one line, to be copied; so does a word, such as a path. An indented line goes on
+    further in.
+    """
+    for line in visible(text).split("\n"):
+        before, command, options = line.partition(": maurice-replay ")
+        margin = " " * (len(line) - len(line.lstrip()))
+        further = f"{margin}  " if margin else ""
+        if len(line) <= width or (command and " " not in before.strip()):
+            yield line
+        elif command:
+            yield from wrapped(f"{before}:", width)
+            yield f"{margin}  {command[2:]}{options}"
+        else:
+            yield from textwrap.wrap(
+                line, width, subsequent_indent=further, break_long_words=False, break_on_hyphens=False
+            )
 
 
 class VisibleStream:

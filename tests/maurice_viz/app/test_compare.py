@@ -123,9 +123,9 @@ def test_json_says_how_runs_compare(small_session):
 
 def test_every_value_reaches_its_run_and_the_table(small_session):
     out, _ = maurice("compare", small_session, "--seed", "1", "--seed", "2", "-o", "none", "--all")
-    for row in ("error against seed 1", "closer to the truth than seed 1", "parts from seed 1", "of 11"):
+    for row in ("error against", "closer to the truth", "parts from seed 1", "of 11"):
         assert row in out
-    assert "against" not in maurice(small_session, "-o", "none")[0]
+    assert "against" not in maurice("compare", small_session, "--seed=1", "--seed=2", "-o", "none")[0]
     # What a comparison gives for a run is what the run gives alone
     schemes = ["--set=resampling.scheme=residual", "--set=resampling.scheme=multinomial"]
     for options in (["--seed=3", "--seed=4"], schemes):

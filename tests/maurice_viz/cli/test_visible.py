@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from helpers.commands import COMMAND, one_line, run
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_viz.cli.app import COMMANDS, app
-from maurice_viz.cli.shared.visible import CONTROLS, visible
+from maurice_viz.cli.shared.visible import CONTROLS, visible, wrapped
 
 HOSTILE = "a\x1b]0;owned\x07b\x9b31mc\u202ed\u2066e\x7ff\x08g"
 
@@ -55,6 +55,23 @@ def printed_by(*words: object) -> str:
 def test_marks_stand_for_all_that_steers():
     assert visible(HOSTILE) == "a␛]0;owned␇b\ufffd31mc\ufffdd\ufffde␡f␈g"
     assert visible("\udcff é\t\n") == "\ufffd é\t\n"
+
+
+def test_sentences_break_between_words_and_commands_do_not():
+    command = "maurice-replay open " + "a-long-name/" * 8 + " --step 41"
+    said = [
+        "many words " * 12,
+        "  said further in" * 8,
+        f"walk through step 41: {command}",
+        f"  see: {command}",
+    ]
+    text = "\n".join([*said, "", "end"])
+    lines = list(wrapped(text, 80))
+    assert max(len(line) for line in lines if command not in line) <= 80
+    assert " ".join(" ".join(lines).split()) == " ".join(text.split())
+    assert lines[-5:] == ["walk through step 41:", f"  {command}", f"  see: {command}", "", "end"]
+    path = "/a/" * 40
+    assert list(wrapped(f"{path} written", 80)) == [path, "written"]
 
 
 @pytest.mark.parametrize(

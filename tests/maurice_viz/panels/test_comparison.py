@@ -147,7 +147,7 @@ def test_the_end_says_how_runs_compare_and_how_sure_that_is(usual):
     result = max(texts, key=len)  # over what stood there before the end
     for label in LABELS[1:]:
         assert f"* `{label}` is **" in result
-    assert "too few steps to tell" in result  # twelve
+    assert "as the steps are few" in result  # twelve
     apart = ErrorDifference(-0.1, (-0.2, 0.01), 3, 40, 30, 10)
     many = RunResult(
         "b", Scorer().result(), None, against="a", paired=ComparisonResult(apart, None, 0.1, 0.2, None)

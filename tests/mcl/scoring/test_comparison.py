@@ -16,6 +16,7 @@ from maurice_mcl.scoring.comparison import (
     StepComparison,
     autocorrelation,
     block_length,
+    difference_of,
     mean_interval,
 )
 from maurice_mcl.scoring.events import PARTED
@@ -178,3 +179,16 @@ def test_the_interval_is_steady():
     assert mean_interval(np.full(LEAST_VALUES, 0.3)) == pytest.approx((0.3, 0.3))
     assert mean_interval(np.zeros(LEAST_VALUES)) == (0.0, 0.0)
     assert mean_interval(np.zeros(LEAST_VALUES - 1)) is None
+
+
+def test_an_interval_beyond_every_difference_is_none():
+    """One event that makes nearly all of the difference: most draws miss it."""
+    values = np.full(UPDATES, 1e-3)
+    values[40:43] = 1.0
+    low, high = mean_interval(values) or (0.0, 0.0)
+    assert high - low > 2 * values.max()
+    of_event, steady = difference_of(values), difference_of(np.sin(np.arange(UPDATES, dtype=float)))
+    assert of_event is not None
+    assert of_event.interval is None
+    assert steady is not None
+    assert steady.interval is not None

@@ -204,7 +204,7 @@ def test_a_dip_is_one_event():
     heavy = [(0, 0, 0.98), *[(0, 0, 0.02 / 39)] * 39]
     (found,) = watch([heavy, heavy], None)
     assert (found.step, found.kind) == (1, "ess-dip")
-    assert found.text == "effective sample size 1 of 40 (2.6%)"
+    assert found.text == "few particles have nearly all the weight: effective sample size 1 of 40 (2.6%)"
 
 
 def test_reseeding_at_steps_in_a_row_is_one_line_with_all_its_particles():
@@ -232,8 +232,8 @@ def test_reseeding_at_steps_in_a_row_is_one_line_with_all_its_particles():
             "all-weights-zero",
             "no particle is in free space: the weights cannot be updated",
         ),
-        ("reseeded", "reseeded", "2 of 4 fresh (evidence -13.2 nats)"),
-        ("expanded", "expanded", "evidence -13.2 nats: the whole cloud was spread"),
+        ("reseeded", "reseeded", "2 of 4 fresh (fit of this picture -13.2 nats)"),
+        ("expanded", "expanded", "fit of this picture -13.2 nats: the whole cloud was spread"),
     ],
 )
 def test_what_the_filter_noticed(said, kind, text):
@@ -250,12 +250,15 @@ def test_what_the_filter_noticed(said, kind, text):
 @pytest.mark.parametrize(
     ("test", "said"),
     [
-        (RecoveryTest(PICTURE, -9.14, -10.73), "threshold -9.1 nats, this picture -10.7"),
-        (RecoveryTest(PICTURE, -12.01, -12.04), "threshold -12.01 nats, this picture -12.04"),
-        (RecoveryTest(AVERAGES, -3.0, -3.61), "long-term average -3.0 nats, short-term -3.6"),
+        (RecoveryTest(PICTURE, -9.14, -10.73), "this picture fits badly (-10.7 nats, threshold -9.1)"),
+        (RecoveryTest(PICTURE, -12.01, -12.04), "this picture fits badly (-12.04 nats, threshold -12.01)"),
+        (
+            RecoveryTest(AVERAGES, -3.0, -3.61),
+            "pictures fit badly of late (-3.6 nats, long-term average -3.0)",
+        ),
         (
             RecoveryTest(PICTURE, -9.1, -np.inf),
-            "threshold -9.1 nats, this picture: no particle in free space",
+            "no particle in free space (threshold -9.1 nats)",
         ),
     ],
 )
