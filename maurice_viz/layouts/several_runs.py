@@ -17,7 +17,7 @@ from ..scene import RunView, Scene
 from .story import HEIGHT_PX, errors_row, over_events
 
 COMPARED_WORDS_PX, COMPARED_ERRORS_PX = 84, 100
-DRIVE_PX, RUN_PX = 102, 34  # of the words on the drive, below the clouds: without a run's, and of each run's
+DRIVE_PX, LINE_PX = 102, 17  # of the words on the drive, below the clouds: without runs, and of a line
 ROW_PX = 70  # of the histograms of a run
 
 
@@ -26,7 +26,7 @@ def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     path, count = (CLOSER, 2) if scene.has_truth else (SHARED, 1 + len(runs))
     lanes = lanes_px(count)
     middle = HEIGHT_PX - COMPARED_WORDS_PX - lanes - COMPARED_ERRORS_PX
-    words = DRIVE_PX + RUN_PX * (len(runs) - 1)
+    words = DRIVE_PX + (2 if scene.has_truth else 1) * LINE_PX * (len(runs) - 1)
     left = rrb.Vertical(
         shared.clouds_view(runs, scene), shared.drive_words_view(), row_shares=[middle - words, words]
     )

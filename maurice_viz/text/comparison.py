@@ -50,7 +50,7 @@ def step_words(
 ) -> str:
     """Return who is closer to the truth at a step, and what the picture did to the particles near it.
 
-    Of two runs also what each channel did, by the run's sensors, where they are known.
+    Of two runs, and of more the closest one, also what each channel did, by the sensors that are known.
     """
     moment, _ = next(iter(steps.values()))
     return " ".join([f"Step {moment.frame.step}:", _who(steps, scale, radii), *_why(steps, scale, sensors)])
@@ -81,6 +81,7 @@ def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
 
 def _why(steps: Mapping[str, Step], scale: Scale, sensors: Mapping[str, SensorModel | None]) -> list[str]:
     """Say what the picture did near the truth, within the smallest radius that holds dots of some run."""
+    told = list(errors_m(steps))[: 2 if len(steps) == 2 else 1]
     for share in NEAR_SHARES:
         gains: dict[str, float | None] = {}
         for label, (moment, record) in steps.items():
@@ -92,7 +93,7 @@ def _why(steps: Mapping[str, Step], scale: Scale, sensors: Mapping[str, SensorMo
         if known:
             made = [
                 f"**{gain:.1f} x**{' as heavy' if k == 0 else ''} with `{label}`"
-                f"{_by_channel(*steps[label], radius_m, sensors.get(label)) if len(steps) == 2 else ''}"
+                f"{_by_channel(*steps[label], radius_m, sensors.get(label)) if label in told else ''}"
                 for k, (label, gain) in enumerate(known.items())
             ]
             none = [f"`{label}`" for label, gain in gains.items() if gain is None]
@@ -112,8 +113,9 @@ def _by_channel(moment: Moment, record: StepRecord, radius_m: float, sensor: Sen
     order = sorted(gains, key=lambda channel: -gains[channel])
     if len(order) < 2:
         return ""
-    most, least = ("", "") if len(order) == 2 else ("most ", "least ")
-    return f" ({most}by {order[0]} {gains[order[0]]:.1f} x, {least}by {order[-1]} {gains[order[-1]]:.1f} x)"
+    word = "and" if len(order) == 2 else "to"
+    most, least = (f"{channel} {gains[channel]:.1f} x" for channel in (order[0], order[-1]))
+    return f" (alone: {most} {word} {least})"
 
 
 def key_words(scale: Scale, radii: Radii, has_truth: bool = True) -> str:
