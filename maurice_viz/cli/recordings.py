@@ -272,7 +272,8 @@ def _lines(examination: Examination, options: Options, beside: Sequence[str] = (
         kept = shlex.join(["FIXED.log", *options[-1]])
         yield f"try: {_command('maurice-replay doctor', examination.path, [*options[-1], *beside])}"
         yield f"keep: {_command('maurice-replay convert', examination.path)} {kept}"
-    yield f"found {len(examination.findings)} wrong" if examination.findings else "found nothing wrong"
+    unasked = " in what could be checked" if examination.not_asked else ""
+    yield f"found {len(examination.findings) or 'nothing'} wrong{unasked}"
 
 
 def _command(command: str, path: Path, options: Sequence[str] = ()) -> str:

@@ -141,6 +141,10 @@ def table(
     if json_output:
         print_json({"metric": metric, "groups": _plain(groups), "differences": _plain(differences)})
         return
+    if rows.is_empty():
+        more = f"finished run yet; `trials run PLAN -o {folder} --resume` goes on with it"
+        note(f"{folder} holds no {'run that is as --where says' if where else more}")
+        return
     results.print(_groups(groups, metric))
     counted = [difference for difference in differences if difference.figure.count]
     if counted:
