@@ -88,11 +88,11 @@ def test_of_rows_at_one_time_the_later_one_wins(tmp_path):
             step: value for step, row in latest.items() for key, value in row.items() if "Scalars" in key
         }
         assert scalars == {str(step): str([step / 3]) for step in range(1, STEPS + 1)}
-        texts = [dict(row) for row in found["/text"]]
-        assert [next(v for k, v in row.items() if "TextDocument:text" in k) for row in texts[:2]] == [
-            "['step 1']",
-            "['phase 2']",
-        ]
+        for step in range(1, STEPS + 1):  # also where the later one is on fewer timelines
+            at = [row for row in map(dict, found["/cloud"]) if row.get(PHASE) == str(6 * step + 2)]
+            drawn = [row for row in at if not any("Clear" in key for key in row)]
+            is_last = [any("colors" in key for key in row) for row in drawn]
+            assert is_last == [False, True]
         clears = [k for k, row in enumerate(found["/cloud"]) if any("Clear" in name for name, _ in row)]
         assert len(clears) == STEPS // 20
         assert clears[-1] > 3 * 60
