@@ -157,7 +157,7 @@ class Batch:
 
     def _sensed(self, moved: F32, comparison: Comparison) -> F32 | None:
         """Return the nats (r, N) of the pose sensors at every particle; None if none said anything."""
-        nats = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T)
+        nats = self.localizer.sensor.sense_at(comparison, moved.reshape(3, -1).T, moved.shape[1])
         return None if nats is None else nats.reshape(moved.shape[1:])
 
     def _evidence(self, prior: F64, entries: I32, comparison: Comparison) -> F64:

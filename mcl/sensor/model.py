@@ -15,7 +15,7 @@ import numpy as np
 
 from ..values.arrays import F32, F64, U8
 from ..values.library import ChannelIndex, Library
-from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed
+from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Sensed, spread_between
 from ..values.records import Comparison, Sighting
 from ..values.session import Frame
 from ..values.setting_rules import choice, number, texts
@@ -243,14 +243,20 @@ class SensorModel:
             log_likelihood = log_likelihood + np.float32(self.parameters.sharpness) * sensed
         return Sighting(comparison, entries, log_likelihood, sensed, known)
 
-    def sense_at(self, comparison: Comparison, poses: F32) -> F32 | None:
-        """Return the nats (N,) of all pose sensors at poses (N, 3); None if none of them said anything."""
-        origin = self.library.origin
-        nats = [
-            np.float32(sensed.weight) * sensed.sensor.log_likelihood(sensed.reading, poses, origin)
-            for sensed in comparison.sensed
-        ]
+    def sense_at(self, comparison: Comparison, poses: F32, clouds: int = 1) -> F32 | None:
+        """Return the nats (N,) of all pose sensors at poses (N, 3); None if none of them said anything.
+
+        The poses are those of one cloud, or of several of the same size, one after another.
+        """
+        nats = [np.float32(each.weight) * self._nats(each, poses, clouds) for each in comparison.sensed]
         return np.sum(nats, axis=0, dtype=np.float32) if nats else None
+
+    def _nats(self, sensed: Sensed, poses: F32, clouds: int) -> F32:
+        origin, weigh = self.library.origin, sensed.sensor.log_likelihood
+        if not getattr(sensed.sensor, "smooths", False):
+            return weigh(sensed.reading, poses, origin)
+        parts = np.split(poses, clouds)
+        return np.concatenate([weigh(sensed.reading, part, origin, spread_between(part)) for part in parts])
 
 
 def _no_channels(entries: int) -> Comparison:

@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
+import numpy as np
+
 from .arrays import F32, F64, U8, Bool
 from .session import Frame
 
@@ -33,6 +35,30 @@ class PoseSpread:
 
 
 EXACT = PoseSpread()
+LEAST_CLOUD = 50  # poses; fewer are no cloud, and each stands for itself
+MOST_APART = PoseSpread(0.4, 0.2)  # a likelihood that is spread farther tells nothing
+OF_SD = (
+    2.5  # N normal poses in three dimensions are this times N^(-1/3) standard deviations apart, in the middle
+)
+NORMAL_SD = 1.4826  # of a normal distribution, by its median absolute deviation
+MEDIAN_OF = 500  # poses are enough
+
+
+def spread_between(poses: F32) -> PoseSpread:
+    """Return how far the poses (N, 3) of a cloud are from their neighbors: what each of them stands for.
+
+    Where a sensor is sharper than that, no particle may be near enough to the truth to be told apart by it.
+    A few poses far from the others do not count: widths are medians.
+    """
+    if len(poses) < LEAST_CLOUD:
+        return EXACT
+    some = poses[:: max(len(poses) // MEDIAN_OF, 1)].astype(np.float64)
+    some[:, 2] = np.angle(np.exp(1j * (some[:, 2] - np.angle(np.exp(1j * some[:, 2]).sum()))))
+    sd = NORMAL_SD * np.median(np.abs(some - np.median(some, axis=0)), axis=0)
+    x, y, turn = sd * (OF_SD / len(poses) ** (1 / 3))
+    return PoseSpread(
+        min(float(np.sqrt(x * y)), MOST_APART.position_m), min(float(turn), MOST_APART.heading_rad)
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,9 +145,10 @@ class PoseSensor(Protocol):
     """A sensor model that gives any pose a log-likelihood.
 
     Any class with these members is one; hand it to `maurice_mcl.make_localizer(..., sensors=[...])`. A
-    reading may be any value: only the sensor itself looks into it. Four attributes may be
+    reading may be any value: only the sensor itself looks into it. Some attributes may be
     left out: `pictures`, the titles of the pictures it shows; `in_space`, true for one with marks in space;
     `proposes`, true for one whose `propose` returns poses; `summary`, one line for tables;
+    `smooths`, true for one that is asked for a particle's nats with the spread to its neighbors;
     `weighs_references`, false for one that need not say how well a library's references agree. One that
     proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
     not find the proposal again, and `explains(reading, poses, weights, origin)`: true where a cloud explains

@@ -5,8 +5,7 @@
 - `field`: what a beam that ends in a cell is worth, and the sum over beams for many poses at once
 - `rays`: how far beams reach on the map
 - `models`: the nats of a scan at many poses: our model, and those of AMCL
-- `beams`: each beam of a scan judged at one pose: agrees, short, beyond, unknown, miss
+- `beams`: each beam judged at one pose (agrees, short, beyond, unknown, miss), and what is shown of that
 - `matching`: where on a map one scan was taken: all poses searched, from coarse to fine
 - `sensor`: the pose sensor `Laser`
-- `picture`: what people are shown: the scan on the map, the beams that disagree, a sentence
 """

@@ -1,14 +1,16 @@
-"""Each beam of a scan judged at one pose: what it measured, what the map would have it measure."""
+"""Each beam of a scan judged at one pose, and what people are shown of that."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...values.arrays import F32, F64, U8, Bool
-from ...values.geometry import compose
+from ...values.geometry import compose, rotated
 from ...values.occupancy import OCCUPIED, UNKNOWN
+from ...values.pose_sensor import Shown, ShownMarks
 from .models import LaserMap, nats_of_beams
 from .rays import Rays
 from .reading import LaserReading
@@ -16,6 +18,18 @@ from .reading import LaserReading
 AGREES, SHORT, BEYOND, UNMAPPED, MISS = range(5)
 JUDGMENTS = ("agrees", "short", "beyond", "unknown", "miss")  # by these numbers
 AGREES_M = 0.2  # a beam that ends nearer to something on the map agrees with it
+WORTH_SAYING = 0.05  # share of the beams
+SAID: Mapping[str, str] = {
+    "short": "end {} before the wall: something stands there",
+    "beyond": "end {} behind a wall of the map: it was moved, or is glass",
+    "unknown": "end where nobody has mapped",
+    "miss": "hit nothing",
+}
+DRAWN: Mapping[str, str] = {
+    "short": "beams that end short of the wall",
+    "beyond": "beams that end beyond a wall",
+    "unknown": "beams that end in unknown space",
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +55,19 @@ class BeamJudgment:
         """Return how many beams are judged so."""
         return int(self.are(judgment).sum())
 
+    @property
+    def words(self) -> tuple[str, tuple[float, ...]]:
+        """How many beams agree and how the others do not, with {} for each of the lengths in meters."""
+        total, lengths = len(self.judged), list[float]()
+        words = f"{self.count('agrees')} of {total} beams agree with the map at the estimate."
+        for name, said in SAID.items():
+            if (count := self.count(name)) < max(WORTH_SAYING * total, 1):
+                continue
+            words += f" {count} {said}."
+            if "{}" in said:
+                lengths.append(float(np.median(np.abs(self.expected_m - self.measured_m)[self.are(name)])))
+        return words, tuple(lengths)
+
 
 def judge(there: LaserMap, rays: Rays, reading: LaserReading, pose: F64) -> BeamJudgment:
     """Judge all beams of a reading at a pose (3,) in the map's frame."""
@@ -49,12 +76,30 @@ def judge(there: LaserMap, rays: Rays, reading: LaserReading, pose: F64) -> Beam
     expected = rays.cast(laser[None], angles, reading.max_m)[0]
     along = np.stack([np.cos(laser[2] + angles), np.sin(laser[2] + angles)], axis=1)
     ends, expected_ends = (laser[:2] + reach[:, None] * along for reach in (reading.ranges_m, expected))
-    off_m, states = there.distances.at(ends), there.occupancy.states_at(ends)
+    states = there.occupancy.states_at(ends)
     judged = np.full(reading.size, SHORT, np.uint8)
     judged[states == UNKNOWN] = UNMAPPED
     judged[reading.ranges_m > expected + AGREES_M] = BEYOND
-    judged[(off_m < AGREES_M) | (states == OCCUPIED)] = AGREES
+    judged[(there.distances.at(ends) < AGREES_M) | (states == OCCUPIED)] = AGREES
     judged[~reading.hits] = MISS
     nats = np.zeros(reading.size, np.float32)
     nats[reading.hits] = nats_of_beams(there, reading, ends[reading.hits])
     return BeamJudgment(judged, reading.ranges_m, expected, nats, ends, expected_ends)
+
+
+def shown(
+    reading: LaserReading, judgment: BeamJudgment, poses: Mapping[str, F64], nats: Mapping[str, float]
+) -> Shown:
+    """Return the scan on the map at each of the poses, and the beams that disagree with the estimate."""
+    points, marks = reading.scan.points(), list[ShownMarks]()
+    for name, pose in poses.items():
+        x, y = rotated(points[:, 0], points[:, 1], pose[2])
+        places = np.stack([x + pose[0], y + pose[1]], axis=1)[:, None]
+        marks.append(ShownMarks(f"scan at the {name}", "map", places, of=name))
+    for name, drawn in DRAWN.items():
+        ends, expected = judgment.ends[judgment.are(name)], judgment.expected_ends[judgment.are(name)]
+        strips = ends[:, None] if name == "unknown" else np.stack([ends, expected], axis=1)
+        marks.append(ShownMarks(drawn, "map", strips, np.zeros(len(strips), np.bool_)))
+    words, lengths = judgment.words
+    at = ", ".join(f"{value:.1f} nats at the {name}" for name, value in nats.items())
+    return Shown(f"{words} Log-likelihood: {at} (0 if all agreed).", {}, tuple(marks), lengths)

@@ -18,9 +18,15 @@ from ...values.arrays import F32, F64, U8, Bool
 from ...values.occupancy import OccupancyMap
 
 BLOCK_POSES = 1000  # whose lookups stay in the cache
-MOST_CELLS = 32_000  # along an axis: cells are numbered by 16 bits in `cv2.remap`
+MOST_CELLS = 32_000  # along an axis: `cv2.remap` numbers cells by 16 bits
 FINE_CELLS = 4_000_000  # a map with more has its field in bytes: the lookups are bound by memory
 LEVELS = 255
+
+
+def cell_distances(blocked: Bool) -> F32:
+    """Return how many cells each cell (H, W) is from the nearest blocked one, at most `MOST_CELLS`."""
+    apart = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(np.minimum(apart, np.float32(MOST_CELLS)), np.float32)
 
 
 def distances_m(occupancy: OccupancyMap, most_m: float) -> F32:
@@ -29,10 +35,10 @@ def distances_m(occupancy: OccupancyMap, most_m: float) -> F32:
     return np.asarray(np.minimum(apart_m, np.float32(most_m)), np.float32)
 
 
-def cell_distances(blocked: Bool) -> F32:
-    """Return how many cells each cell (H, W) is from the nearest blocked one, at most `MOST_CELLS`."""
-    apart = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(np.minimum(apart, np.float32(MOST_CELLS)), np.float32)
+def look_up(values: F32 | U8, columns: F32, rows: F32, outside: float) -> NDArray[Any]:
+    """Return the values of cells, whose middles are at whole numbers; `outside` where there is none."""
+    border = cv2.BORDER_CONSTANT
+    return cv2.remap(values, columns, rows, cv2.INTER_NEAREST, borderMode=border, borderValue=outside)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +48,7 @@ class Field:
     values: F32 | U8  # (H, W)
     low: float
     step: float
-    outside: float  # the value, not the worth, outside of the map
+    outside: float  # the value outside of the map
     cell_m: float
     corner: F64  # (2,) of the map
 
@@ -51,7 +57,7 @@ class Field:
         """Keep the worth (H, W) of each cell: as it is, or on large maps in `LEVELS` steps."""
         cell_m, corner = occupancy.cell_m, occupancy.corner
         if worth.size <= FINE_CELLS:
-            return cls(np.ascontiguousarray(worth, np.float32), 0.0, 1.0, outside, cell_m, corner)
+            return cls(worth, 0.0, 1.0, outside, cell_m, corner)
         low, high = min(float(worth.min()), outside), max(float(worth.max()), outside)
         step = max(high - low, 1e-9) / LEVELS
         levels = np.rint((worth - np.float32(low)) / np.float32(step)).astype(np.uint8)
@@ -59,44 +65,33 @@ class Field:
 
     def sums(self, ends: F64, poses: F32, origin: F64) -> F32:
         """Return the worth (N,) of all beams that end at (K, 2) from poses (N, 3) off `origin`."""
-        totals = [
-            cv2.reduce(values, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F).ravel()
-            for values in self._blocks(ends, poses, origin)
-        ]
-        total = np.concatenate(totals) if totals else np.zeros(0, np.float32)
+        total = np.empty(len(poses), np.float32)
+        for start, values in self._blocks(ends, poses, origin):
+            # a row or a column, by OpenCV's version
+            total[start : start + len(values)] = cv2.reduce(values, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F).flat
         return np.asarray(total * np.float32(self.step) + np.float32(self.low * len(ends)), np.float32)
-
-    def at(self, points: F64) -> F32:
-        """Return the worth (K,) of points (K, 2) in the map's frame."""
-        worth: F32 = self.each(points - self.corner, np.zeros((1, 3), np.float32), self.corner)[0]
-        return worth
 
     def each(self, ends: F64, poses: F32, origin: F64) -> F32:
         """Return the worth (N, K) of every beam."""
-        values = np.concatenate([*self._blocks(ends, poses, origin)])
+        values = np.concatenate([values for _, values in self._blocks(ends, poses, origin)])
         return np.asarray(values * np.float32(self.step) + np.float32(self.low), np.float32)
 
-    def _blocks(self, ends: F64, poses: F32, origin: F64) -> Iterator[NDArray[Any]]:
-        scale = 1 / self.cell_m
-        x, y = (ends.T * scale).astype(np.float32)
-        ones = np.ones_like(x)
-        to_column, to_row = np.stack([x, -y, ones]), np.stack([y, x, ones])
-        # `cv2.remap` rounds: the middle of cell 0 is at 0
-        first = ((origin - self.corner) * scale - 0.5).astype(np.float32)
+    def at(self, points: F64) -> F32:
+        """Return the worth (K,) of points (K, 2) in the map's frame."""
+        return self.each(points - self.corner, np.zeros((1, 3), np.float32), self.corner).ravel()
+
+    def _blocks(self, ends: F64, poses: F32, origin: F64) -> Iterator[tuple[int, NDArray[Any]]]:
+        """Yield the number of the first pose of each block, and the values (n, K) of its beams."""
+        scale = np.float32(1 / self.cell_m)
+        x, y = ends.T.astype(np.float32) * scale
+        column, row = ((origin - self.corner) / self.cell_m - 0.5).astype(np.float32)
+        to_column, to_row = np.stack([x, -y, np.ones_like(x)]), np.stack([y, x, np.ones_like(x)])
         for start in range(0, len(poses), BLOCK_POSES):
             block = poses[start : start + BLOCK_POSES]
             place = np.empty((len(block), 3), np.float32)
             np.cos(block[:, 2], out=place[:, 0])
             np.sin(block[:, 2], out=place[:, 1])
-            place[:, 2] = block[:, 0] * np.float32(scale) + first[0]
+            place[:, 2] = block[:, 0] * scale + column
             columns = place @ to_column
-            place[:, 2] = block[:, 1] * np.float32(scale) + first[1]
-            rows = place @ to_row
-            yield cv2.remap(
-                self.values,
-                columns,
-                rows,
-                cv2.INTER_NEAREST,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=self.outside,
-            )
+            place[:, 2] = block[:, 1] * scale + row
+            yield start, look_up(self.values, columns, place @ to_row, self.outside)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from ...values.arrays import F32, F64
 from ...values.occupancy import OccupancyMap
-from .field import cell_distances
+from .field import cell_distances, look_up
 
 LEAST_STEP = 0.5  # cells
 CELL_DIAGONAL = 2**0.5
 AWAY = 1e6  # cells: the step of a ray outside of a map whose edge does not block it
-BLOCK_RAYS = 30_000  # that stay in the cache, and fewer than `cv2.remap` takes along an axis
+BLOCK_RAYS = 30_000  # that stay in the cache, and fewer than `MOST_CELLS`
 ROUNDS = 6  # of steps between two times that rays which ended are put aside
 
 
@@ -38,7 +37,6 @@ class Rays:
     def cast(self, poses: F64, angles_rad: F64, max_m: float) -> F32:
         """Return how far (N, B) rays from poses (N, 3), turned by angles (B,), reach: at most `max_m`."""
         turned = (poses[:, 2, None] + angles_rad).astype(np.float32).ravel()
-        # `cv2.remap` rounds: the middle of cell 0 is at 0
         start = ((poses[:, :2] - self.corner) / self.cell_m - 0.5).astype(np.float32)
         rays = np.stack([*np.repeat(start.T, len(angles_rad), axis=1), np.cos(turned), np.sin(turned)])
         most = np.float32(max_m / self.cell_m)
@@ -53,14 +51,7 @@ class Rays:
         while len(which):
             x, y, along_x, along_y = rays
             for _ in range(ROUNDS):
-                places = x + gone * along_x, y + gone * along_y
-                step = cv2.remap(
-                    self.steps,
-                    *places,
-                    cv2.INTER_NEAREST,
-                    borderMode=cv2.BORDER_CONSTANT,
-                    borderValue=self.outside,
-                ).ravel()  # of any shape, by OpenCV's version
+                step = look_up(self.steps, x + gone * along_x, y + gone * along_y, self.outside).ravel()
                 gone += step
             blocked = (step == 0) & (gone < most)
             reach[which[blocked]] = gone[blocked]

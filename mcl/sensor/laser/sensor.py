@@ -13,14 +13,11 @@ from ...values.arrays import F32, F64
 from ...values.occupancy import OccupancyMap
 from ...values.pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
 from ...values.session import Frame
-from .beams import BeamJudgment, judge
+from .beams import BeamJudgment, judge, shown
 from .models import MODELS, LaserMap
 from .parameters import LaserParameters
-from .picture import shown
 from .rays import Rays
 from .reading import LaserReading, read_scan
-
-SPREAD_STEPS = 2  # a spread's standard deviation is rounded to this many steps an octave: each has a field
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +29,11 @@ class Laser:
     name: ClassVar[str] = "laser"  # the key of `sensor.weights`
     proposes: ClassVar[bool] = False
     weighs_references: ClassVar[bool] = False  # it weighs every particle at its own pose
+
+    @property
+    def smooths(self) -> bool:
+        """Whether a particle stands for the poses between it and its neighbors: for AMCL it does not."""
+        return self.parameters.model == "calibrated"
 
     @property
     def summary(self) -> str:
@@ -47,8 +49,10 @@ class Laser:
         self, reading: LaserReading, poses: F32, origin: F64, spread: PoseSpread = EXACT
     ) -> F32:
         """Return the nats (N,) of poses (N, 3): at most 0, where every beam ends at what the map has."""
-        model = MODELS[self.parameters.model]
-        nats = model(self._map, reading, poses, origin, _blur_m(reading, spread))
+        # how far apart the ends of beams are
+        range_m = float(np.median(reading.ranges_m[reading.hits]))
+        spread_m = float(np.hypot(spread.position_m, spread.heading_rad * range_m))
+        nats = MODELS[self.parameters.model](self._map, reading, poses, origin, spread_m)
         return np.minimum(nats, np.float32(0))
 
     def propose(self, reading: LaserReading) -> PoseProposal | None:
@@ -74,13 +78,6 @@ class Laser:
     @cached_property
     def _map(self) -> LaserMap:
         return LaserMap(self.occupancy, self.parameters)
-
-
-def _blur_m(reading: LaserReading, spread: PoseSpread) -> float:
-    """Return how far apart a spread puts the ends of beams: by position, and heading at their range."""
-    ranges = reading.ranges_m[reading.hits]
-    apart = float(np.hypot(spread.position_m, spread.heading_rad * float(np.median(ranges))))
-    return 0.0 if apart <= 0 else float(2.0 ** (round(np.log2(apart) * SPREAD_STEPS) / SPREAD_STEPS))
 
 
 LASER = Laser.name
