@@ -79,7 +79,7 @@ class MatchCircles:
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn
-        middle, top = self.centers[:, 0].mean(), self.centers[:, 1].min()
+        middle, top = (self.centers[:, 0].mean(), self.centers[:, 1].min()) if library.size else (0.0, 0.0)
         self._words_at = np.array([[middle, top]], np.float32)  # where it says that a picture says nothing
         self._tells = True  # whether the last picture told places apart
         self.spacing = scale.length(spacing_m)  # between nodes, or what it is drawn as, in display units
