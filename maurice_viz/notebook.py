@@ -7,7 +7,9 @@ this machine; `RERUN_NOTEBOOK_ASSET`, set before anything of Rerun is imported, 
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -20,8 +22,9 @@ from maurice_loaders.session_log.header import session_in
 
 from .app.replay import replay
 from .app.snapshot import draw_saved
+from .entities import STEP
 from .listener import SILENT, Listener
-from .running.output import verdict_of
+from .running.output import decisive_step_of, verdict_of
 from .running.saved_steps import NUMBER_NAMES, POSE_NAMES, Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
 from .text.score_json import to_json
@@ -131,9 +134,17 @@ def _display(recording: Path, width: Side, height: Side) -> None:
     # the file as it is: it begins with its layout. Through a recording stream, whose first message names
     # a recording, the widget would have chosen a layout of its own before
     viewer.send_rrd(recording.read_bytes())
+    if (step := decisive_step_of(recording)) is not None:
+        viewer._on_raw_event(partial(_stand_at, viewer, [step]))
     if verdict := verdict_of(recording):
         display(Markdown(verdict))
     display(viewer)
+
+
+def _stand_at(viewer: Any, steps: list[int], event: str) -> None:
+    """Move the viewer to the step in the list, once, when it says that it has a timeline."""
+    if steps and json.loads(event)["type"] == "timeline_change":
+        viewer.set_time_ctrl(STEP, sequence=steps.pop(), play=False)
 
 
 def _collected(run: SavedRun) -> Collected:

@@ -8,6 +8,7 @@ import json
 import os
 import sys
 import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,14 @@ class Widget:
     def __init__(self, *, width: Any, height: Any, theme: str) -> None:
         assert theme == "dark"
         self.size, self.sent = (width, height), b""
+        self.hears: list[Callable[[str], None]] = []
+        self.places: list[tuple[str, int, bool]] = []
+
+    def _on_raw_event(self, hear: Callable[[str], None]) -> None:
+        self.hears.append(hear)
+
+    def set_time_ctrl(self, timeline: str, *, sequence: int, play: bool) -> None:
+        self.places.append((timeline, sequence, play))
 
     def send_rrd(self, data: bytes) -> None:
         self.sent += data
@@ -116,6 +125,11 @@ def test_a_recording_is_shown_whole_below_its_verdict(small_session, tmp_path, d
     assert viewer.size == (800, 600)
     assert os.environ["RERUN_NOTEBOOK_ASSET"] == "serve-local"
     assert viewer.sent == (tmp_path / "a.rrd").read_bytes()
+    for event in ("recording_open", "timeline_change", "timeline_change"):  # the second is the user's
+        viewer.hears[0](json.dumps({"type": event}))
+    ((timeline, step, play),) = viewer.places
+    assert (timeline, play) == ("step", False)
+    assert f"Look at **step {step}." in verdict
 
 
 def test_the_widget_takes_what_it_is_given():
@@ -124,6 +138,8 @@ def test_the_widget_takes_what_it_is_given():
     given = inspect.signature(widget).parameters
     assert {"width", "height", "theme"} <= set(given)
     assert callable(widget.send_rrd)
+    assert callable(widget._on_raw_event)
+    assert callable(widget.set_time_ctrl)
 
 
 def test_a_saved_run_and_a_session_are_drawn_and_shown(small_session, tmp_path, displayed, capsys):
