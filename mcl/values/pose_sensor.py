@@ -7,6 +7,7 @@ Their nats add up with those of the channels (`sensor.model`).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from .arrays import F32, F64, U8, Bool
+from .geometry import wrap
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures
@@ -37,9 +39,8 @@ class PoseSpread:
 EXACT = PoseSpread()
 LEAST_CLOUD = 50  # poses; fewer are no cloud, and each stands for itself
 MOST_APART = PoseSpread(0.4, 0.2)  # a likelihood that is spread farther tells nothing
-OF_SD = (
-    2.5  # N normal poses in three dimensions are this times N^(-1/3) standard deviations apart, in the middle
-)
+# N normal poses in three dimensions are this times N^(-1/3) standard deviations apart, in the middle
+OF_SD = 2.5
 NORMAL_SD = 1.4826  # of a normal distribution, by its median absolute deviation
 MEDIAN_OF = 500  # poses are enough
 
@@ -52,13 +53,19 @@ def spread_between(poses: F32) -> PoseSpread:
     """
     if len(poses) < LEAST_CLOUD:
         return EXACT
-    some = poses[:: max(len(poses) // MEDIAN_OF, 1)].astype(np.float64)
-    some[:, 2] = np.angle(np.exp(1j * (some[:, 2] - np.angle(np.exp(1j * some[:, 2]).sum()))))
-    sd = NORMAL_SD * np.median(np.abs(some - np.median(some, axis=0)), axis=0)
-    x, y, turn = sd * (OF_SD / len(poses) ** (1 / 3))
-    return PoseSpread(
-        min(float(np.sqrt(x * y)), MOST_APART.position_m), min(float(turn), MOST_APART.heading_rad)
-    )
+    x, y, heading = poses[:: max(len(poses) // MEDIAN_OF, 1)].T
+    middle = np.arctan2(np.sin(heading).sum(), np.cos(heading).sum())
+    share = NORMAL_SD * OF_SD / len(poses) ** (1 / 3)
+    position_m = share * math.sqrt(_median_off(x) * _median_off(y))
+    heading_rad = share * _median_off(wrap(heading - middle))
+    return PoseSpread(min(position_m, MOST_APART.position_m), min(heading_rad, MOST_APART.heading_rad))
+
+
+def _median_off(values: F32) -> float:
+    """Return the median absolute deviation from the median; of an even number the greater one."""
+    half = len(values) // 2
+    off = np.abs(values - np.partition(values, half)[half])
+    return float(np.partition(off, half)[half])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
