@@ -9,11 +9,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...errors import InputError
 from ...values.arrays import F32, F64
 from ...values.occupancy import OccupancyMap
 from ...values.pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
 from ...values.session import Frame
 from .beams import BeamJudgment, judge, shown
+from .field import MOST_CELLS
 from .models import MODELS, LaserMap
 from .parameters import LaserParameters
 from .rays import Rays
@@ -29,6 +31,12 @@ class Laser:
     name: ClassVar[str] = "laser"  # the key of `sensor.weights`
     proposes: ClassVar[bool] = False
     weighs_references: ClassVar[bool] = False  # it weighs every particle at its own pose
+
+    def __post_init__(self) -> None:
+        height, width = self.occupancy.cells.shape
+        if max(height, width) > MOST_CELLS:
+            found = f"found a map of {width} x {height} cells, expected at most {MOST_CELLS} along an axis"
+            raise InputError(None, f"{found}; give it larger cells")
 
     @property
     def smooths(self) -> bool:

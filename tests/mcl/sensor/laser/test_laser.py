@@ -337,6 +337,12 @@ def test_a_scan_with_too_few_hits_says_nothing(grid):
         assert reading_of(laser, scan) is None
 
 
+def test_a_map_too_wide_is_one_line():
+    wide = OccupancyMap(np.zeros((2, 40_000), np.uint8), CELL_M, ZERO)
+    with pytest.raises(mcl.InputError, match=r"found a map of 40000 x 2 cells.*larger cells"):
+        Laser(wide)
+
+
 def test_ranges_in_use_can_be_narrowed(grid):
     scan = scan_at(grid, TRUTH)
     narrow = Laser(grid, LaserParameters(laser_min_range=1.0, laser_max_range=2.0))
