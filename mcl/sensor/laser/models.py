@@ -17,8 +17,8 @@ from .rays import Rays
 from .reading import LaserReading
 
 # Ours. Chosen on the first halves of four CARMEN logs (intel, aces, freiburg-079, orebro), with maps of every
-# other of their scans. On the second halves, with maps of the first, squared errors of single scans are 0.7 to
-# 1.1 of what the likelihood says.
+# other of their scans. On the second halves, with maps of the first, the squared error of a single scan is on
+# average 0.7 to 1.1 times what the likelihood says.
 SIGMA_M = 0.1
 OUTLIER = 0.1  # worth of a beam that ends nowhere near what the map has, relative to the best
 UNKNOWN_NATS = -0.5  # of a beam that ends where nobody has been: neither right nor wrong
