@@ -16,7 +16,8 @@ from ...values.pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
 from ...values.session import Frame
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
-from .models import MODELS, LaserMap
+from .matching import Matcher
+from .models import MODELS, LaserMap, explained
 from .parameters import LaserParameters
 from .rays import Rays
 from .reading import LaserReading, read_scan
@@ -29,7 +30,7 @@ class Laser:
     occupancy: OccupancyMap
     parameters: LaserParameters = field(default_factory=LaserParameters)
     name: ClassVar[str] = "laser"  # the key of `sensor.weights`
-    proposes: ClassVar[bool] = False
+    proposes: ClassVar[bool] = True
     weighs_references: ClassVar[bool] = False  # it weighs every particle at its own pose
 
     def __post_init__(self) -> None:
@@ -64,8 +65,12 @@ class Laser:
         return np.minimum(nats, np.float32(0))
 
     def propose(self, reading: LaserReading) -> PoseProposal | None:
-        """Return None: this model only weighs poses."""
-        return None
+        """Return where on the map the scan fits best."""
+        return self._matcher.propose(reading.ends, reading.scan.mount)
+
+    def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
+        """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
+        return explained(self._map, reading, poses, weights, origin)
 
     def shown(self, reading: LaserReading, poses: Mapping[str, F64]) -> Shown:
         """Return the scan on the map, which beams disagree with the estimate and how, and how many agree."""
@@ -78,6 +83,10 @@ class Laser:
     def judged(self, reading: LaserReading, pose: F64) -> BeamJudgment:
         """Return what each beam says at a pose (3,) in the map's frame."""
         return judge(self._map, self._rays, reading, pose)
+
+    @cached_property
+    def _matcher(self) -> Matcher:
+        return Matcher(self.occupancy)
 
     @cached_property
     def _rays(self) -> Rays:
