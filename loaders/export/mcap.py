@@ -29,14 +29,15 @@ from .tables import ExportStep
 if TYPE_CHECKING:
     from .ros_messages import Messages
 
-MAP, ODOM, ROBOT, CAMERA = "map", "odom", "base_link", "camera"  # frames
-IMAGE, CAMERA_INFO = "/camera/image/compressed", "/camera/camera_info"
+MAP, ODOM, ROBOT, CAMERA, LASER = "map", "odom", "base_link", "camera", "laser"  # frames
+SCAN, IMAGE, CAMERA_INFO = "/scan", "/camera/image/compressed", "/camera/camera_info"
 TRUTH, ODOMETRY, EVENTS = "/truth", "/odom", "/events"
 GRID, TF, MOUNT = "/map", "/tf", "/tf_static"
 TRUE_PATH, ESTIMATED_PATH = "/truth_path", "/estimate_path"
 ESTIMATE, WITH_COVARIANCE = "/estimate", "/amcl_pose"  # the second named as AMCL does
 POSES, CLOUD = "/particlecloud", "/particle_cloud"  # named as AMCL in ROS 1, and as Nav2 does
 TYPES = {
+    SCAN: "sensor_msgs/msg/LaserScan",
     IMAGE: "sensor_msgs/msg/CompressedImage",
     TRUTH: "geometry_msgs/msg/PoseStamped",
     ODOMETRY: "nav_msgs/msg/Odometry",

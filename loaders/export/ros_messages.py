@@ -23,6 +23,7 @@ from rosbags.typesys.store import Typestore
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Camera, SessionInfo
 
 from ..bags.source import EXTRA_TYPES
@@ -91,6 +92,13 @@ class Messages:
         """Return a sensor_msgs/CompressedImage of an encoded picture, `jpeg` or `png`."""
         values = np.frombuffer(data, np.uint8)
         return self._bytes("sensor_msgs/msg/CompressedImage", self._header(frame), kind, values)
+
+    def scan(self, frame: str, scan: LaserScan) -> bytes:
+        """Return a sensor_msgs/LaserScan; its ranges are exact, its angles of single precision."""
+        last_rad = scan.start_rad + scan.step_rad * (scan.size - 1)
+        angles, times = (scan.start_rad, last_rad, scan.step_rad), (0.0, 0.0)
+        values = (*angles, *times, scan.min_m, scan.max_m, scan.ranges_m, np.zeros(0, np.float32))
+        return self._bytes("sensor_msgs/msg/LaserScan", self._header(frame), *values)
 
     def text(self, text: str) -> bytes:
         """Return a std_msgs/String."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, inverse, motion_between
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, Session, SessionInfo
 
 from ..bags.readers import MOTIONS, READINGS
@@ -39,10 +40,13 @@ from ..session_log.header import FORMAT, header_to_json
 from ..session_log.writer import SessionWriter
 from .mcap import (
     EVENTS,
+    LASER,
     MAP,
+    MOUNT,
     ODOM,
     ODOMETRY,
     ROBOT,
+    SCAN,
     TF,
     TRUE_PATH,
     TRUTH,
@@ -237,7 +241,7 @@ def convert_to_mcap(
     kind: PictureKind = "png",
     force: bool = False,
 ) -> Iterator[Converted]:
-    """Write used pictures, all odometry, truth and events; yield counts. InputError as for `mcap_file`."""
+    """Write used pictures and all else; yield counts. InputError as for `mcap_file`."""
     begin_s: float | None = None
     with mcap_file(file, force=force) as mcap:
         drive = DriveWriter(mcap, scene_of(session.info, camera), kind, odometry=session.odometry is not None)
@@ -280,6 +284,7 @@ class DriveWriter:
         self._links = (ODOM, ROBOT) if odometry else (ROBOT,)
         self._moved = self._in_motions = False  # whether any odometry came, and whether as motions
         self._odometry_s = -math.inf  # when it was written last
+        self._laser: F64 | None = None  # its pose (3,) on the robot, as it was written last
         self._due_s: float | None = None  # when the transforms changed that are not written yet
         self._path = new_path()
 
@@ -317,6 +322,8 @@ class DriveWriter:
         elif isinstance(record, Readings):
             self._mcap.write(READINGS, t_s, make.readings(record.values))
             self.done.readings += 1
+        elif isinstance(record, Scan):
+            self._write_scan(t_s, record.scan)
         elif isinstance(record, Picture) and moment is not None and record.name != PLACEHOLDER:
             if self._in_motions and t_s > self._odometry_s:  # other readers pair by time
                 self._write_odometry(t_s)
@@ -337,6 +344,14 @@ class DriveWriter:
     def _write_odometry(self, t_s: float) -> None:
         self._mcap.write(ODOMETRY, t_s, self._mcap.at(t_s).odometry(ODOM, ROBOT, self._odometry))
         self._odometry_s = t_s
+
+    def _write_scan(self, t_s: float, scan: LaserScan) -> None:
+        make = self._mcap.at(t_s)
+        if self._laser is None or not np.array_equal(self._laser, scan.mount):
+            self._laser = scan.mount
+            self._mcap.write(MOUNT, t_s, make.transforms((ROBOT, LASER, scan.mount)))
+        self._mcap.write(SCAN, t_s, make.scan(LASER, scan))
+        self.done.scans += 1
 
     def _place(self, pose: F64) -> None:
         self._correction = compose(pose, inverse(self._odometry))

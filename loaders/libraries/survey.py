@@ -23,6 +23,7 @@ from ..errors import InputError, ReadingNotes
 from ..files.pictures import encode_jpeg
 from ..formats.picture_folder import TABLES, TableRecording, looks_like_table
 from ..formats.registry import open_session
+from ..reading.observations import SCANS
 from ..reading.options import ReadingOptions
 from ..reading.recording import Picture, RecordingWrapper
 from ..reading.session import RecordedSession
@@ -171,6 +172,10 @@ def _selected(
     keep: Path | None = None,
     progress: Progress | None = None,
 ) -> SelectedSurvey:
+    if drive.observed.name == SCANS:
+        text = "found scans of a laser and no picture, and a library is made of pictures"
+        raise InputError(drive.path, f"{text}; maurice-replay map build makes a map of scans")
+
     def pictures() -> Iterator[SurveyPicture]:
         for moment in drive.moments():
             yield SurveyPicture(_file_of(drive, moment), moment.frame.image, moment.truth, covered=False)

@@ -258,7 +258,7 @@ def scan_from_json(value: Any) -> LaserScan:
     scan = LaserScan(np.array(ranges_m, np.float32), start_rad, step_rad, min_m, max_m, mount)
     fault = scan_fault(scan)
     if fault:
-        raise FieldError(f"scan: {fault}")
+        raise FieldError(fault)
     return scan
 
 

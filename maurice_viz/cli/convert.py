@@ -107,7 +107,7 @@ def convert(
     """Write a session as a native log (.log, its pictures beside it) or as MCAP with ROS 2 messages (.mcap).
 
     The file holds what a replay of IN sees, so that replaying the log gives the same run. Of a recording
-    without pictures all odometry, truth, events and readings are written. What has no place is counted.
+    without pictures everything is written. What has no place is counted.
     """
     from ..app.convert import convert as convert_recording
 
@@ -126,7 +126,7 @@ def convert(
     else:
         done = converted.counts
         counts = f"{done.pictures} pictures, {done.motions} motions, {done.truths} true poses"
-        others = f"{done.events} events, {done.readings} readings"
+        others = f"{done.events} events, {done.readings} readings, {done.scans} scans"
         results.say(f"{converted.file}: {counts}, {others}")
 
 

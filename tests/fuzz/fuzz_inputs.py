@@ -44,6 +44,14 @@ def records(times: list[float], image: object, **more: Any) -> list[bytes]:
 
 
 INLINE = {"base64": PICTURE}
+SCAN = {"ranges_m": [1.5, None, "inf", 8.5], "start_rad": -1, "step_rad": 0.5, "min_m": 0.1, "max_m": 8}
+SCANS = [  # of a robot with a laser
+    {"t": 0, "odometry_pose": [0, 0, 0]},
+    {"t": 0, "scan": SCAN},
+    {"t": 1, "odometry_pose": [0.4, 0, 0.1]},
+    {"t": 1, "truth": [1, 1, 0]},
+    {"t": 1, "scan": SCAN | {"mount": [0.1, 0, 3]}},
+]
 LOGS = [
     b"".join([json_line(HEADER), *records([0, 1, 2], INLINE)]),
     b"".join([json_line(FULL), *records([1e9, 1e9 + 0.5], INLINE, camera="front")]),
@@ -51,10 +59,27 @@ LOGS = [
     b"".join(
         [json_line(HEADER), *records([-1, 0], ON_DISK, covered=False), *records([3], INLINE, covered=True)]
     ),
+    b"".join([json_line(HEADER), *map(json_line, SCANS)]),
+    b"".join(
+        [
+            json_line(HEADER),
+            *map(json_line, SCANS),
+            *records([1, 1.05], INLINE),
+            json_line(SCANS[-1] | {"t": 2}),
+        ]
+    ),
     b"".join([json_line(HEADER | {"kind": "survey"}), *records([0, 1], ON_DISK, pose=[1, 2, 3])]),
     b"".join([json_line(FULL | {"kind": "survey"}), *records([0], INLINE, pose=[1, 2, 3], covered=True)]),
 ]
 STREAMS = [one for one in LOGS if b'"survey", "name"' not in one]  # what a live source may say
+
+
+_POSES = "0.3 0 0.1 0.3 0 0.1"
+CARMEN = [
+    f"ODOM 0.1 0 0 0 0 0 1 h 1\nFLASER 3 1 nan 81.91 {_POSES} 1 h 1\nTRUEPOS {_POSES} 1 h 1\n",
+    f"RLASER 2 1 2 {_POSES} 1 h 1\nODOM 0.3 0 0.1 0 0 0 0 h 0\nRLASER 2 1 2 {_POSES} 2 h 2\n",
+    f"ROBOTLASER1 0 -1.57 3.14 1.57 80 0.01 0 3 1 2 3 0 {_POSES} 0 0 0.3 0.3 1e6 1 h 1\n" * 2,
+]
 
 
 def _rows(seed: int, width: int, height: int) -> list[bytes]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from fuzz_bridges import FOXGLOVE, ROSBRIDGE, Conversation, ScriptedConnection, mutated_talk
-from fuzz_inputs import DUMPS, HEADER, JPEG, LOGS, ON_DISK, PICTURE, STREAMS, mutated
+from fuzz_inputs import CARMEN, DUMPS, HEADER, JPEG, LOGS, ON_DISK, PICTURE, SCAN, STREAMS, mutated
 from fuzz_watch import in_time
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
@@ -32,11 +32,13 @@ from maurice_loaders.live.session import LiveRecorder
 from maurice_loaders.live.source import Listening, LiveSource, Patience
 from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import ASK, HEAD, Foxglove, Rosbridge, WebsocketStream
+from maurice_loaders.reading.observations import SCANS
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Picture
 from maurice_loaders.session_log.reader import SurveyLog, is_survey
 from maurice_loaders.session_log.records import LineReader, read_header
 
+CARMENS = [text.encode() for text in CARMEN]
 HEAD_LINE = json.dumps(HEADER)
 
 
@@ -55,8 +57,9 @@ JSON = st.recursive(
     max_leaves=8,
 )
 KEYS = st.sampled_from(
-    ["t", "odometry", "image", "truth", "event", "camera", "covered", "encoders_m", "format", "x"]
+    ["t", "odometry", "image", "truth", "event", "camera", "covered", "encoders_m", "format", "x", "scan"]
 )
+SCAN_KEYS = st.sampled_from([*SCAN, "mount"])
 VECTORS = st.lists(NUMBERS, min_size=3, max_size=3)
 RECORDS = st.one_of(
     st.builds(
@@ -66,6 +69,7 @@ RECORDS = st.one_of(
     ),
     st.builds(lambda t: line(t, image={"base64": PICTURE}), st.floats(-10, 1e3)),
     st.builds(lambda t, e: line(t, event=e), NUMBERS, st.text(max_size=5)),
+    st.builds(lambda t, key, value: line(t, scan=SCAN | {key: value}), st.floats(-10, 1e3), SCAN_KEYS, JSON),
     st.dictionaries(KEYS, st.one_of(JSON, VECTORS), max_size=4).map(lambda found: line(0, **found)),
     st.just(HEAD_LINE.encode() + b"\n"),
     st.binary(max_size=40),
@@ -244,15 +248,27 @@ def _go_through(path: Path, options: ReadingOptions) -> None:
             assert picture.covered or picture.pose is not None
         return
     session = open_session(path, options)
-    pictures, (updates, _) = session.count_pictures(), session.overview()
+    scans, (updates, _) = session.observed.scans, session.overview()
     times = []
     for moment in session.moments():
         assert moment.frame.motions.shape[1] == 3
         assert np.isfinite(moment.frame.motions).all()
         assert moment.truth is None or np.isfinite(moment.truth).all()
+        if moment.frame.scan is not None:
+            assert scans or session.observed.pictures
+            assert np.isfinite(moment.frame.scan.points()).all()
         times.append(moment.frame.time_s)
     assert times == sorted(times)
-    assert len(times) <= updates <= pictures
+    assert len(times) <= updates
+    assert updates <= session.count_pictures() or session.observed.name == SCANS
+
+
+def read_carmen(data: bytes, folder: Path) -> str:
+    """Read a file as a CARMEN log, twice as a session log is."""
+    path = folder / "fuzz.clf"
+    path.write_bytes(data)
+    _refused(lambda: _go_through(path, ReadingOptions(format="carmen", keep_going=True)))
+    return _refused(lambda: _go_through(path, ReadingOptions(format="carmen")))
 
 
 def read_dump(data: bytes, folder: Path) -> str:
@@ -340,6 +356,7 @@ def _check(arrivals: Iterator[Received | None]) -> None:
 
 TARGETS: dict[str, Target] = {
     "session log": Target(lambda random: mutated(random.choice(LOGS), LOGS, random), read_log),
+    "CARMEN log": Target(lambda random: mutated(random.choice(CARMENS), CARMENS, random), read_carmen),
     "CMUcam dump": Target(lambda random: mutated(random.choice(DUMPS), DUMPS, random), read_dump),
     "stream": Target(make_stream, read_stream),
     "Foxglove bridge": Target(
@@ -349,7 +366,8 @@ TARGETS: dict[str, Target] = {
 }
 SHARES: dict[str, float] = {  # of all inputs; the rest is made by hypothesis
     "session log": 0.35,
-    "CMUcam dump": 0.25,
+    "CARMEN log": 0.05,
+    "CMUcam dump": 0.20,
     "stream": 0.15,
     "Foxglove bridge": 0.10,
     "rosbridge": 0.05,

@@ -112,3 +112,19 @@ def test_a_broken_line_is_counted_once_and_missing_odometry_is_told(
     found = inspected(write_log({"t": 0, "image": pixel}, "{broken", {"t": 1, "image": pixel}))
     assert found.problem_count == 1
     assert any("found no odometry" in warning for warning in found.warnings)
+
+
+def test_scans_are_counted_with_how_many_a_replay_uses(write_log: WriteLog, pixel: Pixel) -> None:
+    scan = {"ranges_m": [1, 2, "inf"], "start_rad": -1.5708, "step_rad": 1.5708, "min_m": 0, "max_m": 8.1}
+    drive = [r for k in range(7) for r in ({"t": k, "odometry": [0.1, 0, 0]}, {"t": k, "scan": scan})]
+    drive += [{"t": 6, "truth": [0, 0, 0]}]
+    laser = {"3 beams over 180 deg, up to 8.1 m": 7}
+    found = inspected(write_log(*drive))
+    assert (found.records["scan"], found.scans, found.scans_used) == (7, laser, 3)
+    assert found.truth_share == pytest.approx(1 / 3)
+    found = inspected(write_log(*drive, {"t": 6.05, "image": pixel}, {"t": 9, "image": pixel}))
+    assert (found.scans, found.scans_used, found.truth_share) == (laser, 1, 0)
+    every = inspect_file(write_log(*drive), ReadingOptions(keep_going=True, min_distance_m=0.0))
+    assert every.scans_used == 7
+    found = inspected(write_log({"t": 0, "image": pixel}))
+    assert (found.scans, found.scans_used) == ({}, None)

@@ -12,13 +12,14 @@ import maurice_viz as mv
 from maurice_loaders import InputError, SessionWriter, open_session
 from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
-from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Readings, TruthPose
+from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Readings, Scan, TruthPose
 from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, SessionInfo
 
 pytest.importorskip("rosbags")
 
-KINDS = ("motion", "truth", "event", "reading", "picture")
+KINDS = ("motion", "truth", "event", "reading", "scan", "picture")
 TARGETS = ("drive.log", "folder", "drive.mcap")
 
 
@@ -39,6 +40,9 @@ def a_log(file: Path, kinds: tuple[str, ...]) -> Path:
                 log.event(t_s, f"lights {step}; off")
             if "reading" in kinds:
                 log.reading(t_s, {"a name/with é": 0.1 * step, "b": -1 / 3})
+            if "scan" in kinds:
+                ranges = np.array([1 + step / 3, np.inf, np.nan, 8.0], np.float32)
+                log.scan(t_s, LaserScan(ranges, -1.5, 0.75, 0.25, 8.0, np.array([0.25, -0.125, 0.5])))
             if "picture" in kinds:
                 log.image(t_s, picture(step))
     return file
@@ -49,28 +53,38 @@ def assert_same(before: Moment, after: Moment) -> None:
     assert np.array_equal(before.frame.motions, after.frame.motions)
     assert dict(before.frame.readings) == dict(after.frame.readings)
     assert before.events == after.events
+    assert_same_scan(before.frame.scan, after.frame.scan)
     assert (before.truth is None) == (after.truth is None)
     if before.truth is not None and after.truth is not None:  # a quaternion rounds the heading
         np.testing.assert_allclose(after.truth, before.truth, rtol=0, atol=1e-9)
 
 
+def assert_same_scan(before: LaserScan | None, after: LaserScan | None) -> None:
+    assert (before is None) == (after is None)
+    if before is not None and after is not None:
+        assert before.ranges_m.tobytes() == after.ranges_m.tobytes()
+        np.testing.assert_allclose(after.mount, before.mount, rtol=0, atol=1e-9)
+        for name in ("start_rad", "step_rad", "min_m", "max_m"):
+            assert getattr(after, name) == pytest.approx(getattr(before, name), abs=1e-7)
+
+
 @pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize("without", [(), *((kind,) for kind in KINDS), ("picture", "reading"), KINDS[:4]])
+@pytest.mark.parametrize("without", [(), *((kind,) for kind in KINDS), ("picture", "reading"), KINDS[:5]])
 def test_every_kind_of_record_survives(target: str, without: tuple[str, ...], tmp_path: Path) -> None:
     kinds = tuple(kind for kind in KINDS if kind not in without)
     log = a_log(tmp_path / "session.log", kinds)
     converted = mv.convert(log, tmp_path / target)
     file, done = converted.file, converted.counts
     assert done.left_out == {}
-    counts = {"motion": 4, "truth": 4, "event": 2, "reading": 4, "picture": 4}
-    found = (done.motions, done.truths, done.events, done.readings, done.pictures)
+    counts = {"motion": 4, "truth": 4, "event": 2, "reading": 4, "scan": 4, "picture": 4}
+    found = (done.motions, done.truths, done.events, done.readings, done.scans, done.pictures)
     assert found == tuple(counts[kind] if kind in kinds else 0 for kind in KINDS)
     types = {Motion: "motion", TruthPose: "truth", Note: "event", Readings: "reading", Picture: "picture"}
-    types[OdometryPose] = "motion"
+    types |= {OdometryPose: "motion", Scan: "scan"}
     records = list(open_recording(file).records(ReadingNotes(False)))
     assert {types[type(record)] for record in records} - {"picture"} == set(kinds) - {"picture"}
-    if "picture" in kinds or "reading" in kinds:
-        before, after = (list(open_session(path).moments()) for path in (log, file))
+    if {"picture", "reading", "scan"} & set(kinds):
+        before, after = (list(open_session(path, min_distance_m=0.0).moments()) for path in (log, file))
         assert len(before) == 4
         for one, other in zip(before, after, strict=True):
             assert_same(one, other)

@@ -304,6 +304,45 @@ def test_only_pictures_after_enough_movement_make_updates_and_all_are_recorded(t
     assert open_session(tmp_path / "session.log").count_pictures() == 11
 
 
+def scanned(t_s: float, **odometry: object) -> bytes:
+    seen = {"ranges_m": [1 + t_s, None, "inf"], "start_rad": -1, "step_rad": 1, "min_m": 0, "max_m": 8}
+    return line(t_s, **odometry) + line(t_s, scan=seen)
+
+
+@pytest.mark.parametrize("poses", [False, True])
+@pytest.mark.parametrize(
+    ("gate", "used"), [(None, [0, 3, 6]), (Gate(), range(8)), (Gate(min_distance_m=0.45), [0, 5])]
+)
+def test_a_laser_that_is_heard_makes_the_updates_that_its_recording_does(
+    gate: Gate | None, used: list[int], poses: bool, tmp_path: Path
+) -> None:
+    """By motions and by poses; the gate is AMCL's where none is asked for."""
+    said = b"".join(
+        scanned(k, odometry_pose=[0.1 * k, 0, 0]) if poses else scanned(k, odometry=[0.1 * (k > 0), 0, 0])
+        for k in range(8)
+    )
+    with peer(says(log(()) + said)) as address:
+        listen = ListenOptions(keep_up=False, patience=SOON, gate=gate)
+        with LiveSession(live_source(address), listen, LiveRecorder(tmp_path)) as session:
+            moments = list(session.moments())
+    assert times(moments) == list(used)
+    ranges = [float(m.frame.scan.ranges_m[0]) for m in moments if m.frame.scan is not None]
+    assert ranges == [1.0 + k for k in used]
+    assert sum(float(m.frame.motions[:, 0].sum()) for m in moments) == pytest.approx(0.1 * used[-1])
+    asked = {} if gate is None else {"min_distance_m": gate.min_distance_m}
+    assert times(list(open_session(tmp_path / "session.log", **asked).moments())) == list(used)
+
+
+def test_once_a_picture_comes_pictures_make_the_updates_and_have_the_scan_before() -> None:
+    said = b"".join(scanned(k, odometry=[0.3, 0, 0]) for k in range(3)) + update(3)
+    said += scanned(4, odometry=[0.3, 0, 0]) + update(4.05) + scanned(5, odometry=[0.3, 0, 0]) + update(6)
+    with peer(says(log(()) + said)) as address:
+        _, moments = gone_through(live_source(address))
+    assert times(moments) == [0, 1, 2, 3, 4.05, 6]
+    assert [moment.frame.scan is not None for moment in moments] == [True, True, True, False, True, False]
+    assert [len(moment.frame.motions) for moment in moments] == [1, 1, 1, 1, 2, 2]
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full to write to")
 def test_a_full_disk_is_told_in_one_line(tmp_path: Path) -> None:
     recorder = LiveRecorder(tmp_path)

@@ -143,6 +143,7 @@ def read(path: Path, *, keep_going: bool = False) -> list[Record]:
 
 
 GOOD = {"t": 5, "event": "fine"}
+SCAN = {"ranges_m": [1, 2], "start_rad": 0, "step_rad": 0.1, "min_m": 0, "max_m": 8}
 BROKEN: dict[str, tuple[Any, str]] = {
     "broken JSON": ('{"t": 6, "event"}', "found broken JSON .* at column 17"),
     "two objects": ('{"t": 6, "event": "a"} {}', "found broken JSON"),
@@ -187,6 +188,25 @@ BROKEN: dict[str, tuple[Any, str]] = {
     "three encoders": ({"t": 6, "odometry": [1, 2, 3], "encoders_m": [1, 2, 3]}, "expected a list of 4"),
     "truth too long": ({"t": 6, "truth": [1, 2, 3, 4]}, "expected a list of 3 numbers"),
     "truth unknown": ({"t": 6, "truth": None}, "found truth nothing, expected a list"),
+    "a scan as a list": ({"t": 6, "scan": [1, 2]}, "found scan .*, expected an object"),
+    "a scan without ranges": ({"t": 6, "scan": SCAN | {"ranges_m": None}}, "found scan.ranges_m nothing"),
+    "ranges that are NaN": ('{"t": 6, "scan": {"ranges_m": [NaN]}}', "found NaN, expected finite numbers"),
+    "ranges in words": ({"t": 6, "scan": SCAN | {"ranges_m": [1, "far"]}}, "found scan.ranges_m 'far'"),
+    "ranges that are huge": (
+        {"t": 6, "scan": SCAN | {"ranges_m": [1e12]}},
+        "found scan.ranges_m 1000000000000",
+    ),
+    "a million beams": (
+        {"t": 6, "scan": SCAN | {"ranges_m": [1] * 10**6}},
+        "found 1000000 beams, expected 1 to",
+    ),
+    "no beam": ({"t": 6, "scan": SCAN | {"ranges_m": []}}, "found 0 beams"),
+    "no step": (
+        {"t": 6, "scan": {k: v for k, v in SCAN.items() if k != "step_rad"}},
+        "found scan.step_rad nothing",
+    ),
+    "no reach": ({"t": 6, "scan": SCAN | {"max_m": 0}}, "found ranges from 0 to 0 m"),
+    "half a mount": ({"t": 6, "scan": SCAN | {"mount": [1, 2]}}, "expected a list of 3 numbers"),
     "an event as a number": ({"t": 6, "event": 7}, "found event 7, expected a text"),
     "half a character": ('{"t": 6, "event": "\\ud800"}', "found half a character in event"),
     "an image as a number": ({"t": 6, "image": 7}, "found image 7, expected a path or"),

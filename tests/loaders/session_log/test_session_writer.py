@@ -15,21 +15,27 @@ from hypothesis import strategies as st
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.formats.registry import open_session
-from maurice_loaders.reading.recording import Motion, Note, Picture, Record, TruthPose
+from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Record, Scan, TruthPose
 from maurice_loaders.session_log.records import LineReader, read_header
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 INFO = SessionInfo("drive")
 finite = st.floats(-1e9, 1e9)
 vector = st.lists(finite, min_size=3, max_size=3)
 texts = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1)
+ranges = st.lists(st.floats(-1e9, 1e9, width=32) | st.sampled_from([np.nan, np.inf]), min_size=1, max_size=9)
+angles = st.floats(-6, 6)
+scans = st.tuples(ranges, angles, angles.filter(bool), st.floats(0, 1), st.floats(2, 100), vector)
 records = st.one_of(
     st.tuples(st.just("odometry"), vector),
     st.tuples(st.just("truth"), vector),
     st.tuples(st.just("event"), texts),
     st.tuples(st.just("image"), st.booleans()),
+    st.tuples(st.just("odometry_pose"), vector),
+    st.tuples(st.just("scan"), scans),
 )
 
 
@@ -40,19 +46,27 @@ def test_comes_back_exactly(tmp_path_factory: Any, steps: list[tuple[float, Any]
     times = np.cumsum([step for step, _ in steps]).tolist()
     with SessionWriter(path, SessionInfo(name)) as writer:
         for t_s, (_, (kind, value)) in zip(times, steps, strict=True):
-            if kind == "image":
+            if kind == "scan":
+                writer.scan(t_s, LaserScan(np.array(value[0], np.float32), *value[1:5], np.array(value[5])))
+            elif kind == "image":
                 writer.image_path(t_s, "a.jpg", covered=value)
             else:
                 getattr(writer, kind)(t_s, value)
     assert read_header(path)[0].name == name
     found = [(r.t_s, content(r)) for r in LineReader(path).records(ReadingNotes(keep_going=False))]
-    assert found == [(t_s, value) for t_s, (_, value) in zip(times, steps, strict=True)]
+    assert repr(found) == repr([(t_s, value) for t_s, (_, value) in zip(times, steps, strict=True)])
 
 
 def content(record: Record) -> tuple[str, object]:
     match record:
         case Motion():
             return "odometry", record.motion.tolist()
+        case OdometryPose():
+            return "odometry_pose", record.pose.tolist()
+        case Scan(scan=scan):
+            assert scan.ranges_m.dtype == np.float32
+            values = (scan.start_rad, scan.step_rad, scan.min_m, scan.max_m, scan.mount.tolist())
+            return "scan", (scan.ranges_m.tolist(), *values)
         case TruthPose():
             return "truth", record.pose.tolist()
         case Note():
