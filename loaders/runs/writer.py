@@ -28,6 +28,7 @@ from maurice_mcl.values.records import (
     Sighting,
     StepRecord,
 )
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Frame, Moment
 
 from ..files.writing import check_target, new_folder, put
@@ -176,7 +177,7 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
     frame, comparison = moment.frame, record.sighting.comparison
     best = comparison.best(BEST)
     row: dict[str, Any] = {"step": frame.step, "time_s": frame.time_s}
-    row |= {"picture": frame.picture, "picture_sha256": picture_hash(frame.image)}
+    row |= {"picture": frame.picture, "picture_sha256": picture_hash(frame.image, frame.scan)}
     row |= {"motions": frame.motions.tolist()}
     row |= _estimate_columns("estimate", record.estimate) | _estimate_columns("mean", record.mean_estimate)
     row |= {"effective_sample_size": record.effective_sample_size, "log_evidence": record.log_evidence}
@@ -192,10 +193,12 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
     return row | {"particles": record.weighted.size, TOOK: float(sum(record.took_s.values()))}
 
 
-def picture_hash(image: U8) -> str:
-    """Return the SHA-256 of a decoded picture (H, W, 3), its shape included."""
+def picture_hash(image: U8, scan: LaserScan | None = None) -> str:
+    """Return the SHA-256 of a decoded picture (H, W, 3), its shape included, and of a scan's ranges."""
     digest = hashlib.sha256(str(image.shape).encode())
     digest.update(np.ascontiguousarray(image).data)
+    if scan is not None:
+        digest.update(scan.ranges_m.tobytes())
     return digest.hexdigest()
 
 
@@ -260,11 +263,13 @@ def _renewed_rows(record: StepRecord) -> pl.DataFrame:
     )
 
 
-def moment_of(rows: StepRows, image: U8, readings: Mapping[str, float] | None = None) -> Moment:
-    """Return the moment back, with picture and readings from elsewhere."""
+def moment_of(
+    rows: StepRows, image: U8, readings: Mapping[str, float] | None = None, scan: LaserScan | None = None
+) -> Moment:
+    """Return the moment back, with picture, readings and scan from elsewhere."""
     row = rows.step
     motions = np.array(row["motions"], np.float64).reshape(-1, 3)
-    frame = Frame(row["step"], row["time_s"], motions, image, row["picture"], readings or {})
+    frame = Frame(row["step"], row["time_s"], motions, image, row["picture"], readings or {}, scan)
     known = row["truth_x_m"] is not None
     truth = np.array([row[f"truth_{name}"] for name in _POSE]) if known else None
     return Moment(frame, truth, tuple(row["session_events"]))

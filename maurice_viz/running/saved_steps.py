@@ -18,6 +18,7 @@ from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.records import Comparison, Sighting, StepRecord
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, Session
 
 from ..listener import Listener
@@ -35,6 +36,7 @@ class Pictures:
     session: Session | None = None
     warn: Callable[[str], None] = lambda text: None
     readings: Mapping[str, float] = field(default_factory=dict)  # of the last step asked for
+    scan: LaserScan | None = None  # the same
     _moments: Iterator[Moment] | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -46,13 +48,13 @@ class Pictures:
             return None
         try:
             frame = next(self._moments).frame
-            image, self.readings = frame.image, frame.readings
+            image, self.readings, self.scan = frame.image, frame.readings, frame.scan
             problem = "is not the one that the run saw"
         except (InputError, StopIteration) as stop:
             image, problem = NO_PICTURE, f"is not there ({stop})"
-        if picture_hash(image) == rows.step["picture_sha256"]:
+        if picture_hash(image, self.scan) == rows.step["picture_sha256"]:
             return image
-        self._moments = None
+        self._moments = self.scan = None
         step = rows.step["step"]
         self.warn(f"the picture of step {step} {problem}; from here on its panels stay empty")
         return None
@@ -92,7 +94,7 @@ def restored_together(
     """Go through saved runs of one session side by side, as far as the shortest goes."""
     for rows in zip(*(run.saved.steps() for run in runs), strict=False):
         image = pictures.of(rows[0])
-        moment = moment_of(rows[0], NO_PICTURE if image is None else image, pictures.readings)
+        moment = moment_of(rows[0], NO_PICTURE if image is None else image, pictures.readings, pictures.scan)
         parts = zip(runs, rows, strict=True)
         yield moment, {run.saved.manifest.label: run.record(row, moment, image) for run, row in parts}
 

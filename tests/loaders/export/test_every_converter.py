@@ -170,3 +170,27 @@ def test_damaged_readings_in_an_mcap_are_one_line(tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes().replace(b'"b": -0.', b'"b": -x.'))
     with pytest.raises(InputError, match=r"session/readings|checksum|damaged|CRC"):
         list(open_session(file).moments())
+
+
+def test_a_laser_between_poses_of_its_odometry_replays_from_a_log_to_the_last_bit(tmp_path: Path) -> None:
+    """Every scan is kept, and those that are used have the same motions, truth and ranges."""
+    lines = []
+    for k in range(40):
+        odometry, at = f"{0.07 * k} {0.01 * k * k / 40} {0.03 * k}", 0.1 * k
+        lines.append(f"ODOM {odometry} 0 0 0 {at:.3f} host {at:.3f}")
+        lines.append(f"TRUEPOS {odometry} {odometry} {at:.3f} host {at:.3f}")
+        seen = f"181 {' '.join(str(1 + (k * b) % 7) for b in range(181))} {odometry} {odometry}"
+        lines.append(f"FLASER {seen} {at + 0.033:.3f} host {at + 0.033:.3f}")
+    (tmp_path / "drive.clf").write_text("\n".join(lines))
+    said = Said([])
+    done = mv.convert(tmp_path / "drive.clf", tmp_path / "drive.log", listener=said).counts
+    assert (done.scans, done.truths, done.left_out) == (40, 40, {})
+    for options in ({}, {"min_distance_m": 0.0}, {"min_distance_m": 0.5}):
+        before, after = (
+            list(open_session(tmp_path / name, **options).moments()) for name in ("drive.clf", "drive.log")
+        )
+        assert len(before) > 3
+        for one, other in zip(before, after, strict=True):
+            assert_same(one, other)
+            assert one.frame.time_s == other.frame.time_s
+            assert np.array_equal(one.truth, other.truth)
