@@ -25,11 +25,6 @@ SAID: Mapping[str, str] = {
     "unknown": "end where nobody has mapped",
     "miss": "hit nothing",
 }
-DRAWN: Mapping[str, str] = {
-    "short": "beams that end short of the wall",
-    "beyond": "beams that end beyond a wall",
-    "unknown": "beams that end in unknown space",
-}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,10 +91,10 @@ def shown(
         x, y = rotated(points[:, 0], points[:, 1], pose[2])
         places = np.stack([x + pose[0], y + pose[1]], axis=1)[:, None]
         marks.append(ShownMarks(f"scan at the {name}", "map", places, of=name))
-    for name, drawn in DRAWN.items():
+    for name in ("short", "beyond", "unknown"):
         ends, expected = judgment.ends[judgment.are(name)], judgment.expected_ends[judgment.are(name)]
         strips = ends[:, None] if name == "unknown" else np.stack([ends, expected], axis=1)
-        marks.append(ShownMarks(drawn, "map", strips, np.zeros(len(strips), np.bool_)))
+        marks.append(ShownMarks(f"beams judged {name}", "map", strips, np.zeros(len(strips), np.bool_)))
     words, lengths = judgment.words
     at = ", ".join(f"{value:.1f} nats at the {name}" for name, value in nats.items())
     return Shown(f"{words} Log-likelihood: {at} (0 if all agreed).", {}, tuple(marks), lengths)

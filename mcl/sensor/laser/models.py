@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -167,8 +168,8 @@ def _share(reading: LaserReading) -> np.float32:
 
 def _widened(sd_m: float, spread_m: float) -> float:
     """Add a spread to a standard deviation, rounded to half octaves: each width has a field of its own."""
-    octaves = np.log2(np.hypot(sd_m, spread_m) / sd_m)
-    return sd_m * float(2 ** (round(2 * octaves) / 2))
+    octaves = math.log2(math.hypot(sd_m, spread_m) / sd_m)
+    return sd_m * 2 ** (round(2 * octaves) / 2)
 
 
 def _near(off_m: Any, sd_m: float) -> Any:

@@ -11,10 +11,10 @@ from ...values.occupancy import OccupancyMap
 from .field import cell_distances, look_up
 
 LEAST_STEP = 0.5  # cells
-CELL_DIAGONAL = 2**0.5
+CELL = 1.0  # what blocks a ray begins this much nearer than its middle; a corner may be cut
 AWAY = 1e6  # cells: the step of a ray outside of a map whose edge does not block it
 BLOCK_RAYS = 30_000  # that stay in the cache, and fewer than `MOST_CELLS`
-ROUNDS = 6  # of steps between two times that rays which ended are put aside
+ROUNDS = 10  # of steps between two times that rays which ended are put aside
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,7 @@ class Rays:
     def of(cls, occupancy: OccupancyMap, unknown_blocks: bool = False) -> Rays:
         """Return rays that occupied cells end; with `unknown_blocks` also unknown ones and the map's edge."""
         blocked = occupancy.occupied | occupancy.unknown if unknown_blocks else occupancy.occupied
-        steps = np.maximum(cell_distances(blocked) - np.float32(CELL_DIAGONAL), np.float32(LEAST_STEP))
+        steps = np.maximum(cell_distances(blocked) - np.float32(CELL), np.float32(LEAST_STEP))
         steps[blocked] = 0
         return cls(steps, 0.0 if unknown_blocks else AWAY, occupancy.cell_m, occupancy.corner)
 

@@ -23,18 +23,13 @@ class LaserReading:
     ranges_m: F32  # (B,) `max_m` where nothing was hit
     hits: Bool  # (B,) which hit something
     max_m: float  # the reach in use
+    ends: F64  # (K, 2) x_m, y_m in the robot's frame where the beams that hit something end
+    range_m: float  # the median of those
 
     @property
     def size(self) -> int:
         """The number of beams B."""
         return len(self.beams)
-
-    @property
-    def ends(self) -> F64:
-        """Where the beams that hit something end, (K, 2) x_m, y_m in the robot's frame."""
-        angles, ranges = self.angles_rad[self.hits], self.ranges_m[self.hits].astype(np.float64)
-        ends: F64 = self.scan.mount[:2] + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        return ends
 
 
 def read_scan(scan: LaserScan, parameters: LaserParameters) -> LaserReading | None:
@@ -52,7 +47,10 @@ def read_scan(scan: LaserScan, parameters: LaserParameters) -> LaserReading | No
     if hits[beams].sum() < LEAST_HITS:
         return None
     kept = np.where(hits[beams], ranges[beams], np.float32(most)).astype(np.float32)
-    return LaserReading(scan, beams, scan.angles_rad[beams], kept, hits[beams], most)
+    angles, hit_m = scan.angles_rad[beams], kept[hits[beams], None]
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=1)[hits[beams]]
+    ends, range_m = scan.mount[:2] + hit_m * along, float(np.median(hit_m))
+    return LaserReading(scan, beams, angles, kept, hits[beams], most, ends, range_m)
 
 
 def _chosen(hits: Bool, parameters: LaserParameters) -> I32:

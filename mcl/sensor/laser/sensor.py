@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -58,9 +59,8 @@ class Laser:
         self, reading: LaserReading, poses: F32, origin: F64, spread: PoseSpread = EXACT
     ) -> F32:
         """Return the nats (N,) of poses (N, 3): at most 0, where every beam ends at what the map has."""
-        # how far apart the ends of beams are
-        range_m = float(np.median(reading.ranges_m[reading.hits]))
-        spread_m = float(np.hypot(spread.position_m, spread.heading_rad * range_m))
+        # of the ends of beams
+        spread_m = math.hypot(spread.position_m, spread.heading_rad * reading.range_m)
         nats = MODELS[self.parameters.model](self._map, reading, poses, origin, spread_m)
         return np.minimum(nats, np.float32(0))
 

@@ -324,7 +324,7 @@ def test_what_is_shown_says_how_beams_disagree(grid):
     marks = {mark.name: mark for mark in shown.marks}
     assert marks["scan at the truth"].of == "truth"
     assert len(marks["scan at the estimate"].strips) == reading.scan.hits.sum()
-    short = marks["beams that end short of the wall"]
+    short = marks["beams judged short"]
     assert short.strips.shape[1:] == (2, 2)
     assert 10 < len(short.strips) <= 20
 
