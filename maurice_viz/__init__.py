@@ -16,6 +16,7 @@
 | `events` | what happened in a saved run, step by step |
 | `verify`, `export` | filter a saved run again to the last bit; files for other tools |
 | `inspect`, `doctor`, `formats`, `convert` | what a recording holds, its faults, rewriting it |
+| `build_map` | the map of a laser's scans with true poses |
 | `build_library`, `check_library`, `tune` | a library of references: make, check, fit channels to it |
 | `calibrate_belief` | how often the regions of saved runs' clouds hold the truth |
 | `calibrate_drive` | the noise of the odometry, from drives with truth |
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from .app.calibrate_belief import calibrate_belief as calibrate_belief
     from .app.check.check import check as check
     from .app.compare import compare as compare
+    from .app.convert import build_map as build_map
     from .app.convert import convert as convert
     from .app.convert import export as export
     from .app.diagnose import diagnose as diagnose
@@ -83,7 +85,7 @@ _NAMES = {  # by module
     ".app.calibrate_belief": "calibrate_belief",
     ".app.check.check": "check",
     ".app.compare": "compare",
-    ".app.convert": "convert export",
+    ".app.convert": "build_map convert export",
     ".app.diagnose": "diagnose",
     ".app.events": "events",
     ".app.explain": "explain",

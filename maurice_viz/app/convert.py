@@ -1,10 +1,11 @@
-"""Files for other tools: sessions as native logs or MCAP; saved runs as paths, tables, MCAP or for evo."""
+"""Recordings as native logs, as MCAP or as a laser's map; saved runs as paths, tables, MCAP or for evo."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +36,17 @@ from maurice_loaders.export.tables import (
     tum_line,
 )
 from maurice_loaders.files.pictures import PictureKind
-from maurice_loaders.files.writing import expect_apart
+from maurice_loaders.files.ros_maps import write_ros_map
+from maurice_loaders.files.writing import expect_absent, expect_apart, writing
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import PLACEHOLDER, Picture, Recording
 from maurice_loaders.reading.session import RecordedSession, begin_of
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
+from maurice_mcl.library.occupancy_building import build_occupancy
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.occupancy import OccupancyMap
+from maurice_mcl.values.scan import LaserScan
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
@@ -141,6 +147,88 @@ def _count(steps: Iterator[Converted], target: Path, listener: Listener) -> Conv
     except ValueError as problem:  # a time that no log may hold, moved too far by the offset
         raise InputError(target, str(problem)) from None
     return done
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BuiltMap:
+    """A map as it was built and written."""
+
+    file: Path  # the map.yaml; its picture is beside it
+    occupancy: OccupancyMap
+    scans: int  # from which it was built
+    of_scans: int  # in the recording, used by its gate, with and without a true pose
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything but the cells as JSON."""
+        grid = self.occupancy
+        size_m = [side * grid.cell_m for side in reversed(grid.cells.shape)]
+        free_m2 = float(grid.free.sum()) * grid.cell_m**2
+        counts = {"scans": self.scans, "of_scans": self.of_scans}
+        return {"file": str(self.file), **counts, "size_m": size_m, "cell_m": grid.cell_m, "free_m2": free_m2}
+
+
+def build_map(
+    recording: str | Path,
+    to: str | Path,
+    *,
+    until: float = 1.0,
+    reading: ReadingOptions | None = None,
+    force: bool = False,
+    listener: Listener = SILENT,
+) -> BuiltMap:
+    """Build a map from a recording's scans with true poses, and write it as `map.yaml` with its picture.
+
+    `to` is a folder, or a name that ends in .yaml. Only the first share `until` of the scans is used, so that
+    a filter can be tried on what the map was not made from.
+
+    Raises OptionError for a share that is none, and InputError for a recording without scans or true poses,
+    or a file that exists (unless `force`).
+
+        >>> import numpy as np, maurice_loaders as ml, maurice_viz as mv
+        >>> from maurice_mcl.values.scan import LaserScan
+        >>> from maurice_mcl.values.session import SessionInfo
+        >>> with ml.SessionWriter("laser.log", SessionInfo("laser")) as log:
+        ...     log.truth(0.0, (0.0, 0.0, 0.0))
+        ...     log.scan(0.0, LaserScan(np.full(360, 2.0, np.float32), 0.0, np.radians(1), 0.1, 8.0))
+        >>> built = mv.build_map("laser.log", "round-room")
+        >>> built.file.name, round(built.to_json()["free_m2"])
+        ('map.yaml', 12)
+    """
+    path, file, options = Path(recording), Path(to), reading or ReadingOptions()
+    if not 0 < until <= 1:
+        raise OptionError(f"--until is a share above 0, at most 1, found {until:g}")
+    file = file if file.suffix == ".yaml" else file / "map.yaml"
+    for target in (file, file.with_suffix(".pgm")):
+        expect_absent(target, force=force)
+    session = open_session(path, options, listener)
+    notes = ReadingNotes(options.keep_going)
+    total = sum(glance.scan is not None for glance in session.glances(ReadingNotes(options.keep_going)))
+    scans = (glance for glance in session.glances(notes) if glance.scan is not None)
+    known, most = 0, max(1, round(until * total))
+
+    def posed() -> Iterator[tuple[LaserScan, F64]]:
+        nonlocal known
+        for number, glance in enumerate(islice(scans, most), start=1):
+            listener.progress(number, most, "map")
+            if glance.scan is not None and glance.truth is not None:
+                known += 1
+                yield glance.scan, glance.truth
+
+    try:
+        occupancy = build_occupancy(posed())
+    except ValueError as problem:
+        if not total:
+            raise InputError(path, "found no scan of a laser, expected some to build a map from") from None
+        if not known:
+            fault = f"found {most} scans, none with a true pose, expected some; see --reading truth_topic=..."
+            raise InputError(path, fault) from None
+        raise InputError(path, str(problem)) from None
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+    write_ros_map(occupancy, file, force=force)
+    for warning in notes.warnings:
+        listener.warning(warning)
+    return BuiltMap(file, occupancy, known, total)
 
 
 @dataclass(frozen=True, slots=True)

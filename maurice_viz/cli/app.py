@@ -70,6 +70,9 @@ COMMANDS = {
         Listed("library show", "library", "Show what a library holds.", _LIBRARY, "library"),
         Listed("library check", "library", "Find gaps, look-alikes, and what to add.", _LIBRARY, "library"),
         Listed("library tune", "library", "Tune channels to a library.", _LIBRARY, "library"),
+        Listed(
+            "map build", "convert", "Build a laser's map from scans with true poses.", _LIBRARY, "library"
+        ),
         Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE, "simulate"),
         Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "simulate"),
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE, "calibrate"),
@@ -89,6 +92,7 @@ COMMANDS = {
 FAMILIES = {
     "trials": "Make many runs, print their figures, or write a page about them.",
     "library": "Build, show or check a library of reference pictures, or tune channels to it.",
+    "map": "Build the map that a robot with a laser is localized on.",
     "import": "Convert other data to session and survey logs.",
     "calibrate": "Calibrate the motion model, the camera's noise and the belief.",
 }

@@ -1,4 +1,4 @@
-"""`maurice-replay record|convert|export|import`: commands that read one format and write another."""
+"""`maurice-replay record|convert|export|import|map`: commands that read one format and write another."""
 
 from __future__ import annotations
 
@@ -164,6 +164,39 @@ def export(
         return
     for file in exported.files:
         results.print(str(file), soft_wrap=True)
+
+
+def build(
+    recording: Annotated[Path, argument("RECORDING", "A recording with scans and true poses.")],
+    *,
+    output: Annotated[Path, opt.writes("DIR", "The folder to write map.yaml and map.pgm to.")],
+    until: Annotated[
+        float,
+        option(
+            "--until",
+            "Use only this share of the scans, the first ones: what comes after is fair for a filter.",
+            metavar="SHARE",
+        ),
+    ] = 1.0,
+    reading: opt.ReadingSet,
+    force: opt.Force = False,
+    json_output: opt.Json = False,
+) -> None:
+    """Build a map (free, occupied, unknown) from a laser's scans with true poses, as ROS's map.yaml."""
+    from ..app.convert import build_map
+
+    with listening() as listener:
+        built = build_map(
+            recording, output, until=until, reading=reading.options(), force=force, listener=listener
+        )
+    if json_output:
+        print_json(built.to_json())
+        return
+    facts = built.to_json()
+    width_m, height_m = facts["size_m"]
+    counts = f"{built.scans} of {built.of_scans} scans"
+    size = f"{width_m:.1f} x {height_m:.1f} m, {facts['free_m2']:.0f} m² free"
+    results.print(f"{built.file}: {counts}, {size}", soft_wrap=True)
 
 
 def pictures(

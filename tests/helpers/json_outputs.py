@@ -15,6 +15,7 @@ from helpers.pages import prepare
 from helpers.small_session import picture_at, small_arena, write_small_survey
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 LOST = "--preset thesis --particles 200 -o none"
@@ -37,6 +38,7 @@ WORDS: Mapping[str, str] = {
     "library show": "library show survey.log",
     "library check": "library check survey.log",
     "library tune": "library tune survey.log drive --channels color",
+    "map build": "map build laser.log -o map",
     "calibrate motion": "calibrate motion movements.csv",
     "calibrate noise": "calibrate noise survey.log",
     "calibrate belief": "calibrate belief lost --lost",
@@ -75,6 +77,9 @@ def write_material(folder: Path) -> None:
             log.truth(t_s + 1, pose)
             log.image(t_s + 1, picture_at(pose))
     prepare(folder)
+    with SessionWriter(folder / "laser.log", SessionInfo("round room")) as log:
+        log.truth(0.0, (0.0, 0.0, 0.0))
+        log.scan(0.0, LaserScan(np.full(360, 2.0, np.float32), 0.0, np.radians(1), 0.1, 8.0))
     table = ["kind,measured,actual,heading_error_deg,floor"]
     table += [f"turn,{30 + k},{22 + 0.7 * k + k % 3},," for k in range(12)]
     table += [f"straight,{0.4 + k / 20},{0.39 + k / 20},{k % 3},wood" for k in range(12)]
