@@ -155,7 +155,10 @@ class CarmenRecording:
         odometry = frozenset(
             word for word, holds in (("ODOM", in_rows), (laser or "", in_scans)) if holds and counts[word]
         )
-        mount = np.zeros(3) if laser is None or truth in LASERS else mounts[laser]
+        # a corrected log has lost where the laser sat: its truth is the laser's pose
+        mount = np.array([self.options.truth_ahead_m, self.options.truth_left_m, 0.0])
+        if laser is not None and truth not in LASERS:
+            mount = mounts[laser]
         if laser in REAR and abs(float(mount[2])) < SAME_RAD:
             mount = np.array([*mount[:2], math.pi])
         others = sum(counts[word] for word in LASERS if word != laser)

@@ -16,7 +16,7 @@ from maurice_loaders.bags.localizer import STAND_INS, Nearest, Overview, Recorde
 from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen
-from maurice_loaders.reading.observations import Gate
+from maurice_loaders.reading.observations import SCANS, Gate
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import Glance, RecordedSession
 from maurice_loaders.reading.transforms import FewerPictures, Placeholders
@@ -47,6 +47,7 @@ from .saved_steps import NO_PICTURE, nothing_seen
 
 MOST_RUNS = 4  # recorded localizers side by side
 MOST_DRAWN = 3000  # moments; of longer drives every second, third, ... is drawn
+LASER_ADVICE = "The drive has scans of a laser, for which a map is enough: add --map map.yaml."
 NOT_LOCALIZED = "Nothing was localized: there is no library"
 
 
@@ -69,7 +70,7 @@ def show_alone(whole: RecordedSession, output: OutputOptions, listener: Listener
     session, paths = _with_paths(whole)
     pictures = session.observed.pictures and not isinstance(session.recording, Placeholders)
     drive = DriveView(session.info, paths, pictures)
-    advice = advice_for(session.path, drive)
+    advice = LASER_ADVICE if session.observed.name == SCANS else advice_for(session.path, drive)
     drive = replace(drive, advice=f"**{NOT_LOCALIZED}.** {advice}")
     shown_session = _thinned(session, paths.moments, listener)
     total = paths.moments if shown_session is session else MOST_DRAWN

@@ -16,6 +16,8 @@ from scipy.spatial import cKDTree
 from helpers.recordings import read
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
+from maurice_loaders.libraries.survey import open_survey
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import OdometryPose, Scan, TruthPose
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose
@@ -261,3 +263,27 @@ def test_scans_of_a_corrected_log_are_at_the_truth(tmp_path: Path) -> None:
         assert compose(moment.truth, moment.frame.scan.mount)[0] == pytest.approx(
             1.5 * 0.1 * moment.frame.time_s
         )
+
+
+@pytest.mark.parametrize("ahead", [0.0, 0.25])
+def test_where_the_laser_of_a_corrected_log_sits_is_where_the_truth_is_of(
+    ahead: float, tmp_path: Path
+) -> None:
+    """With the truth moved back to the wheels' middle the scans still end at the wall."""
+    turned = [
+        flaser(181, 0.2 * k, heading=0.3 * k).replace(f" {0.2 * k} 0 0 ", " 0 0 0 ", 1) for k in range(4)
+    ]
+    session = open_session(log(tmp_path, *turned), min_distance_m=0.0, truth_ahead_m=ahead)
+    for k, moment in enumerate(session.moments()):
+        assert moment.truth is not None
+        assert moment.frame.scan is not None
+        np.testing.assert_allclose(moment.frame.scan.mount, [ahead, 0, 0])
+        laser = compose(moment.truth, moment.frame.scan.mount)
+        np.testing.assert_allclose(laser, [0.2 * k, 0, 0.3 * k], atol=1e-9)
+        assert (moment.truth[0] == pytest.approx(0.2 * k)) == (ahead == 0)
+
+
+def test_no_library_is_made_of_scans(tmp_path: Path) -> None:
+    path = log(tmp_path, *(flaser(181, 0.3 * k) for k in range(3)))
+    with pytest.raises(InputError, match="found scans of a laser and no picture"):
+        open_survey(path, ReadingOptions())
