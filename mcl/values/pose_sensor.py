@@ -38,7 +38,7 @@ class PoseSpread:
 
 EXACT = PoseSpread()
 LEAST_CLOUD = 50  # poses; fewer are no cloud, and each stands for itself
-MOST_APART = PoseSpread(0.4, 0.2)  # a likelihood that is spread farther tells nothing
+MOST_APART = PoseSpread(2.5, 1.2)  # a likelihood that is spread farther tells nothing
 # N normal poses in three dimensions are this times N^(-1/3) standard deviations apart, in the middle
 OF_SD = 2.5
 NORMAL_SD = 1.4826  # of a normal distribution, by its median absolute deviation

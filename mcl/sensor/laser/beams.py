@@ -21,7 +21,7 @@ AGREES_M = 0.2  # a beam that ends nearer to something on the map agrees with it
 WORTH_SAYING = 0.05  # share of the beams
 SAID: Mapping[str, str] = {
     "short": "end {} before the wall: something stands there",
-    "beyond": "end {} behind a wall of the map: it was moved, or is glass",
+    "beyond": "end {} behind a wall of the map: the robot is elsewhere, or the wall was moved or is glass",
     "unknown": "end where nobody has mapped",
     "miss": "hit nothing",
 }
