@@ -11,6 +11,8 @@ import numpy as np
 
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.recovery import Expansion, none
+from maurice_mcl.sensor.laser.parameters import LaserParameters
+from maurice_mcl.sensor.laser.sensor import LASER, Laser, laser_of
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import NearestReference
@@ -79,6 +81,14 @@ class Scene:
         """The library's own rule for which entry represents a pose; None for a library without entries."""
         return reference_of(self.library, self.arena) if self.library.size else None
 
+    def laser_of(self, run: RunView) -> Laser | None:
+        """What judges scans on the map: a run's own laser; of another localizer's run one like ours."""
+        if run.sensor is not None:
+            laser = run.sensor.sensors.get(LASER)
+            return laser if isinstance(laser, Laser) else None
+        occupancy = self.library.occupancy
+        return laser_of(occupancy, LaserParameters()) if run.is_recorded and occupancy is not None else None
+
     def entry_at(self, pose: F64) -> int:
         """Return the entry that represents a pose (3,) in the map's frame; -1 outside free space."""
         if self.nearest is None:
@@ -112,6 +122,11 @@ class RunView:
     def sensors(self) -> tuple[str, ...]:
         """The names of its pose sensors; none if it is not known what it was made with."""
         return () if self.sensor is None else tuple(self.sensor.sensors)
+
+    @property
+    def sees_alone(self) -> bool:
+        """Whether a laser is all that it has: then its scans stand where pictures do."""
+        return not self.channels and self.sensors == (LASER,)
 
     @property
     def distances(self) -> Mapping[str, str]:

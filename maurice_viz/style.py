@@ -69,6 +69,10 @@ REFERENCE: RGB = (150, 120, 75)  # of histograms: the reference that it is compa
 ODOMETRY: RGB = (255, 45, 75)  # of a drive by itself: the path by odometry alone
 AGREES: RGB = (80, 230, 160)  # in pictures: marks that agree with the estimate
 DISAGREES: RGB = (255, 120, 90)  # and those that do not
+# beams of a laser, by what the map has where they end; those that agree have the color of whose pose it is
+SHORT: RGB = (238, 85, 68)  # before a wall
+BEYOND: RGB = (187, 153, 255)  # behind a wall
+UNMAPPED: RGB = (136, 119, 136)  # where nobody has been
 STATES: dict[str, RGB] = {  # of lanes: dark green-gray, gray, magenta, red
     "localized": (60, 78, 70),
     "converged": (60, 78, 70),
@@ -191,6 +195,9 @@ MEANINGS: dict[str, RGB] = {
     "weight": WEIGHT,
     "references": CIRCLE,
     "best references": RANK,
+    "beams that end short": SHORT,
+    "beams that end beyond": BEYOND,
+    "beams that end in unknown space": UNMAPPED,
     **{f"run {number}": color for number, color in enumerate(RUN_COLORS, 1)},
     **{f"mode {number}": color for number, color in enumerate(MODE_COLORS, 1)},
 }

@@ -9,5 +9,6 @@ arrow          rows as ready-made Arrow arrays, which Rerun takes unchanged
 indexed        small drawings of palette colors, for what is drawn at every step
 heat           heat maps of two-dimensional histograms
 histogram_row  histograms of a picture and of a reference, all channels of a run in one row
+scan           a laser's scan from above, by itself and on the map
 reference_chart  what a reference loses, by channel and element
 """

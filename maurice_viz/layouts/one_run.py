@@ -18,10 +18,12 @@ from ..panels.explanation import (
     sentence_view,
 )
 from ..panels.inside import AFTER, BEFORE, STRIP_PX, inside_words_view, phases_view, side_view
+from ..panels.laser.scan import here_view
 from ..panels.population import headings_view, weight_bars_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
 from ..panels.sensors import (
     in_space,
+    scan_on_map,
     sensor_map_view,
     sensor_picture_views,
     sensor_space_view,
@@ -56,8 +58,9 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out the phases over two sentences; the cloud before and after, and the picture over the weights."""
     paths = run.paths
     seen = named_view("The robot sees", entities.CAMERA) if scene.has_pictures else headings_view(paths)
+    seen = here_view(run) if run.sees_alone else seen
     beside = rrb.Vertical(seen, weight_bars_view(paths), row_shares=[52, 48])
-    close_ups = [side_view(paths, side, scene) for side in (BEFORE, AFTER)]
+    close_ups = [side_view(paths, side, scan_on_map(run)) for side in (BEFORE, AFTER)]
     clouds = rrb.Horizontal(*close_ups, beside, column_shares=[445, 445, 390])
     middle = HEIGHT_PX - lanes_px(OWN_LANES) - STRIP_PX - INSIDE_WORDS_PX
     body = rrb.Vertical(

@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 from ..drawing.canvas import map_extent
 from ..panels.camera import seen_views
 from ..panels.events import NAMES_SHARE, SHARED, lanes_px, lanes_view, own_path
+from ..panels.laser.scan import here_view, scan_views
 from ..panels.population import headings_view
 from ..panels.references import best_match_view
 from ..panels.sensors import sensor_words_view
@@ -67,9 +68,12 @@ def errors_row(runs: Sequence[RunView], scene: Scene) -> rrb.Horizontal:
 def _beside_the_map(runs: Sequence[RunView], scene: Scene) -> rrb.Container:
     """Lay out what the robot sees and what each run takes it for, in rows of three, and the words."""
     paths = runs[0].paths
+    lasers = [run for run in runs if scene.laser_of(run) is not None]
     if runs[0].channels:
         matches = [best_match_view(run) for run in runs if run.channels]
-        views: list[rrb.View] = [*seen_views(runs), *matches]
+        views: list[rrb.View] = [*seen_views(runs), *matches, *map(here_view, lasers)]
+    elif lasers:
+        views = [*scan_views(lasers), *map(here_view, lasers)]
     else:
         views = [*(sensor_words_view(paths, name) for name in runs[0].sensors)]
         views += seen_views(runs) if scene.has_pictures else [headings_view(paths)]

@@ -7,6 +7,7 @@ bytes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,7 @@ from ..style import (
     heading_vector,
     packed,
 )
-from ..text.phases import DOES, LIGHT, phase_words, whole_step
+from ..text.phases import DOES, LIGHT, NO_BEST, of_scans, phase_words, whole_step
 from .belief import copies_of, ellipse_of, frame_marks, positions
 from .panel import MARKDOWN, Panel, StepUpdate, place_drawing, set_phase, set_phase_only, set_step_only
 from .views import plane_view
@@ -201,7 +202,9 @@ class InsidePanel(Panel):
         rec.log(self._before, moved.row())
         self._draw_truth(rec, self._before, truth)
         best = self._best_poses(update.record)
-        self._say(rec, update, Phase.MEASURE, UNSEEN, MATCHES, next(iter(best), None))
+        self._say(
+            rec, update, Phase.MEASURE, UNSEEN, MATCHES if len(best) else NO_BEST, next(iter(best), None)
+        )
         rec.log(self._best, _ranked(self._scale.screen(best[:, :2])))
 
     def _best_poses(self, record: StepRecord) -> F64:
@@ -248,6 +251,7 @@ class InsidePanel(Panel):
         self, rec: rr.RecordingStream, words: str, captions: tuple[str, str], with_phases: bool = True
     ) -> None:
         """Log words, and the captions that differ from the last ones."""
+        words = of_scans(words) if self._run.sees_alone else words
         text = text_of(f"#### {font_safe(words)}")
         rec.log(self._paths.inside("words"), row_of(rr.TextDocument, text=text))
         for side, caption in zip((BEFORE, AFTER), captions, strict=True):
@@ -312,11 +316,11 @@ def caption_of(paths: RunPaths, side: str) -> str:
     return f"{paths.closeup}/{side}"
 
 
-def side_view(paths: RunPaths, side: str, scene: Scene) -> rrb.Spatial2DView:
-    """Show the cloud before or after a phase, close up."""
+def side_view(paths: RunPaths, side: str, on_map: Sequence[str] = ()) -> rrb.Spatial2DView:
+    """Show the cloud before or after a phase, close up; after it also what is `on_map`, such as a scan."""
     contents = [BARE_FLOORS, WALLS, f"{paths.inside(side)}/**", caption_of(paths, side)]
     contents += frame_marks(paths.closeup)
-    contents += [paths.inside("best"), paths.inside("answer")] if side == AFTER else []
+    contents += [paths.inside("best"), paths.inside("answer"), *on_map] if side == AFTER else []
     return plane_view(side.capitalize(), contents, Extent(-1, 1, -1, 1), origin=paths.closeup)
 
 
@@ -337,13 +341,13 @@ class PhasesPanel(Panel):
     """Draws the strip of phases, once for all runs."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        box = (STRIP_PX - 2 * GAP_PX, BOX_PX - 2 * GAP_PX)
+        box, is_laser = (STRIP_PX - 2 * GAP_PX, BOX_PX - 2 * GAP_PX), self._run.sees_alone
         boxes = np.concatenate([_framed(blank(*box, EMPTY)) for _ in Phase], axis=1)
         place_drawing(rec, f"{PHASES}/boxes", boxes, (0, 0), 1.0, -10.0)
         place_drawing(rec, f"{PHASES}/mark/box", blank(*box, PHASE_MARK), (GAP_PX, GAP_PX), 1.0, -5.0)
         for name, top, words in (
             ("names", NAME_TOP, [f"{phase + 1} {phase.name.lower()}" for phase in Phase]),
-            ("does", DOES_TOP, [DOES[phase] for phase in Phase]),
+            ("does", DOES_TOP, [of_scans(DOES[phase]) if is_laser else DOES[phase] for phase in Phase]),
         ):
             at = [(BOX_PX * (phase + 0.5), top) for phase in Phase]
             color = TRUTH if name == "names" else PALE

@@ -10,6 +10,7 @@ from .camera import CameraPanel
 from .events import WordsPanel
 from .explanation import ExplanationPanel
 from .inside import InsidePanel, PhasesPanel
+from .laser.scan import ScanPanel
 from .panel import Panel
 from .population import HeadingsPanel, ModesPanel, WeightBarsPanel
 from .references import BestReferencesPanel, LikelihoodPanel, MatchCirclesPanel
@@ -40,6 +41,7 @@ OF_A_RUN: tuple[type[Panel], ...] = (
     TracesPanel,
     ExplanationPanel,
     SensorsPanel,
+    ScanPanel,
     WordsPanel,
 )
 OF_REFERENCES: tuple[type[Panel], ...] = (LikelihoodPanel,)  # where the library has entries

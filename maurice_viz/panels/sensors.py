@@ -17,6 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.pose_sensor import Beside, PoseSensor, Shown, ShownMarks
@@ -41,13 +42,16 @@ from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import (
     AGREES,
+    BEYOND,
     DISAGREES,
     GROUND,
     MISSING,
     OBSTACLE,
     PALE,
     RGB,
+    SHORT,
     TRUTH,
+    UNMAPPED,
     WALL,
     Scale,
     font_safe,
@@ -64,6 +68,11 @@ POINT_PT, SMALL_POINT_PT, STROKE_PT = 3.0, 1.5, 1.0  # ui points
 JPEG_QUALITY = 88  # of a picture: small letters and thin lines are drawn over it
 NO_PICTURE = np.full((3, 4, 3), MISSING, np.uint8)  # in place of a picture that a sensor did not show
 MARK_WORDS = "Marks: green agree with the estimate, red do not, white are where the truth has them."
+BEAM_WORDS = (
+    "Dots: the scan at the estimate in the run's color, at the truth in white. Lines go from where a beam "
+    "ends to the wall of the map: red short of it, violet beyond it. Gray: where nobody has mapped."
+)
+BEAMS = {"short": SHORT, "beyond": BEYOND, "unknown": UNMAPPED}  # of a laser, by what they are
 OBSTACLE_M = 0.5  # height that obstacles are drawn with in space: a map does not tell it
 Kind = type[rr.Points2D | rr.LineStrips2D | rr.Points3D | rr.LineStrips3D]
 # by whether they are points, and whether they are flat: archetype, its field, and what fills that
@@ -114,7 +123,8 @@ class SensorsPanel(Panel):
 
     def _draw(self, rec: rr.RecordingStream, name: str, shown: Shown) -> None:
         words = say_shown(shown, self._library.arena, self._scale)
-        self._draw_words(rec, name, f"{words}\n\n{MARK_WORDS}" if shown.marks else words)
+        mark_words = BEAM_WORDS if name == LASER else MARK_WORDS
+        self._draw_words(rec, name, f"{words}\n\n{mark_words}" if shown.marks else words)
         for title in titles_of(self._sensors[name]):
             image = self._image(shown.pictures.get(title, NO_PICTURE))
             draw_jpeg(rec, self._paths.sensor(name, slug(title)), jpeg(image, JPEG_QUALITY))
@@ -177,7 +187,8 @@ class DrawnMarks:
                 rec.log(path, row_of(archetype, **{values: values_of(NO_MARKS[kind])}))
         for path, (shown_marks, strips) in marks.items():
             kind = self._kinds[path] = strips.shape[1] == 1, strips.shape[2] == 2
-            size = STROKE_PT if not kind[0] else POINT_PT if shown_marks.of is None else SMALL_POINT_PT
+            is_large = shown_marks.of is None or shown_marks.of in BEAMS
+            size = STROKE_PT if not kind[0] else POINT_PT if is_large else SMALL_POINT_PT
             look = {"colors": colors_of(self._colors(shown_marks)), "radii": ui_points_of([size])}
             if kind[1]:
                 look["draw_order"] = floats_of([30.0 if shown_marks.of is None else 40.0])
@@ -186,6 +197,8 @@ class DrawnMarks:
 
     def _colors(self, marks: ShownMarks) -> NDArray[np.uint32]:
         """Return packed colors, one or one a mark."""
+        if marks.of in BEAMS:
+            return np.array([packed(BEAMS[marks.of])], np.uint32)
         if marks.agrees is not None:
             return np.where(marks.agrees, packed(AGREES), packed(DISAGREES)).astype(np.uint32)
         color = {"truth": TRUTH, "estimate": self.color}.get(marks.of or "", PALE)
@@ -245,6 +258,11 @@ def sensor_map_view(paths: RunPaths, scene: Scene, names: tuple[str, ...]) -> rr
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     title = f"Map with marks ({scene.scale.units.name})"
     return map_view(title, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
+
+
+def scan_on_map(run: RunView) -> list[str]:
+    """Return where a run's scan is on the map, at its estimate; nowhere for one without a laser."""
+    return [run.paths.sensor(LASER, ON_MAP, slug("scan at the estimate"))] if LASER in run.sensors else []
 
 
 def sensor_words_view(paths: RunPaths, name: str) -> rrb.TextDocumentView:

@@ -16,6 +16,7 @@ from ..style import Scale
 from .verdict import NOTHING_YET, off_at
 
 TWO_LINES = 210  # letters
+NO_TRUTH = " No truth is known to judge by."
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,7 @@ def headline(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     for detail in (2, 1, 0):  # as much as there is room for
         text = " ".join(_sentence(group, detail) for group in groups.values())
         text = f"{happened}: {text}" if happened else f"{text[:1].upper()}{text[1:]}"
+        text += "" if any(run.has_truth for run in runs) else NO_TRUTH
         if len(text) <= TWO_LINES:
             break
     return text
@@ -132,8 +134,6 @@ def _without_truth(verdict: RunVerdict) -> Outcome:
     if verdict.failures:
         failure = verdict.failures[0]
         why = "" if failure.kind == UNKNOWN else f": {failure.title}"
-        return Outcome(
-            "{was} probably lost; no truth is known", str(failure.episode.first), "from step ", why
-        )
+        return Outcome("{was} probably lost", str(failure.episode.first), "from step ", why)
     share = f"{verdict.converged_share:.0%}"
-    return Outcome("cannot be judged: no truth is known", share, "particles together at ", " of the steps")
+    return Outcome("kept the dots together", share, "at ", " of the steps")

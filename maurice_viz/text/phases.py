@@ -28,6 +28,7 @@ DOES = {
     Phase.RESEED: "add new dots if lost",
     Phase.ESTIMATE: "one answer",
 }
+NO_BEST = "no dot moves"  # where no reference is compared
 LIGHT = 0.5  # times the average weight
 HALF = 0.5 - 1e-9  # of all weight
 NOTHING_WEIGHED = {
@@ -68,6 +69,13 @@ def whole_step(moment: Moment, record: StepRecord, scale: Scale) -> str:
     return (
         f"Step {moment.frame.step}, left: odometry says {moved}. Right: the picture weighs {size:,} dots, "
         f"{survive}{fresh}. {_answer(moment, record, scale)}"
+    )
+
+
+def of_scans(text: str) -> str:
+    """Return words about pictures as they are said of a robot that has a laser alone."""
+    return text.replace("frame is compared by laser", "scan is compared with the map").replace(
+        "picture", "scan"
     )
 
 

@@ -13,6 +13,7 @@ from maurice_mcl.scoring.episodes import Episode
 from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView
 from ..style import Scale
 from .causes import say_cause, say_incident
+from .phases import of_scans
 
 NAMES = {
     BEGINS: "the drive begins",
@@ -58,7 +59,8 @@ def words(runs: Sequence[RunView], has_truth: bool = True) -> str:
         parts += [GO_THERE]
     if all(draws) and len(set(draws)) > 1 and len(runs) < CROWDED:
         does = (f"`{run.label}` {draw}" for run, draw in zip(runs, draws, strict=True))
-        parts.insert(0, f"{'; '.join(does)}.")
+        draws_words = f"{'; '.join(does)}."
+        parts.insert(0, of_scans(draws_words) if all(run.sees_alone for run in runs) else draws_words)
     return " ".join(parts)
 
 

@@ -101,7 +101,8 @@ class ShownMarks:
     # (K, P, 2) pixels (right, down), or meters in the map's frame, (K, P, 3) in space; P = 1: points
     strips: F32 | F64
     agrees: Bool | None = None  # (K,) which of them agree with the estimate; None: not judged
-    of: str | None = None  # whose they are, "truth" or "estimate": drawn in its color
+    # whose they are, "truth" or "estimate", or what of a laser, "short", "beyond", "unknown": for their color
+    of: str | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

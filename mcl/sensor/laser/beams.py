@@ -94,7 +94,8 @@ def shown(
     for name in ("short", "beyond", "unknown"):
         ends, expected = judgment.ends[judgment.are(name)], judgment.expected_ends[judgment.are(name)]
         strips = ends[:, None] if name == "unknown" else np.stack([ends, expected], axis=1)
-        marks.append(ShownMarks(f"beams judged {name}", "map", strips, np.zeros(len(strips), np.bool_)))
+        none = np.zeros(len(strips), np.bool_)
+        marks.append(ShownMarks(f"beams judged {name}", "map", strips, none, of=name))
     words, lengths = judgment.words
     at = ", ".join(f"{value:.1f} nats at the {name}" for name, value in nats.items())
     return Shown(f"{words} Log-likelihood: {at} (0 if all agreed).", {}, tuple(marks), lengths)

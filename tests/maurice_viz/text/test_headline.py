@@ -47,7 +47,10 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
             RunVerdict(updates=1, first=1, last=1, has_truth=True, end=NEAR),  # too short to be localized
             ["The filter was right at every step (2.0 in off at the end)"],
         ),
-        (RunVerdict(updates=9, converged_share=0.5), ["no truth is known", "50%"]),
+        (
+            RunVerdict(updates=9, converged_share=0.5),
+            ["The filter kept the dots together (at 50% of the steps). No truth is known"],
+        ),
         (
             RunVerdict(updates=3, has_truth=True, end=OFF, off=3),
             ["never localized", "78.7 in off at the end"],
@@ -78,7 +81,7 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
                 converged_share=0.9,
                 failures=(Failure(LIGHTING, 9, Episode(PROBABLY_LOST, 9, 20, noticed=9), truth_known=False),),
             ),
-            ["probably lost; no truth is known", "from step 9", "the light changed"],
+            ["probably lost", "No truth is known", "from step 9", "the light changed"],
         ),
     ],
 )

@@ -1,0 +1,182 @@
+"""A laser's scan from above, in the robot's frame: the robot is in the middle and points up.
+
+A scan by itself, and laid on the map around a pose, are drawn alike: what differs between two of these
+pictures is the map. Under each stands how many beams are what, in their colors: the key of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from maurice_mcl.sensor.laser.beams import JUDGMENTS, BeamJudgment
+from maurice_mcl.sensor.laser.reading import LaserReading
+from maurice_mcl.values.arrays import F64, I32, U8
+from maurice_mcl.values.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.values.scan import LaserScan
+
+from .. import style
+from ..style import RGB, Scale
+from .canvas import text_size
+from .indexed import IndexedColors, write
+
+WIDTH_PX, HEIGHT_PX, CAPTION_PX = 400, 300, 34
+TEXT_PX, PAD_PX = 15.0, 10
+MIDDLE = np.array([WIDTH_PX / 2, HEIGHT_PX / 2])  # where the robot is
+REACHES_M = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0, 20.0, 30.0)  # shown ahead: few
+SHOWN_SHARE = 0.9  # of the beams that hit something end within it
+BAR_SHARE, BARS = 0.25, (1, 2, 5)  # of the width, at most; lengths of the scale's bar, times powers of ten
+SEEN: RGB = (42, 46, 54)  # where a beam has passed
+MAPPED_WALL: RGB = (104, 108, 118)  # quiet: the beams lie on it
+MISSED: RGB = (52, 56, 66)  # along a beam that hit nothing
+SAID = {"short": "short", "beyond": "beyond", "unknown": "unmapped", "miss": "no hit"}
+WHAT: dict[str, RGB] = {
+    "short": style.SHORT,
+    "beyond": style.BEYOND,
+    "unknown": style.UNMAPPED,
+    "miss": style.PALE,
+}
+
+SCANS = IndexedColors()
+_FREE, _WALL, _GROUND = (
+    SCANS.flat(color) for color in (style.EMPTY, MAPPED_WALL, style.GROUND)
+)  # as of cells
+_SEEN, _MISS = SCANS.flat(SEEN), SCANS.flat(MISSED)
+_INKS: dict[RGB, int] = {}  # first number of the ramp from the ground, by color
+for _color in dict.fromkeys((style.PALE, style.TRUTH, *WHAT.values(), *style.RUN_COLORS)):
+    _INKS[_color] = SCANS.ramp(style.GROUND, _color)
+_FULL = 7  # of a ramp: the color itself
+_FAINT = {color: SCANS.flat(style.faint(color)) for color in (style.TRUTH, *style.RUN_COLORS)}
+
+
+def reach_of(scan: LaserScan) -> float:
+    """Return how far ahead a picture of a scan shows, in meters: one of a few."""
+    away = np.hypot(*scan.points().T)
+    needed = float(np.quantile(away, SHOWN_SHARE)) if len(away) else scan.max_m
+    return next((reach for reach in REACHES_M if reach >= needed), REACHES_M[-1])
+
+
+def draw_scan(scan: LaserScan, scale: Scale) -> bytes:
+    """Draw what a laser measured by itself, as a PNG: what it hit, and where it saw that nothing is."""
+    image, reach_m = _blank(), reach_of(scan)
+    ranges = np.where(scan.hits, scan.ranges_m, scan.misses * scan.max_m)  # 0: no answer
+    along = np.stack([np.cos(scan.angles_rad), np.sin(scan.angles_rad)], axis=1)
+    rim = _pixels(scan.mount[:2] + ranges[:, None] * along, reach_m)
+    laser = _pixels(scan.mount[None, :2], reach_m)
+    for end in rim[scan.misses].tolist():
+        cv2.line(image[:HEIGHT_PX], laser[0].tolist(), end, _MISS)
+    rim[scan.misses] = laser
+    cv2.fillPoly(image[:HEIGHT_PX], [np.concatenate([laser, rim])], _SEEN)
+    _dots(image, rim[scan.hits], _INKS[style.PALE] + _FULL, 2)
+    _robot(image, _INKS[style.PALE] + _FULL)
+    said = [(f"{int(scan.hits.sum())} of {scan.size} beams hit something", style.PALE)]
+    return _finished(image, reach_m, scale, said)
+
+
+def draw_scan_on_map(
+    reading: LaserReading, judgment: BeamJudgment, pose: F64, there: OccupancyMap, color: RGB, scale: Scale
+) -> bytes:
+    """Draw a scan on the map around a pose (3,), as a PNG; beams that agree have `color`, others theirs."""
+    image, reach_m = _blank(), reach_of(reading.scan)
+    image[:HEIGHT_PX] = _cut_out(there, pose, reach_m)
+    _dots(image, _pixels(reading.scan.points(), reach_m), _FAINT[color], 1)
+    inks = {"agrees": _INKS[color], **{name: _INKS[own] for name, own in WHAT.items()}}
+    ends, expected = (
+        _pixels(_seen_from(pose, at), reach_m) for at in (judgment.ends, judgment.expected_ends)
+    )
+    for name in ("unknown", "agrees", "beyond", "short"):
+        ink, those = inks[name] + _FULL, judgment.are(name)
+        if name in ("short", "beyond"):
+            for end, wall in zip(ends[those].tolist(), expected[those].tolist(), strict=True):
+                cv2.line(image[:HEIGHT_PX], end, wall, ink)
+        _dots(image, ends[those], ink, 3)
+    _robot(image, _INKS[color] + _FULL)
+    said = [(f"{judgment.count('agrees')} of {reading.size} agree", color)]
+    said += [(f"{judgment.count(name)} {SAID[name]}", WHAT[name]) for name in JUDGMENTS if name in SAID]
+    return _finished(image, reach_m, scale, [part for part in said if not part[0].startswith("0 ")])
+
+
+def no_scan(words: str) -> bytes:
+    """Draw a picture without a scan, with words in it, as a PNG."""
+    image = _blank()
+    write(image, words, WIDTH_PX * 0.08, HEIGHT_PX / 2, TEXT_PX, _INKS[style.PALE])
+    return SCANS.png(image)
+
+
+def _blank() -> U8:
+    return np.full((HEIGHT_PX + CAPTION_PX, WIDTH_PX), _GROUND, np.uint8)
+
+
+def _meters_per_px(reach_m: float) -> float:
+    return reach_m / (HEIGHT_PX / 2)
+
+
+def _pixels(points: F64, reach_m: float) -> I32:
+    """Return points (K, 2) x forward, y left as pixels (K, 2) right, down."""
+    at = MIDDLE - points[:, ::-1] / _meters_per_px(reach_m)
+    return np.clip(np.rint(at), -10_000, 10_000).astype(np.int32)
+
+
+def _seen_from(pose: F64, points: F64) -> F64:
+    """Return points (K, 2) of the map in the frame of a pose (3,)."""
+    x, y = (points - pose[:2]).T
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    return np.stack([c * x + s * y, c * y - s * x], axis=1)
+
+
+def _cut_out(there: OccupancyMap, pose: F64, reach_m: float) -> U8:
+    """Return the map around a pose, turned so that the robot points up; walls are at least a pixel thick."""
+    cell_px = there.cell_m / _meters_per_px(reach_m)
+    far = int(np.hypot(*MIDDLE) / cell_px) + 2
+    column, row = np.floor((pose[:2] - there.corner) / there.cell_m).astype(int).tolist()
+    left, low = max(column - far, 0), max(row - far, 0)
+    cells = there.cells[low : max(row + far, 0), left : max(column + far, 0)]
+    if not cells.size:
+        return np.full((HEIGHT_PX, WIDTH_PX), _GROUND, np.uint8)
+    if cell_px < 1:
+        kernel = np.ones([int(np.ceil(1 / cell_px))] * 2, np.uint8)
+        walls = cv2.dilate((cells == OCCUPIED).astype(np.uint8), kernel)
+        cells = np.where(walls > 0, np.uint8(OCCUPIED), cells)
+    c, s = np.cos(pose[2]) / cell_px, np.sin(pose[2]) / cell_px
+    turn = np.array([[s, -c], [-c, -s]])
+    middle = (pose[:2] - there.corner) / there.cell_m - 0.5 - (left, low)
+    matrix = np.column_stack([turn, middle - turn @ MIDDLE])
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    size = WIDTH_PX, HEIGHT_PX
+    return np.asarray(
+        cv2.warpAffine(cells, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=UNKNOWN),
+        np.uint8,
+    )
+
+
+def _dots(image: U8, places: I32, ink: int, radius: int) -> None:
+    """Draw squares around pixels (K, 2); those out of the picture are left out."""
+    far, size = radius - 1, np.array([WIDTH_PX, HEIGHT_PX])
+    for x, y in places[((places >= far) & (places < size - far)).all(axis=1)].tolist():
+        image[y - far : y + radius, x - far : x + radius] = ink
+
+
+def _robot(image: U8, ink: int) -> None:
+    """Draw where the robot is and points: an arrow head."""
+    x, y = MIDDLE.astype(int).tolist()
+    head = np.array([[x, y - 11], [x - 7, y + 8], [x, y + 4], [x + 7, y + 8]])
+    cv2.fillPoly(image, [head], ink)
+    cv2.polylines(image, [head], True, _GROUND)
+
+
+def _finished(image: U8, reach_m: float, scale: Scale, said: Sequence[tuple[str, RGB]]) -> bytes:
+    """Add the bar of the scale and what the beams are; encode the picture."""
+    unit_px = 1 / scale.length(_meters_per_px(reach_m))
+    power = 10.0 ** np.floor(np.log10(BAR_SHARE * WIDTH_PX / unit_px))
+    length = max(k * power for k in BARS if k * power * unit_px <= BAR_SHARE * WIDTH_PX)
+    bottom = HEIGHT_PX - PAD_PX
+    ink = _INKS[style.PALE]
+    image[bottom - 3 : bottom, PAD_PX : PAD_PX + round(length * unit_px)] = ink + _FULL
+    write(image, f"{length:g} {scale.units.name}", PAD_PX, bottom - 8, TEXT_PX, ink)
+    left = 2.0
+    for text, color in said:
+        write(image, text, left, HEIGHT_PX + CAPTION_PX - 10, TEXT_PX, _INKS[color])
+        left += text_size(text, TEXT_PX)[0] + 14
+    return SCANS.png(image)
