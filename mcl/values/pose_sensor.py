@@ -17,6 +17,7 @@ import numpy as np
 
 from .arrays import F32, F64, U8, Bool
 from .geometry import wrap
+from .map import place_tree
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures
@@ -42,6 +43,9 @@ MOST_APART = PoseSpread(2.5, 1.2)  # a likelihood that is spread farther tells n
 # N normal poses in three dimensions are this times N^(-1/3) standard deviations apart, in the middle
 OF_SD = 2.5
 NORMAL_SD = 1.4826  # of a normal distribution, by its median absolute deviation
+WIDE_M = 0.2  # a cloud that searches: some of its poses may be much denser than most
+# of poses 1 apart on average: this share of them is nearer to another than this
+DENSEST, DENSEST_APART = 0.05, 0.23
 MEDIAN_OF = 500  # poses are enough
 
 
@@ -49,7 +53,8 @@ def spread_between(poses: F32) -> PoseSpread:
     """Return how far the poses (N, 3) of a cloud are from their neighbors: what each of them stands for.
 
     Where a sensor is sharper than that, no particle may be near enough to the truth to be told apart by it.
-    A few poses far from the others do not count: widths are medians.
+    A few poses far from the others do not count: widths are medians. In a cloud that searches, the densest
+    poses count.
     """
     if len(poses) < LEAST_CLOUD:
         return EXACT
@@ -58,7 +63,17 @@ def spread_between(poses: F32) -> PoseSpread:
     share = NORMAL_SD * OF_SD / len(poses) ** (1 / 3)
     position_m = share * math.sqrt(_median_off(x) * _median_off(y))
     heading_rad = share * _median_off(wrap(heading - middle))
+    if position_m > WIDE_M:
+        near = _near_share(poses / np.array([position_m, position_m, heading_rad], np.float32))
+        position_m, heading_rad = position_m * near, heading_rad * near
     return PoseSpread(min(position_m, MOST_APART.position_m), min(heading_rad, MOST_APART.heading_rad))
+
+
+def _near_share(scaled: F32) -> float:
+    """Return how much nearer to each other than 1 the densest poses (N, 3) are, e.g. proposed ones."""
+    places = scaled.astype(np.float64)
+    nearest = np.asarray(place_tree(places).query(places, k=2)[0])[:, 1]
+    return min(float(np.quantile(nearest, DENSEST)) / DENSEST_APART, 1.0)
 
 
 def _median_off(values: F32) -> float:

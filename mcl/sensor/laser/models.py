@@ -29,6 +29,7 @@ INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them cou
 # the true pose 99 of 100 scans of those logs are worth -0.34 a beam or more; of random poses 1 in 500 is.
 EXPLAINED_NATS, BEST_SHARE = -0.45, 0.03
 LEAST_KNOWN = 0.5  # share of the beams: where most end in unknown space, the map cannot tell another place
+TOGETHER_M = 2.0  # standard deviation of a cloud's places
 SAMPLED = 200  # particles of a cloud
 
 CONVERGED_M = 0.5  # AMCL skips beams only where all particles are this near to their mean, along each axis
@@ -97,16 +98,22 @@ def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, 
 
 
 def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
-    """Return whether a cloud (N, 3) is where the scan may be from, or the map is silent; weights are (N,)."""
+    """Return whether a cloud (N, 3) is where the scan may be from; weights are (N,).
+
+    A cloud that is together where most beams end in unknown space may be right: the map cannot tell.
+    """
     stride = -(-len(poses) // SAMPLED)
     poses, weights = poses[::stride], weights[::stride]
     total = there.field("calibrated", SIGMA_M, 0.0).sums(reading.ends, poses, origin)
     beams, unknown = len(reading.ends), there.unknown.sums(reading.ends, poses, origin)
-    if float(weights @ unknown) > (1 - LEAST_KNOWN) * beams * float(weights.sum()):
+    weights = weights / weights.sum()
+    off = poses[:, :2] - weights @ poses[:, :2]
+    together = float(weights @ np.square(off).sum(axis=1)) < TOGETHER_M**2
+    if together and float(weights @ unknown) > (1 - LEAST_KNOWN) * beams:
         return True
     worth = (total - np.float32(UNKNOWN_NATS) * unknown) / np.maximum(beams - unknown, 1)
     best = np.argsort(-worth)
-    share = np.cumsum(weights[best]) / weights.sum()
+    share = np.cumsum(weights[best])
     return float(worth[best[np.searchsorted(share, BEST_SHARE)]]) > EXPLAINED_NATS
 
 
