@@ -64,15 +64,14 @@ def spread_between(poses: F32) -> PoseSpread:
     position_m = share * math.sqrt(_median_off(x) * _median_off(y))
     heading_rad = share * _median_off(wrap(heading - middle))
     if position_m > WIDE_M:
-        near = _near_share(poses / np.array([position_m, position_m, heading_rad], np.float32))
+        near = _near_share(poses / np.array([position_m, position_m, heading_rad]))
         position_m, heading_rad = position_m * near, heading_rad * near
     return PoseSpread(min(position_m, MOST_APART.position_m), min(heading_rad, MOST_APART.heading_rad))
 
 
-def _near_share(scaled: F32) -> float:
+def _near_share(scaled: F64) -> float:
     """Return how much nearer to each other than 1 the densest poses (N, 3) are, e.g. proposed ones."""
-    places = scaled.astype(np.float64)
-    nearest = np.asarray(place_tree(places).query(places, k=2)[0])[:, 1]
+    nearest = np.asarray(place_tree(scaled).query(scaled, k=2)[0])[:, 1]
     return min(float(np.quantile(nearest, DENSEST)) / DENSEST_APART, 1.0)
 
 
