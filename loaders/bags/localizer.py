@@ -9,22 +9,23 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.map import Arena, open_arena
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 from ..errors import InputError, ReadingNotes
-from ..files.maps import arena_of_message
+from ..files.maps import arena_of_message, occupancy_of_message
 from ..reading.options import ReadingOptions
 from ..reading.plane import Plane
-from ..reading.recording import Motion, OdometryPose, Picture, Record, TruthPose
+from ..reading.recording import Motion, OdometryPose, Picture, Record, Scan, TruthPose
 from ..reading.time_alignment import Aligner, Steps, as_rows
 from .maps import map_of
 from .messages import (
@@ -84,7 +85,7 @@ class LocalizerPoseReader(OneTopic):
         """Yield the pose of one message."""
         covariance = covariance_of(content, self.plane)
         variances = np.diag(covariance)
-        sd = np.sqrt(np.where(variances > 0, variances, 0))
+        sd = np.sqrt(np.where((variances > 0) & (variances < np.inf), variances, 0))
         pose = LocalizerPose(t_s, pose_of(content, self.plane), sd)
         yield pose
         if self.alone:
@@ -142,6 +143,7 @@ class RecordedUpdate:
     truth: F64 | None  # (3,)
     read: Callable[[], U8] | None  # decodes the last picture before; None: there was none yet
     picture: str  # its name
+    scan: LaserScan | None = None  # the nearest within 0.5 s
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +163,7 @@ class _CloudPicture(Picture):
     cloud: Cloud
     estimate: LocalizerPose | None
     view: Picture | None
+    scan: LaserScan | None
 
 
 class RecordedLocalizer:
@@ -218,6 +221,7 @@ class RecordedLocalizer:
                 aligned.truth_at(),
                 None if picture.view is None else picture.view.read,
                 "" if picture.view is None else picture.view.name,
+                picture.scan,
             )
 
     def overview(self) -> Overview:
@@ -267,9 +271,9 @@ class Nearest:
 
 
 def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
-    """Join each cloud with the pose nearest in time and with the last picture before it."""
+    """Join each cloud with the pose and the scan nearest in time, and with the last picture before it."""
     waiting: deque[Timed] = deque()
-    last: list[Picture | LocalizerPose | None] = [None, None]  # picture and pose so far
+    last: dict[type[Timed], Timed] = {}  # of each kind, so far
     for record in stream:
         waiting.append(record)
         while waiting[0].t_s < record.t_s - NEAR_S:
@@ -278,22 +282,36 @@ def _joined(stream: Iterable[Timed]) -> Iterator[Record]:
         yield from _passed(waiting, last)
 
 
-def _passed(waiting: deque[Timed], last: list[Picture | LocalizerPose | None]) -> Iterator[Record]:
+def _passed(waiting: deque[Timed], last: dict[type[Timed], Timed]) -> Iterator[Record]:
     """Release the first record; all records near it in time follow it in `waiting`."""
     record = waiting.popleft()
-    if isinstance(record, Picture):
-        last[0] = record
-    elif isinstance(record, LocalizerPose):
-        last[1] = record
+    if isinstance(record, Picture | LocalizerPose | Scan):
+        last[type(record)] = record
     elif isinstance(record, Motion | OdometryPose | TruthPose):
         yield record
     elif isinstance(record, Cloud) and len(record.poses):
-        near = [p for p in (last[1], *waiting) if isinstance(p, LocalizerPose)]
-        pose = min(near, key=lambda p: abs(p.t_s - record.t_s), default=None)
-        if pose is not None and abs(pose.t_s - record.t_s) > NEAR_S:
-            pose = None
-        camera = last[0] if isinstance(last[0], Picture) else None
-        yield _CloudPicture(record.t_s, _no_image, "", cloud=record, estimate=pose, view=camera)
+        near = [*last.values(), *waiting]
+        pose = _nearest([p for p in near if isinstance(p, LocalizerPose)], record.t_s)
+        at_s = record.t_s if pose is None else pose.t_s  # whose stamp is that of the scan behind it
+        scan = _nearest([p for p in near if isinstance(p, Scan)], at_s)
+        camera = last.get(Picture)
+        yield _CloudPicture(
+            record.t_s,
+            _no_image,
+            "",
+            cloud=record,
+            estimate=pose,
+            view=camera if isinstance(camera, Picture) else None,
+            scan=None if scan is None else scan.scan,
+        )
+
+
+Near = TypeVar("Near", bound=Timed)
+
+
+def _nearest(records: Iterable[Near], t_s: float) -> Near | None:
+    near = (record for record in records if abs(record.t_s - t_s) <= NEAR_S)
+    return min(near, key=lambda record: abs(record.t_s - t_s), default=None)
 
 
 def _no_image() -> U8:
@@ -318,5 +336,12 @@ def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
 
 def _map_in(path: Path, bag: BagSource) -> Arena | None:
     with suppress(InputError):  # it is drawn, and nothing is compared with it
-        return map_of(path, bag, arena_of_message)
+        return map_of(path, bag, _arena_of)
     return None
+
+
+def _arena_of(message: Any) -> Arena:
+    arena = arena_of_message(message)
+    with suppress(InputError):  # without a free cell, or without an occupied one
+        return replace(arena, occupancy=occupancy_of_message(message))
+    return arena

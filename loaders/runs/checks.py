@@ -56,6 +56,7 @@ NATS = _from(-MOST, MOST, f"{up_to()}, or -inf", -math.inf)
 LOG_WEIGHT = _from(-MOST, SLACK, "the logarithm of a weight up to 1", -math.inf)
 SHARE = _from(0, 1 + SLACK, "a share from 0 to 1")
 SPREAD = _from(0, MOST, f"{up_to()}, not negative")
+UNKNOWN = Rule(lambda value: value is not None and math.isnan(value), "NaN: it is not known")
 TEXT = Rule(lambda value: value is not None, "a text")
 TEXTS = _list_of(TEXT.holds, "a list of texts")
 BY_COLUMN = {
@@ -80,6 +81,7 @@ BY_COLUMN = {
     "particles": _from(1, 2**31, "a whole number from 1"),
     TOOK: SPREAD,
 }
+NOT_RECORDED = ("log_evidence", "calibrated_evidence")
 BY_ENDING = {
     "heading_sd_rad": _from(0, MOST, f"{up_to()}, not negative, or inf", math.inf),
     "sd_x_m": SPREAD,
@@ -92,9 +94,13 @@ CLOUDS = {"x_m": FINITE, "y_m": FINITE, "heading_rad": FINITE}
 CLOUDS |= {"carried_log_weight": LOG_WEIGHT, "log_weight": LOG_WEIGHT}
 
 
-def step_rules(channels: Sequence[str]) -> dict[str, Rule]:
-    """Return what each column of `steps` may hold, except the step number, which is checked by counting."""
-    return {name: _rule(name) for name in steps_schema(channels) if name != "step"}
+def step_rules(channels: Sequence[str], *, recorded: bool = False) -> dict[str, Rule]:
+    """Return what each column of `steps` may hold, except the step number, which is checked by counting.
+
+    How well a picture or scan was explained is not known of another localizer's run, as `recorded`.
+    """
+    rules = {name: _rule(name) for name in steps_schema(channels) if name != "step"}
+    return rules | dict.fromkeys(NOT_RECORDED, UNKNOWN) if recorded else rules
 
 
 def _rule(name: str) -> Rule:

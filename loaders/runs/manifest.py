@@ -73,6 +73,7 @@ class RunManifest:
     table: Source | None = None  # the file of `table` among the options of reading
     sensors: Mapping[str, str] = field(default_factory=dict)  # of other packages, to what has a version
     failures: tuple[Failure, ...] | None = None  # written when it ended; None: of an earlier version
+    recorded: bool = False  # another localizer's, as a bag holds it: no filter of ours ran
 
 
 def library_hash(library: Library, channels: Sequence[str]) -> str:
@@ -180,6 +181,7 @@ def _manifest(values: Mapping[str, Any]) -> RunManifest:
         reading=reading_from_json(values.get("reading")),
         sensors={k: text(v, k) for k, v in mapping(values.get("sensors", {}), "sensors").items()},
         table=None if values.get("table") is None else _source(values["table"], "table"),
+        recorded=flag(values.get("recorded", False), "recorded"),
         failures=None if values.get("failures") is None else failures_from_json(values["failures"], steps),
     )
 

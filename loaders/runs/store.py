@@ -114,7 +114,7 @@ def open_run(folder: str | Path) -> SavedRun:
 
 def _part(folder: Path, name: str, manifest: RunManifest, first: int) -> Iterator[StepRows]:
     """Read the updates of one part, each checked; the first of them should have the number `first`."""
-    rules, file = step_rules(manifest.channels), folder / "steps" / name
+    rules, file = step_rules(manifest.channels, recorded=manifest.recorded), folder / "steps" / name
     steps = _table(file, steps_schema(manifest.channels))
     for number, found in enumerate(steps["step"], first):
         if found != number:

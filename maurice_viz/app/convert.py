@@ -47,11 +47,12 @@ from maurice_mcl.library.occupancy_building import build_occupancy
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.occupancy import OccupancyMap
 from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.session import Session
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.open import open_session
-from ..running.saved import session_of
+from ..running.saved import frames_of, session_of
 from ..running.saved_steps import Pictures
 
 LOG, MCAP = ".log", ".mcap"
@@ -291,6 +292,7 @@ def export(
             image = None if pictures is None else pictures.of(step.rows)
             if pictures is not None and image is not None:
                 step = replace(step, readings=pictures.readings)
+            image = None if step.rows.step["picture"] == PLACEHOLDER else image
             if step.scored or not scored:
                 for sink in (*sinks, errors):
                     sink.add(step, image)
@@ -346,7 +348,7 @@ def _open(
     run: SavedRun,
     files: Files,
     paths: Sequence[str],
-    session: RecordedSession | None,
+    session: Session | None,
     force: bool,
 ) -> list[Sink]:
     channels, label, origin = run.manifest.channels, run.manifest.label, np.array(run.manifest.origin_m)
@@ -362,9 +364,12 @@ def _open(
     return [stack.enter_context(opening[name](file)) for name, file in files.items()]
 
 
-def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[RecordedSession | None, float]:
+def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[Session | None, float]:
     """Return the session and the time on its own clock at which it began, if it is still there."""
     try:
+        if run.manifest.recorded:
+            frames = frames_of(run)
+            return frames, frames.begin_s
         session = session_of(run)
         return session, begin_of(session)
     except InputError as problem:
@@ -373,7 +378,7 @@ def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[Recorde
         return None, 0.0
 
 
-def _scene(run: SavedRun, session: RecordedSession | None) -> McapScene:
+def _scene(run: SavedRun, session: Session | None) -> McapScene:
     """Return what does not change with time; the map is the one that the run was made with."""
     if session is None:
         return McapScene(None, run.arena(), None)

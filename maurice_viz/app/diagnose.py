@@ -11,7 +11,7 @@ from typing import Any
 
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.runs.store import is_saved
+from maurice_loaders.runs.store import is_saved, open_runs
 from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
@@ -31,7 +31,7 @@ NEVER_LOST = "No failure: it was never lost."
 IN_TIME = "No failure: it was localized again in time."
 FOUND = "No failure: it was localized after a search."
 NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
-NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign in the pictures that it was lost."
+NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign that it was lost."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
 PICTURE = r"[^/]+-step-\d+-[\w-]+(?:-explained)?\.png"
 MARK = "diagnosis.json"
@@ -46,6 +46,7 @@ class RunDiagnosis:
     verdict: RunVerdict
     source: Path | None  # the saved run; None: nothing is saved
     display_units: str = "m"
+    recorded: bool = False  # another localizer's: no step of it can be explained
 
     @property
     def failures(self) -> tuple[Failure, ...]:
@@ -79,8 +80,9 @@ class RunDiagnosis:
         if self.source is None:
             return []
         run, step = shlex.quote(str(self.source)), failure.first
+        explained = [] if self.recorded else [f"maurice-replay explain {run} --step {step}"]
         return [
-            f"maurice-replay explain {run} --step {step}",
+            *explained,
             walk_command(self.source, step),
             f"maurice-replay snapshot {run} --step {step} -o step-{step}.png",
         ]
@@ -161,6 +163,7 @@ def diagnose(
         listener=listener,
     )
     saved = is_saved(source)
+    recorded = {run.manifest.label for run in open_runs(source) if run.manifest.recorded} if saved else ()
     several = len(scores.runs) > 1
     return Diagnoses(
         scores.name,
@@ -170,6 +173,7 @@ def diagnose(
                 run.verdict,
                 (source / run.label if several else source) if saved else None,
                 scores.display_units,
+                run.label in recorded,
             )
             for run in scores.runs
         ),
@@ -186,8 +190,9 @@ def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:
 def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Listener = SILENT) -> list[Path]:
     """Draw what shows each failure of saved runs into a new folder: the update at which its cause shows.
 
-    Two pictures a failure: the references of that update, explained, and the viewer's first screen. Raises
-    OptionError if nothing is saved, and InputError for a folder that holds something.
+    Two pictures a failure: the references of that update, explained, and the viewer's first screen; only the
+    latter of a recorded localizer. Raises OptionError if nothing is saved, and InputError for a folder that
+    holds something.
     """
     from .explain import explain
     from .snapshot import snapshot
@@ -202,7 +207,9 @@ def draw(found: Diagnoses, folder: Path, *, force: bool = False, listener: Liste
             assert run.source is not None
             stem = f"{run.label}-step-{failure.first}-{failure.kind}"
             explained, screen = filling / f"{stem}-explained.png", filling / f"{stem}.png"
-            explain(run.source, failure.first, to=explained, listener=listener)
             snapshot(run.source, to=screen, step=failure.first, listener=listener)
-            pictures += [folder / screen.name, folder / explained.name]
+            pictures.append(folder / screen.name)
+            if not run.recorded:
+                explain(run.source, failure.first, to=explained, listener=listener)
+                pictures.append(folder / explained.name)
     return pictures

@@ -89,6 +89,9 @@ def explain(
     library = opened.scene.library
     scale = opened.scene.scale
     moment, record = _update(opened, folder, step)
+    if restored.saved.manifest.recorded:
+        unknown = "how it weighed its particles is not in the recording, so no step is explained"
+        raise InputError(folder, f"is another localizer's run, as recorded: {unknown}")
     if restored.sensor is None or not len(record.sighting.comparison.quality):
         raise InputError(folder, "cannot be explained without its session and library; put them back")
     if not record.sighting.comparison.channels:

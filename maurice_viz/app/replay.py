@@ -32,9 +32,11 @@ from ..running.open import (
     read_as_amcl,
 )
 from ..running.output import OutputOptions, output_of, show_recording
+from ..running.recorded import open_recorded, playback_of_recorded
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.run_spec import RunSpec, words_of
-from ..running.saved import Inputs, open_saved, playback_of, saving
+from ..running.saved import open_saved, playback_of
+from ..running.saving import Inputs, filters_to_save, recorded_to_save, saving
 from ..scene import RunView, Scene
 
 
@@ -102,7 +104,8 @@ def _replayed(
     report: Report,
 ) -> RunScores:
     """Replay what `session` names, by the one way that fits it. InputError, OptionError."""
-    plain = spec == RunSpec() and library is None and output.save_run is None
+    unfiltered = spec == RunSpec() and library is None
+    plain = unfiltered and output.save_run is None
     if not isinstance(session, (str, Path)):
         return replay_session(session, library, [spec], output, reading, listener, report, alone=True)
     path = Path(session)
@@ -113,17 +116,19 @@ def _replayed(
         show_recording(path, listener, output)
         return RunScores(())
     if as_recorded:
-        if not plain:
+        if not unfiltered:
             raise OptionError("--as-recorded runs no filter: only options of reading and of the output apply")
         if listened:
             raise OptionError("--as-recorded reads a bag that is finished, not a live source")
         if output.layout not in (None, *RECORDED_LAYOUT_NAMES):
             names = " and ".join(RECORDED_LAYOUT_NAMES)
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
-        from ..running.drive import open_recorded, playback_of_recorded  # imports Rerun
-
-        recorded = playback_of_recorded(open_recorded(path, reading), listener)
-        return play(recorded, output.named(["as recorded"]), listener, report=report)
+        if output.save_run is not None:
+            check_run_target(output.save_run, force=output.force)
+        recorded = open_recorded(path, reading)
+        savers = None if output.save_run is None else saving(recorded_to_save(recorded, reading), output)
+        named = output.named(["as recorded"])
+        return play(playback_of_recorded(recorded, listener), named, listener, savers, report)
     if listened:
         if isinstance(library, Library):
             raise OptionError("a live source needs the path of its library, found an opened one")
@@ -180,7 +185,8 @@ def replay_session(
     playback = playback_of_session(opened, references, runs, overview, listener)
     survey = place if isinstance(place, Path) else opened.path
     inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
-    return play(playback, output.named(words_of(specs)), listener, saving(runs, inputs, output), report)
+    savers = saving(filters_to_save(runs, inputs), output)
+    return play(playback, output.named(words_of(specs)), listener, savers, report)
 
 
 def playback_of_session(

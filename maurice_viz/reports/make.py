@@ -75,6 +75,9 @@ def report(
     return file
 
 
+NOT_RECORDED = "Another localizer's run, as recorded: the settings that it ran with are not in the recording."
+
+
 def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     """Return the page about an opened run. InputError if it has no step."""
     library, info, runs = opened.scene.library, opened.scene.info, opened.runs
@@ -86,7 +89,8 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     events = events_of(collected)
     pictured = choose(collected, events)
     estimates = dict(zip([track.label for track in collected.tracks], RUN_COLORS, strict=False))
-    photographer = Photographer(library.arena, scale, opened.session is not None, estimates)
+    seen = opened.session is not None and opened.scene.has_pictures
+    photographer = Photographer(library.arena, scale, seen, estimates)
     again = restored_together(opened.restored, Pictures(opened.session))  # warned before
     shot = shots(photographer, again, [picture.step for picture in pictured])
     charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
@@ -117,6 +121,8 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         disks=_disks(runs[0].manifest.has_truth, estimates),
         pictures=[_picture(picture, shot[picture.step], collected, scale) for picture in pictured],
         differing=_differing(runs),
+        has_camera=opened.scene.has_pictures,
+        recorded=NOT_RECORDED if runs[0].manifest.recorded else "",
         configurations=[_configuration_text(run) for run in runs],
         session_facts=list(_session_facts(info, runs[0], collected, scale)),
         library_facts=list(_library_facts(library, runs, scale)),
@@ -215,8 +221,9 @@ def _session_facts(info: SessionInfo, run: SavedRun, collected: Collected, scale
     yield "log", _place(manifest.session)
     yield "SHA-256 of the log", _digest(manifest.session.sha256)
     yield "robot", info.robot
-    yield "pictures", f"{manifest.pictures} ({collected.steps} in this report)"
-    if collected.picture_size is not None:
+    what = "updates" if manifest.recorded else "pictures"
+    yield what, f"{manifest.pictures} ({collected.steps} in this report)"
+    if collected.picture_size is not None and not manifest.recorded:
         yield "picture size", "{} x {} px".format(*collected.picture_size)
     yield "duration", f"{track.column('time_s')[-1]:.0f} s to the last step"
     yield "distance by odometry", scale.say(float(np.nansum(track.column("odometry_m"))))
@@ -227,6 +234,9 @@ def _session_facts(info: SessionInfo, run: SavedRun, collected: Collected, scale
 def _library_facts(library: Library, runs: Sequence[SavedRun], scale: Scale) -> Facts:
     """Yield name and value of what is known of the library, and the channels of it that the runs used."""
     manifest = runs[0].manifest
+    if manifest.recorded:
+        yield "map", " x ".join(scale.say(side) for side in library.arena.size_m)
+        return
     yield "library", library.name if library.size else MISSING
     yield "made from", _place(manifest.library)
     yield "SHA-256", _digest(manifest.library.sha256)
@@ -246,12 +256,15 @@ def _facts_of_runs(runs: Sequence[SavedRun], scale: Scale) -> Iterator[tuple[str
 
 def _run_facts(run: SavedRun, scale: Scale) -> Facts:
     manifest = run.manifest
-    yield "seed", str(manifest.seed)
-    yield "initial pose", "unknown" if manifest.start is None else scale.say_pose(np.array(manifest.start))
-    yield "state", {"writing": "interrupted", "complete": "complete"}.get(manifest.state, manifest.state)
-    yield "channels", ", ".join(manifest.channels)
-    yield "SHA-256 of the library content used", _digest(manifest.library_content)
-    yield "SHA-256 of the configuration", _digest(manifest.configuration_sha256)
+    state = {"writing": "interrupted", "complete": "complete"}.get(manifest.state, manifest.state)
+    start = "unknown" if manifest.start is None else scale.say_pose(np.array(manifest.start))
+    if manifest.recorded:
+        yield "state", state
+    else:
+        yield from (("seed", str(manifest.seed)), ("initial pose", start), ("state", state))
+        yield "channels", ", ".join(manifest.channels)
+        yield "SHA-256 of the library content used", _digest(manifest.library_content)
+        yield "SHA-256 of the configuration", _digest(manifest.configuration_sha256)
     for name in versions_now():
         yield name, str(manifest.versions.get(name, "-"))
 

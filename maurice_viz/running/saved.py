@@ -1,12 +1,10 @@
-"""Saved runs: written while they go, opened to replay them without filtering, verified to the last bit."""
+"""Saved runs, opened to replay them without filtering, with what is still there of their sources."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,36 +12,30 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import expect_regular
-from maurice_loaders.files.writing import discard
 from maurice_loaders.formats.registry import chosen, nothing_beside, open_session
 from maurice_loaders.libraries.store import open_library
-from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.picture_odometry import FROM_PICTURES
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.reading.transforms import NAMED
 from maurice_loaders.runs.manifest import (
-    RunManifest,
     Source,
     library_hash,
     source_hash,
-    source_of,
     versions_now,
 )
 from maurice_loaders.runs.store import SavedRun, open_runs
-from maurice_loaders.runs.writer import RunWriter, begin_comparison
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.sensor.outside import NOT_THERE, load_sensor, package_of
+from maurice_mcl.sensor.outside import NOT_THERE, load_sensor
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment, SessionInfo
+from maurice_mcl.values.session import Moment, Session, SessionInfo
 
-from ..errors import SinkError
 from ..listener import SILENT, Listener, progress_of
-from ..playback import FilterRun, ResultCollector, shared
+from ..playback import ResultCollector, shared
 from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
 from .open import landmarked
-from .output import OutputOptions
+from .recorded import RecordedFrames, open_recorded, scene_of_recorded
 from .run import Playback, remark_zeros
 from .saved_steps import Pictures, Restored, restored_together
 
@@ -65,13 +57,26 @@ def unchanged(
 
 def session_of(run: SavedRun) -> RecordedSession:
     """Open the session of a run as it was read then. InputError when it is gone or was changed."""
-    reading = run.manifest.reading
-    path = unchanged(
-        run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
-    )
+    if run.manifest.recorded:
+        what = "is another localizer's run, as recorded: its filter is not here, so it cannot be run again"
+        raise InputError(run.folder, f"{what}; replay the recording with a filter of ours")
+    reading, path = run.manifest.reading, _recording_of(run)
     table = run.manifest.table
     table_path = None if table is None else unchanged(table, run.folder, "table")
     return open_session(path, replace(reading, table=table_path, keep_going=run.manifest.keep_going))
+
+
+def _recording_of(run: SavedRun) -> Path:
+    reading = run.manifest.reading
+    return unchanged(
+        run.manifest.session, run.folder, "session", lambda path: chosen(path, reading).beside(path)
+    )
+
+
+def frames_of(run: SavedRun) -> RecordedFrames:
+    """Open what a bag holds beside a recorded localizer's run. InputError when it is gone or was changed."""
+    reading = replace(run.manifest.reading, keep_going=run.manifest.keep_going)
+    return RecordedFrames(open_recorded(_recording_of(run), reading))
 
 
 def library_of(run: SavedRun, listener: Listener = SILENT) -> Library:
@@ -124,7 +129,7 @@ class Opened:
 
     runs: list[SavedRun]
     restored: list[Restored]
-    session: RecordedSession | None
+    session: Session | None
     scene: Scene  # its library has no entries where pictures or comparisons cannot be restored
     listener: Listener = SILENT
 
@@ -142,6 +147,8 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     for other in runs[1:]:
         if other.manifest.session.sha256 != manifest.session.sha256:
             raise InputError(other.folder, f"is a run of another session than {run.folder}; replay it alone")
+    if manifest.recorded:
+        return _open_recorded(runs, listener)
     problems: list[str] = []
     session = _tried(lambda: session_of(run), problems)
     library = _tried(lambda: library_of(run, listener), problems)
@@ -161,6 +168,20 @@ def open_saved(folder: Path, listener: Listener = SILENT) -> Opened:
     info = session.info if session else SessionInfo(manifest.name, manifest.display_units, notes=notes)
     scene = Scene(info, library, manifest.has_truth, manifest.pictures)
     return Opened(runs, restored, session, scene, listener)
+
+
+def _open_recorded(runs: list[SavedRun], listener: Listener) -> Opened:
+    """Open the runs of recorded localizers, of which nothing is compared again."""
+    problems: list[str] = []
+    frames, manifest = _tried(lambda: frames_of(runs[0]), problems), runs[0].manifest
+    if frames is not None:
+        scene = scene_of_recorded(frames.recorded)
+    else:
+        listener.warning(f"{problems[0]}: its pictures and scans are not shown")
+        info = SessionInfo(manifest.name, manifest.display_units)
+        library = Library(manifest.name, np.zeros((0, 3)), (), {}, runs[0].arena(), manifest.display_units)
+        scene = Scene(info, library, manifest.has_truth, manifest.pictures, has_pictures=False)
+    return Opened(runs, [Restored(run, None) for run in runs], frames, scene, listener)
 
 
 def playback_of(opened: Opened, listener: Listener = SILENT) -> Playback:
@@ -209,104 +230,6 @@ def remark_saved(collector: ResultCollector, runs: Sequence[SavedRun], listener:
             how = {"writing": "was cut off", "complete": "skipped pictures"}
             got = f"it holds {collector.updates} of {manifest.pictures} steps"
             listener.warning(f"{run.folder}: the run {how.get(manifest.state, manifest.state)}; {got}")
-
-
-@dataclass(frozen=True, slots=True)
-class Inputs:
-    """What all runs of a replay are made from."""
-
-    session: RecordedSession
-    library: Path  # a library folder or a survey log
-    pictures: int
-    has_truth: bool
-    reading: ReadingOptions  # how the session was read
-
-
-@contextmanager
-def saving(
-    runs: Sequence[FilterRun], inputs: Inputs, output: OutputOptions
-) -> Iterator[Mapping[str, RunWriter]]:
-    """Open a writer a run, and at the end have each record how it ended; no writers without a folder.
-
-    Raises InputError when the folder is taken, SinkError when it can be written to no longer.
-    """
-    if output.save_run is None:
-        yield {}
-        return
-    writers = _writers(runs, inputs, output.save_run, output.force)
-    state, problem = "failed", None
-    try:
-        yield writers
-        state = "complete"
-    except KeyboardInterrupt:
-        state = "stopped"
-        raise
-    except OSError as error:
-        problem = error
-    finally:
-        for writer in writers.values():
-            try:
-                writer.close(state)
-            except OSError as error:
-                problem = error
-        if problem is not None:
-            raise _full(output.save_run, problem, min(writer.written for writer in writers.values()))
-
-
-def _writers(runs: Sequence[FilterRun], inputs: Inputs, target: Path, force: bool) -> dict[str, RunWriter]:
-    """Return a writer a run: one run is the folder itself, several are folders below it."""
-    folders = {runs[0].label: target}
-    if len(runs) > 1:
-        begin_comparison(target, [run.label for run in runs], force=force)
-        folders = {run.label: target / run.label for run in runs}
-    return {
-        run.label: RunWriter(
-            folders[run.label],
-            manifest_of(run, inputs, folders[run.label]),
-            run.configuration,
-            run.localizer.library.arena,
-            force=force,
-        )
-        for run in runs
-    }
-
-
-def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
-    """Return the manifest of a run before its first step: what it is made from."""
-    localizer, info, reading = run.localizer, inputs.session.info, inputs.reading
-    channels, path = tuple(localizer.sensor.distances), inputs.session.path
-    outside = localizer.sensor.parameters.outside
-    form = chosen(path, reading)
-    return RunManifest(
-        label=run.label,
-        seed=localizer.seed,
-        start=None if run.start is None else tuple(run.start.tolist()),
-        channels=channels,
-        origin_m=tuple(localizer.library.origin.tolist()),
-        name=info.name,
-        display_units=info.display_units,
-        pictures=inputs.pictures,
-        has_truth=inputs.has_truth,
-        keep_going=reading.keep_going,
-        session=source_of(path, folder, form.beside(path)),
-        library=source_of(inputs.library, folder),
-        library_content=library_hash(localizer.library, channels),
-        configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
-        versions=versions_now(outside),
-        sensors={spelled: package_of(spelled)[0] for spelled in outside},
-        radii=localizer.radii,
-        reading=replace(reading, format=form.name),
-        table=None if reading.table is None else source_of(reading.table, folder),
-    )
-
-
-def _full(target: Path, problem: OSError, steps: int) -> SinkError:
-    """Return the error of a disk that ran full; a folder that holds no step is removed."""
-    kept = f"it holds {steps} steps; free some space, and replace it with --force"
-    if not steps:
-        discard(target)
-        kept = "free some space"
-    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); {kept}")
 
 
 def changed_sensors(run: SavedRun) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from maurice_mcl.scoring.lost_signal import LostSignal
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.records import Comparison, Sighting, StepRecord
+from maurice_mcl.values.records import Belief, Comparison, Sighting, StepRecord
 from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, Session
 
@@ -82,7 +82,9 @@ class Restored:
         """Return the record of one update, its comparison made again where possible."""
         origin, radii = np.array(self.saved.manifest.origin_m), self.saved.manifest.radii
         if self.sensor is None or image is None:
-            return record_of(rows, moment.frame, nothing_seen(rows.particles.height), origin, radii)
+            record = record_of(rows, moment.frame, nothing_seen(rows.particles.height), origin, radii)
+            recorded = self.saved.manifest.recorded
+            return replace(record, belief=without_heirs(record.belief)) if recorded else record
         comparison = self.sensor.see(moment.frame)
         sighting = self.sensor.at(comparison, weighted_of(rows, origin).poses)
         return record_of(rows, moment.frame, sighting, origin, radii)
@@ -105,6 +107,16 @@ def nothing_seen(particles: int) -> Sighting:
     comparison = Comparison((), {}, table, table, none, table, none, none)
     unknown = np.full(particles, np.nan, np.float32)
     return Sighting(comparison, np.full(particles, -1, np.int32), unknown)
+
+
+def without_heirs(belief: Belief) -> Belief:
+    """Return a recorded cloud, of which nobody knows whom the particles of the next one come from.
+
+    Lines from particle to particle are drawn where a cloud is as large as the one before it was left, so that
+    one of no weight is added.
+    """
+    poses = np.append(belief.poses, belief.poses[:1], axis=0)
+    return Belief(poses, np.append(belief.log_weights, -np.inf), belief.origin)
 
 
 NUMBER_NAMES = (

@@ -344,3 +344,41 @@ def laser_drive(ros: Ros, scans: int = 5) -> list[Said]:
             ranges = np.full(101, 1.0 + 0.1 * number)
             said.append(Said("/scan", "sensor_msgs/LaserScan", t_ns + 10**6, ros.scan(t_ns, ranges)))
     return sorted(said, key=lambda one: one.log_ns)
+
+
+def laser_amcl_drive(
+    ros: Ros, *, weighted: bool = True, truth: bool = True, poses: bool = True, updates: int = 24
+) -> list[Said]:
+    """A robot with a laser that is carried off half way, and an AMCL that never notices; no pictures.
+
+    In a room of 12 by 8 m; scans say by their ranges which update they belong to, and the map is in the bag.
+    """
+    random, said = (
+        np.random.default_rng(3),
+        [link(ros, BEGIN_NS, "base_link", "laser", LASER_AT, "/tf_static")],
+    )
+    percents = np.zeros((80, 120))
+    percents[[0, -1]] = percents[:, [0, -1]] = 100
+    said.append(Said("/map", "nav_msgs/OccupancyGrid", BEGIN_NS, ros.grid(percents, cell_m=0.1)))
+    for number in range(updates):
+        t_ns, way_m = BEGIN_NS + number * 5 * 10**8, 0.25 * number
+        believed = (1.0 + way_m, 1.5, 0.0)
+        true = believed if number < updates // 2 else (way_m, 6.0, 0.0)
+        said.append(Said("/odom", "nav_msgs/Odometry", t_ns, ros.odometry(t_ns, (way_m, 0.0, 0.0))))
+        ranges = np.full(101, 1.0 + 0.1 * number)
+        said.append(Said("/scan", "sensor_msgs/LaserScan", t_ns + 10**6, ros.scan(t_ns, ranges)))
+        if truth:
+            said.append(
+                Said("/ground_truth", "geometry_msgs/PoseStamped", t_ns, ros.pose_stamped(t_ns, true))
+            )
+        cloud, late_ns = np.array(believed) + random.normal(0, [0.1, 0.1, 0.03], (60, 3)), t_ns + 2 * 10**7
+        if weighted:
+            message = ros.particles(late_ns, cloud, np.full(60, 1 / 60))
+            said.append(Said("/particle_cloud", "nav2_msgs/ParticleCloud", late_ns, message))
+        else:
+            message = ros.pose_array(late_ns, cloud)
+            said.append(Said("/particlecloud", "geometry_msgs/PoseArray", late_ns, message))
+        if poses:  # stamped as the scan that it is of
+            own = ros.unsure(t_ns, believed)
+            said.append(Said("/amcl_pose", "geometry_msgs/PoseWithCovarianceStamped", late_ns + 10**6, own))
+    return sorted(said, key=lambda one: one.log_ns)

@@ -16,6 +16,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
+from maurice_loaders.runs.store import SavedRun, is_saved
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.filter.batch import compared_once, run_batch
 from maurice_mcl.scoring.demands import (
@@ -27,18 +28,20 @@ from maurice_mcl.scoring.demands import (
     judge_run,
     starts_of,
 )
-from maurice_mcl.scoring.metrics import LOCALIZED_OF
+from maurice_mcl.scoring.metrics import LOCALIZED_OF, StepScore, score_step
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.session import Moment
 
+from ...errors import OptionError
 from ...listener import Listener
 from ...playback import FilterRun
 from ...running.open import make_runs, open_library_for, open_session, remark_skipped
 from ...running.run_spec import RunSpec
-from ...running.saved_steps import NO_PICTURE
+from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from ...style import Scale, scale_for
+from ..convert import only_run
 from .baseline import BaselineRuns, DriveRuns
-from .failure import FailedRun, Replayed, failed_run
+from .failure import FailedRun, Replayed, failed_recorded, failed_run
 from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, say_length
 
 
@@ -56,6 +59,7 @@ class DriveCheck:
     failure: FailedRun | None = None  # a run that failed, where the check failed
     took_s: float = 0.0
     unseen: tuple[str, ...] = ()  # what the demands cannot see, whatever the number of runs
+    recorded: bool = False  # another localizer's only run: there are no more
 
     @property
     def session(self) -> str:
@@ -70,7 +74,7 @@ class DriveCheck:
     @property
     def doubts(self) -> list[str]:
         """What so few runs, or these demands, cannot tell for certain, one line each."""
-        return [*doubts(self.demands), *self.unseen]
+        return [*(() if self.recorded else doubts(self.demands)), *self.unseen]
 
     @property
     def change_texts(self) -> list[str]:
@@ -135,9 +139,13 @@ def check_drive(
 ) -> DriveCheck:
     """Run a filter over a drive with every seed and judge it; `taken` are names of other drives.
 
-    InputError, OptionError.
+    A saved run of a recorded localizer is judged as it is. InputError, OptionError.
     """
     began = time.perf_counter()
+    if isinstance(source, (str, Path)) and is_saved(Path(source)):
+        saved = only_run(Path(source))
+        if saved.manifest.recorded:
+            return replace(_check_recorded(saved, asked, taken, listener), took_s=time.perf_counter() - began)
     session = open_session(source, asked.reading, listener)
     keep_going = asked.reading.keep_going
     library = open_library_for(session, asked.library, keep_going=keep_going, listener=listener)
@@ -145,7 +153,8 @@ def check_drive(
     moments, tracks = _run_all(run, session, asked, listener)
     name = _unique(session.info.name or drive_name(session.path), taken)
     tracked = DriveRuns(name, hashlib.sha256(run.configuration.encode()).hexdigest()[:12], tracks)
-    result = _check_of(tracked, session, library, moments, asked, listener)
+    scale = scale_for(session.info.display_units, library.arena)
+    result = _check_of(tracked, session.path, scale, moments, asked, listener)
     has_truth = any(moment.truth is not None for moment in moments)
     unseen = blind_spots(result.demands, has_truth=has_truth, start_known=run.start is not None)
     result = replace(result, unseen=tuple(unseen))
@@ -168,12 +177,7 @@ def _run_all(
 ) -> tuple[list[Moment], tuple[RunTrack, ...]]:
     """Compare every picture once, and run the filter with every seed; pictures are not kept."""
     total, has_truth = session.overview()
-    if asked.demands.need_truth and not has_truth:
-        raise InputError(
-            session.path,
-            "found no true poses, which --max-error and --localized-by need; --converged-by needs none, "
-            "but does not tell a right place from a wrong one",
-        )
+    _expect_truth(session.path, asked.demands, has_truth=has_truth)
     moments: list[Moment] = []
 
     def seen() -> Iterator[Moment]:
@@ -184,40 +188,80 @@ def _run_all(
 
     comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())
     remark_skipped(session, listener)
-    _expect_long_enough(session, moments, asked.demands)
+    _expect_long_enough(session.path, moments, asked.demands)
     traces = run_batch(run.localizer, moments, range(asked.seeds), run.start, comparisons)
     return moments, tuple(RunTrack.of(trace, moments) for trace in traces)
 
 
-def _expect_long_enough(session: RecordedSession, moments: list[Moment], demands: Demands) -> None:
+def _check_recorded(
+    saved: SavedRun, asked: CheckedFilter, taken: Sequence[str], listener: Listener
+) -> DriveCheck:
+    """Judge a recorded localizer's run by its steps."""
+    if asked.spec != RunSpec() or asked.library is not None or asked.seeds > 1:
+        only = "only demands apply, no options of a filter"
+        raise OptionError(f"{saved.folder} is another localizer's run: {only}")
+    manifest, moments, scores = saved.manifest, list[Moment](), list[StepScore]()
+    _expect_truth(saved.folder, asked.demands, has_truth=manifest.has_truth)
+    for moment, records in restored_together([Restored(saved, None)], Pictures()):
+        moments.append(moment)
+        scores.append(score_step(records[manifest.label].estimate, moment.truth))
+    _expect_long_enough(saved.folder, moments, asked.demands)
+    off_m = np.array([score.position_error_m for score in scores], np.float64)  # None becomes NaN
+    localized, lost, converged = (
+        np.array([bool(getattr(score, name)) for score in scores])
+        for name in ("localized", "lost", "converged")
+    )
+    track = RunTrack(manifest.seed, off_m, localized, lost, converged)
+    runs = DriveRuns(_unique(manifest.name, taken), manifest.configuration_sha256[:12], (track,))
+    scale = scale_for(manifest.display_units, saved.arena())
+    result = _check_of(runs, saved.folder, scale, moments, asked, listener)
+    unseen = blind_spots(result.demands, has_truth=manifest.has_truth, start_known=False)
+    result = replace(result, unseen=tuple(unseen), recorded=True)
+    if result.passed:
+        return result
+    seed, update = _worst(result, asked)
+    failure = failed_recorded(saved, seed, result.steps[update], result.session, asked.artifacts)
+    return replace(result, failure=failure)
+
+
+def _expect_truth(path: Path, demands: Demands, *, has_truth: bool) -> None:
+    if demands.need_truth and not has_truth:
+        raise InputError(
+            path,
+            "found no true poses, which --max-error and --localized-by need; --converged-by needs none, "
+            "but does not tell a right place from a wrong one",
+        )
+
+
+def _expect_long_enough(path: Path, moments: list[Moment], demands: Demands) -> None:
     """Refuse a drive on which a demand cannot be judged. InputError."""
     if not moments:
-        raise InputError(session.path, "found no picture, so nothing can be checked")
+        raise InputError(path, "found no picture, so nothing can be checked")
     starts, updates = starts_of(moments), len(moments)
     for name, limit in (("localized", demands.localized_by), ("converged", demands.converged_by)):
         if limit is not None and not is_judged(0, starts, updates, limit):
             here = (*starts, updates)[1]
             before = "" if len(starts) == 1 else " before the kidnapping"
             length = f"found {here} steps{before}, too few to judge --{name}-by {limit}"
-            raise InputError(session.path, f"{length}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
+            raise InputError(path, f"{length}; expected at most {max(here - LOCALIZED_OF[1] + 1, 0)}")
     counted = zip(demands.counting(updates, starts).tolist(), moments, strict=True)
     if demands.need_truth and not any(counts and moment.truth is not None for counts, moment in counted):
-        raise InputError(session.path, f"found no true pose after step {demands.grace}, so no error counts")
+        raise InputError(path, f"found no true pose after step {demands.grace}, so no error counts")
 
 
 def _check_of(
     drive: DriveRuns,
-    session: RecordedSession,
-    library: Library,
+    path: Path,
+    scale: Scale,
     moments: list[Moment],
     asked: CheckedFilter,
     listener: Listener,
 ) -> DriveCheck:
-    starts, scale = starts_of(moments), scale_for(session.info.display_units, library.arena)
+    starts = starts_of(moments)
     runs = tuple(judge_run(track, starts, asked.demands) for track in drive.tracks)
     result = DriveCheck(
         made=drive,
-        path=session.path,
+        path=path,
         steps=tuple(moment.frame.step for moment in moments),
         scale=scale,
         runs=runs,

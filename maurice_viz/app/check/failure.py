@@ -12,6 +12,7 @@ from typing import Any
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import write_whole
 from maurice_loaders.reading.session import RecordedSession
+from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.values.library import Library
 
 from ...listener import Listener
@@ -19,7 +20,7 @@ from ...playback import FilterRun, run_together, shared
 from ...running.output import OutputOptions
 from ...running.run import Playback, play
 from ...scene import Detail, RunView, Scene
-from ..diagnose import RunDiagnosis
+from ..diagnose import RunDiagnosis, diagnose
 
 STEPS_AROUND = 10  # steps drawn before and after the first that failed
 HARMLESS = "Only what is demanded was not met."
@@ -64,8 +65,7 @@ def failed_run(
     """Make the run of a seed again; say why it failed and, with a folder, draw the steps around an update."""
     step = replayed.steps[update]
     steps = replayed.steps[max(update - STEPS_AROUND, 0) : update + STEPS_AROUND + 1]
-    words = re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
-    folder = None if artifacts is None else artifacts / words
+    folder = None if artifacts is None else artifacts / _words(name)
     file = None if folder is None else folder / f"seed-{seed}-step-{step}.rrd"
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -88,11 +88,29 @@ def failed_run(
     result = scores.runs[0]
     diagnosis = RunDiagnosis(result.label, result.verdict, None, session.info.display_units)
     failed = FailedRun(seed, step, diagnosis, file)
+    _write(failed, folder)
+    return failed
+
+
+def failed_recorded(saved: SavedRun, seed: int, step: int, name: str, artifacts: Path | None) -> FailedRun:
+    """Say why a recorded localizer's run failed, of which nothing is made again."""
+    folder = None if artifacts is None else artifacts / _words(name)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+    failed = FailedRun(seed, step, diagnose(saved.folder).runs[0], None)
+    _write(failed, folder)
+    return failed
+
+
+def _words(name: str) -> str:
+    return re.sub(r"[^\w.+]+", "-", name).strip("-.") or "drive"
+
+
+def _write(failed: FailedRun, folder: Path | None) -> None:
     if folder is not None:
         write_whole(folder / f"{DIAGNOSIS}.txt", f"{failed.text}\n".encode(), force=True)
         as_json = json.dumps(failed.to_json(), indent=1)
         write_whole(folder / f"{DIAGNOSIS}.json", as_json.encode(), force=True)
-    return failed
 
 
 def expect_new_artifacts(folder: Path, *, force: bool) -> None:

@@ -32,14 +32,14 @@ from maurice_mcl.values.session import Moment
 from maurice_viz.app.replay import replay
 from maurice_viz.cli.app import app
 from maurice_viz.panels.belief import ellipse_of
-from maurice_viz.running.drive import (
+from maurice_viz.running.output import layout_of
+from maurice_viz.running.recorded import (
     AFTER_RESAMPLING,
     WITHOUT_CLOUD,
     open_recorded,
     playback_of_recorded,
     together,
 )
-from maurice_viz.running.output import layout_of
 from maurice_viz.style import scale_for
 from maurice_viz.text import narration as narrate
 

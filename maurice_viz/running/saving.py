@@ -1,0 +1,176 @@
+"""Runs written while they go: those of filters, and another localizer's, as a bag holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import sha256
+from pathlib import Path
+
+from maurice_loaders.config_files import configuration_of, to_toml
+from maurice_loaders.files.writing import discard
+from maurice_loaders.formats.registry import chosen
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_loaders.reading.session import RecordedSession
+from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
+from maurice_loaders.runs.writer import RunWriter, begin_comparison
+from maurice_mcl.sensor.outside import package_of
+from maurice_mcl.values.map import Arena
+
+from ..errors import SinkError
+from ..playback import FilterRun
+from .output import OutputOptions
+from .recorded import AsRecorded, scene_of_recorded
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ToSave:
+    """What is written of a run before its first step."""
+
+    label: str
+    manifest: Callable[[Path], RunManifest]  # for the folder that it is written to
+    configuration: str  # as TOML
+    arena: Arena
+
+
+@contextmanager
+def saving(runs: Sequence[ToSave], output: OutputOptions) -> Iterator[Mapping[str, RunWriter]]:
+    """Open a writer a run, and at the end have each record how it ended; no writers without a folder.
+
+    Raises InputError when the folder is taken, SinkError when it can be written to no longer.
+    """
+    if output.save_run is None:
+        yield {}
+        return
+    writers = _writers(runs, output.save_run, output.force)
+    state, problem = "failed", None
+    try:
+        yield writers
+        state = "complete"
+    except KeyboardInterrupt:
+        state = "stopped"
+        raise
+    except OSError as error:
+        problem = error
+    finally:
+        for writer in writers.values():
+            try:
+                writer.close(state)
+            except OSError as error:
+                problem = error
+        if problem is not None:
+            raise _full(output.save_run, problem, min(writer.written for writer in writers.values()))
+
+
+def _writers(runs: Sequence[ToSave], target: Path, force: bool) -> dict[str, RunWriter]:
+    """Return a writer a run: one run is the folder itself, several are folders below it."""
+    folders = {runs[0].label: target}
+    if len(runs) > 1:
+        begin_comparison(target, [run.label for run in runs], force=force)
+        folders = {run.label: target / run.label for run in runs}
+    return {
+        run.label: RunWriter(
+            folders[run.label],
+            run.manifest(folders[run.label]),
+            run.configuration,
+            run.arena,
+            force=force,
+        )
+        for run in runs
+    }
+
+
+def filters_to_save(runs: Sequence[FilterRun], inputs: Inputs) -> list[ToSave]:
+    """Return what is to be written of runs of filters."""
+    return [
+        ToSave(run.label, partial(manifest_of, run, inputs), run.configuration, run.localizer.library.arena)
+        for run in runs
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What all runs of a replay are made from."""
+
+    session: RecordedSession
+    library: Path  # a library folder or a survey log
+    pictures: int
+    has_truth: bool
+    reading: ReadingOptions  # how the session was read
+
+
+def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
+    """Return the manifest of a run before its first step: what it is made from."""
+    localizer, info, reading = run.localizer, inputs.session.info, inputs.reading
+    channels, path = tuple(localizer.sensor.distances), inputs.session.path
+    outside = localizer.sensor.parameters.outside
+    form = chosen(path, reading)
+    return RunManifest(
+        label=run.label,
+        seed=localizer.seed,
+        start=None if run.start is None else tuple(run.start.tolist()),
+        channels=channels,
+        origin_m=tuple(localizer.library.origin.tolist()),
+        name=info.name,
+        display_units=info.display_units,
+        pictures=inputs.pictures,
+        has_truth=inputs.has_truth,
+        keep_going=reading.keep_going,
+        session=source_of(path, folder, form.beside(path)),
+        library=source_of(inputs.library, folder),
+        library_content=library_hash(localizer.library, channels),
+        configuration_sha256=sha256(run.configuration.encode()).hexdigest(),
+        versions=versions_now(outside),
+        sensors={spelled: package_of(spelled)[0] for spelled in outside},
+        radii=localizer.radii,
+        reading=replace(reading, format=form.name),
+        table=None if reading.table is None else source_of(reading.table, folder),
+    )
+
+
+def recorded_to_save(recorded: Sequence[AsRecorded], reading: ReadingOptions) -> list[ToSave]:
+    """Return what is to be written of recorded localizers; the settings that they ran with are not known."""
+    scene = scene_of_recorded(recorded)
+    path, library = recorded[0].localizer.path, scene.library
+    form = chosen(path, reading)
+
+    def to_save(run: AsRecorded) -> ToSave:
+        text = to_toml(configuration_of(None, None, {}, {"particles": run.overview.most_particles}))
+
+        def manifest(folder: Path) -> RunManifest:
+            bag = source_of(path, folder, form.beside(path))
+            return RunManifest(
+                label=run.label,
+                seed=0,
+                start=None,
+                channels=(),
+                origin_m=tuple(library.origin.tolist()),
+                name=scene.info.name,
+                display_units=scene.info.display_units,
+                pictures=scene.updates,
+                has_truth=scene.has_truth,
+                keep_going=reading.keep_going,
+                session=bag,
+                library=bag,
+                library_content=library_hash(library, ()),
+                configuration_sha256=sha256(text.encode()).hexdigest(),
+                versions=versions_now(),
+                radii=run.radii,
+                reading=replace(reading, format=form.name),
+                recorded=True,
+            )
+
+        return ToSave(run.label, manifest, text, library.arena)
+
+    return [to_save(run) for run in recorded]
+
+
+def _full(target: Path, problem: OSError, steps: int) -> SinkError:
+    """Return the error of a disk that ran full; a folder that holds no step is removed."""
+    kept = f"it holds {steps} steps; free some space, and replace it with --force"
+    if not steps:
+        discard(target)
+        kept = "free some space"
+    return SinkError(target, f"cannot be written to the end ({problem.strerror or problem}); {kept}")
