@@ -51,7 +51,7 @@ from .readers import (
     in_order,
     read_bag,
 )
-from .scans import BASES, MOST_STATIC, ScanReader, add_links, laser_of
+from .scans import BASES, MOST_STATIC, ScanReader, add_links, frame_of, laser_of
 from .source import BagSource, OpenBag, Topic, starts_with
 from .topics import (
     PoseTopic,
@@ -289,8 +289,7 @@ def _camera(name: str, calibration: Any) -> Camera:
 
 def _frame_of(bag: BagSource, image: str) -> str:
     for _, content in first_messages(bag, image, 1):
-        named = getattr(content, "header", content)
-        return str(getattr(named, "frame_id", "")).lstrip("/")
+        return frame_of(content)
     return ""
 
 

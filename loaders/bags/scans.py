@@ -17,7 +17,7 @@ import numpy as np
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.scan import LaserScan
 
-from ..reading.recording import Scan
+from ..reading.recording import Scan, scan_fault
 from .messages import MESSAGE_ERRORS, SCANS, TRANSFORMS, FrameTree, MessageError, links_of, matrix_of
 from .readers import OneTopic, Timed, first_messages, time_s
 from .source import BagSource, Message
@@ -45,14 +45,13 @@ def scan_of(message: Any, place: F64) -> LaserScan:
     else:
         first, step = float(message.angle_min), float(message.angle_increment)
         least_m, most_m = float(message.range_min), float(message.range_max)
-    if not (math.isfinite(first) and math.isfinite(step) and step):
-        raise MessageError(f"found beams from {first:g} rad in steps of {step:g} rad, expected angles")
-    if not 0 <= least_m < most_m < math.inf:
-        raise MessageError(f"found ranges from {least_m:g} to {most_m:g} m, expected the laser's reach")
     ranges_m = np.array(message.ranges, np.float32)  # a null of rosbridge becomes NaN
     ranges_m[ranges_m <= 0] = np.nan
     side = -1.0 if upside_down(place) else 1.0
-    return LaserScan(ranges_m, side * first, side * step, least_m, most_m, mount_of(place))
+    scan = LaserScan(ranges_m, side * first, side * step, least_m, most_m, mount_of(place))
+    if fault := scan_fault(scan):
+        raise MessageError(fault)
+    return scan
 
 
 def upside_down(place: F64) -> bool:
@@ -105,9 +104,7 @@ def laser_of(bag: BagSource, topic: str, odometry: PoseTopic | None) -> tuple[F6
 
 def placed(tree: FrameTree, frame: str, robot: str = "") -> tuple[F64, str]:
     """Return the place (4, 4) of a frame on the robot, whose own is `robot` or of a usual name; a remark."""
-    above = (frame, *tree.above(frame))
-    usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
-    base = next((name for name in (robot, *usual) if name in above), None)
+    base = base_above(tree, frame, robot)
     place = None if base is None else tree.place(base, frame)
     if base is None or place is None:
         where = f"no transform from {robot or BASES[0]} to {frame or 'its frame'} is there"
@@ -118,6 +115,13 @@ def placed(tree: FrameTree, frame: str, robot: str = "") -> tuple[F64, str]:
     tilted = f"; it is tilted by {math.degrees(tilt):.0f} deg and taken as level" if tilt > TILTED_RAD else ""
     at = f"laser {x_m:.2f} m ahead and {y_m:.2f} m left of {base}, turned {math.degrees(yaw):.0f} deg{turned}"
     return place, f"{at}, by the transforms to {frame}{tilted}"
+
+
+def base_above(tree: FrameTree, frame: str, robot: str = "") -> str | None:
+    """Return the robot's frame, `robot` or one of a usual name, if a frame is known to be on it."""
+    above = (frame, *tree.above(frame))
+    usual = [name for base in BASES for name in above if name.rpartition("/")[2] == base]
+    return next((name for name in (robot, *usual) if name in above), None)
 
 
 def add_links(tree: FrameTree, bag: BagSource, topic: str, most: int) -> None:
@@ -131,9 +135,13 @@ def add_links(tree: FrameTree, bag: BagSource, topic: str, most: int) -> None:
 def _frame(bag: BagSource, topic: str) -> str:
     """Return the frame that a topic's first message is in; "" where it names none."""
     for _, content in first_messages(bag, topic, 1):
-        named = getattr(content, "header", content)
-        return str(getattr(named, "frame_id", "")).lstrip("/")
+        return frame_of(content)
     return ""
+
+
+def frame_of(message: Any) -> str:
+    """Return the frame that a message is in, without a leading slash; "" where it names none."""
+    return str(getattr(getattr(message, "header", message), "frame_id", "")).lstrip("/")
 
 
 def _robot_frame(bag: BagSource, odometry: PoseTopic | None) -> str:

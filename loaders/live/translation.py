@@ -1,11 +1,10 @@
-"""Messages of a running robot as lines of a session log: pictures, and the motion between them."""
+"""Messages of a running robot as lines of a session log: pictures, scans, and the motion between them."""
 
 from __future__ import annotations
 
 import base64
 import re
 import time
-from bisect import insort
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -19,150 +18,58 @@ from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import motion_between
 
 from ..bags.messages import (
-    IN_XY,
     MESSAGE_ERRORS,
-    TRANSFORMS,
+    SCANS,
     FrameTree,
     known_type,
     links_of,
     picture_of,
-    pose_of,
-    stamp_ns,
     use_recorded,
 )
+from ..bags.scans import base_above, frame_of, placed, scan_of, sweep_s
 from ..bags.source import Message
 from ..bags.topics import PoseTopic
 from ..bags.video import VideoStream, codec_of
 from ..errors import FieldError
 from ..files.pictures import encode_jpeg
-from ..files.text import MOST_T_S, show, up_to
-from ..reading.recording import TruthPose, interpolated
-
-# Poses of a running robot: from each topic's messages, with a short history of each topic.
-
-MOST_KEPT = 2000  # poses in the history of one topic
-MOST_FRAMES = 1000  # in a tree of transforms; robots have some tens
-
-
-@dataclass(frozen=True, slots=True)
-class StampedPose:
-    """A pose and the stamp of its message."""
-
-    stamp_ns: int | None
-    pose: F64  # (3,)
-
-
-class PoseExtractor:
-    """Extracts poses from a topic of poses, or from two frames of the transforms."""
-
-    def __init__(self, route: PoseTopic) -> None:
-        self._route = route
-        self._tree = FrameTree()
-
-    def accepts(self, topic: str, kind: str) -> bool:
-        """Return whether it reads a topic; it reads all transforms where it needs frames."""
-        if self._route.frames is not None:
-            return known_type(kind) in TRANSFORMS
-        return topic == self._route.topic
-
-    def poses(self, message: Any, *, static: bool) -> Iterator[StampedPose]:
-        """Yield the pose of a message, if any; `static` transforms are no motion. FieldError."""
-        try:
-            if self._route.frames is None:
-                yield StampedPose(time_of(message), pose_of(message))
-                return
-            news = self._tree.news(links_of(message), *self._route.frames)
-            stamp = None if news is None else in_range(news[0])
-        except MESSAGE_ERRORS as problem:
-            raise FieldError(f"found no pose in a message ({short(problem)})") from None
-        if len(self._tree) > MOST_FRAMES:
-            self._tree = FrameTree()
-        if news is not None and not static:
-            yield StampedPose(stamp, IN_XY.pose(news[1]))
-
-
-class PoseHistory:
-    """The latest poses of one topic, by their times."""
-
-    def __init__(self) -> None:
-        self.first: F64 | None = None
-        self._poses: deque[tuple[float, int, F64]] = deque()
-        self._number = 0
-
-    @property
-    def last_s(self) -> float:
-        """The latest time of a pose."""
-        return self._poses[-1][0] if self._poses else float("-inf")
-
-    def add(self, t_s: float, pose: F64) -> None:
-        """Add a pose, also one that comes slightly late."""
-        self._number += 1
-        self.first = pose if self.first is None else self.first
-        if t_s >= self.last_s:
-            self._poses.append((t_s, self._number, pose))
-        else:
-            insort(self._poses, (t_s, self._number, pose))
-        if len(self._poses) > MOST_KEPT:
-            self._poses.popleft()
-
-    def at(self, t_s: float, max_dt_s: float) -> F64 | None:
-        """Return the pose (3,) at a time, interpolated; only one within `max_dt_s` is taken as it is."""
-        before = next((stamped for stamped in reversed(self._poses) if stamped[0] <= t_s), None)
-        after = (
-            next((stamped for stamped in self._poses if stamped[0] >= t_s), None)
-            if self.last_s >= t_s
-            else None
-        )
-        if before is not None and before is after:
-            return before[2]
-        near = [
-            stamped
-            for stamped in (before, after)
-            if stamped is not None and abs(stamped[0] - t_s) <= max_dt_s
-        ]
-        if len(near) == 2:
-            return interpolated(TruthPose(near[0][0], near[0][2]), TruthPose(near[1][0], near[1][2]), t_s)
-        return near[0][2] if near else None
-
-
-def time_of(message: Any) -> int | None:
-    """Return the stamp of a message in ns. Raises `MESSAGE_ERRORS` for an invalid one."""
-    return in_range(stamp_ns(message))
-
-
-def in_range(stamp: int | None) -> int | None:
-    """Return a time in ns unchanged. FieldError for one out of range."""
-    if stamp is not None and abs(stamp) > MOST_T_S * 10**9:
-        raise FieldError(f"found the time {show(stamp)} ns, expected {up_to(MOST_T_S)} in seconds")
-    return stamp
-
-
-def short(problem: Exception) -> str:
-    """Return what is wrong in one short line."""
-    return " ".join(str(problem).split())[:200] or type(problem).__name__
-
+from ..session_log.records import scan_to_json
+from .poses import MOST_FRAMES, PoseExtractor, PoseHistory, short, time_of
 
 MOST_PICTURES = 8  # that wait for the odometry after them ...
 LONGEST_S = 1.0  # ... and for how long, by our own clock
 MOST_UNDATED = 50  # messages held back until it is known whether stamps are usable
 COMPRESSED = re.compile(r"jpe?g|png|webp", re.I)
-IMAGE, ODOMETRY, TRUTH = "image", "odometry", "truth"
+IMAGE, SCAN, ODOMETRY, TRUTH = "image", "scan", "odometry", "truth"
+MOST_SCANS = 50  # that wait for the odometry after them
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenTopics:
-    """The topics to read: one of pictures, and the sources of poses."""
+    """The topics to read: one of pictures, one of scans, and the sources of poses."""
 
     image: str | None
     odometry: PoseTopic | None = None
     truth: PoseTopic | None = None
     transforms: tuple[str, ...] = ()  # topics of transforms, all of them, where frames are wanted
+    scan: str | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """All topics to subscribe to, without duplicates."""
         poses = [route.topic for route in self.routes.values()]
-        return tuple(dict.fromkeys(name for name in (self.image, *poses, *self.transforms) if name))
+        return tuple(
+            dict.fromkeys(name for name in (self.image, self.scan, *poses, *self.transforms) if name)
+        )
+
+    @property
+    def observed(self) -> set[str]:
+        """What makes lines: "image" and "scan"."""
+        return {role for role, topic in ((IMAGE, self.image), (SCAN, self.scan)) if topic is not None}
+
+    @property
+    def robot(self) -> str:
+        """The robot's frame, where the odometry is that of two frames; "" else."""
+        return "" if self.odometry is None or self.odometry.frames is None else self.odometry.frames[1]
 
     @property
     def routes(self) -> Mapping[str, PoseTopic]:
@@ -176,7 +83,7 @@ class _Item:
     role: str
     stamp_ns: int | None
     log_ns: int
-    content: Any  # a picture not encoded yet, or a pose (3,)
+    content: Any  # a picture not encoded yet, the message of a scan, or a pose (3,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +102,10 @@ class Translator:
         self._extractors: dict[PoseTopic, PoseExtractor] = {}
         self._undated: list[_Item] | None = []  # None once it is known whether stamps are usable
         self._recorded = False  # stamps are of no use: recording times count
-        self._pictures: deque[tuple[float, float, _Unencoded]] = deque()  # time, our own clock's
+        self._waiting: deque[tuple[float, float, Any]] = deque()  # time, our own clock's, picture or scan
+        self._frames = FrameTree()  # to know where the laser sits
+        self._robot = ""
+        self._mount = ""  # the last remark on that
         self._last_pose: F64 | None = None
         self._last_s = float("-inf")
         self._has_odometry = False
@@ -203,14 +113,14 @@ class Translator:
 
     def take(self, message: Message, topics: ChosenTopics) -> Iterator[dict[str, Any]]:
         """Yield the lines that a message completes. FieldError for an invalid message."""
-        self._has_odometry = topics.odometry is not None
+        self._has_odometry, self._robot = topics.odometry is not None, topics.robot
         for item in self._items(message, topics):
             if self._undated is None:
                 yield from self._sort(item)
                 continue
             self._undated.append(item)
             roles = {undated.role for undated in self._undated}
-            if roles >= {IMAGE, *topics.routes} or self._many_undated():
+            if roles >= {*topics.observed, *topics.routes} or self._many_undated():
                 yield from self._settle_clock()
 
     def _items(self, message: Message, topics: ChosenTopics) -> Iterator[_Item]:
@@ -221,7 +131,7 @@ class Translator:
         hearing = {
             role: pose for role, pose in extractors.items() if pose.accepts(message.topic, message.type)
         }
-        if message.topic != topics.image and not hearing:
+        if message.topic not in (topics.image, topics.scan) and not hearing:
             return
         content = decoded(message)
         if message.topic == topics.image:
@@ -229,9 +139,22 @@ class Translator:
             picture = self._picture(content, (message.log_ns if stamp is None else stamp) / 1e9)
             if picture is not None:
                 yield _Item(IMAGE, stamp, message.log_ns, picture)
+        if message.topic == topics.scan and known_type(message.type) in SCANS:
+            stamp = _stamp(content)
+            middle = None if stamp is None else stamp + int(sweep_s(content) / 2 * 1e9)
+            yield _Item(SCAN, middle, message.log_ns, content)
         for role, extractor in hearing.items():
             for stamped in extractor.poses(content, static="static" in message.topic):
                 yield _Item(role, stamped.stamp_ns, message.log_ns, stamped.pose)
+
+    def learn(self, message: Message) -> None:
+        """Take in transforms, which say where the laser sits. FieldError for invalid ones."""
+        try:
+            links = links_of(decoded(message))
+        except MESSAGE_ERRORS as problem:
+            raise FieldError(f"found invalid transforms ({short(problem)})") from None
+        for link in links if len(self._frames) < MOST_FRAMES else ():
+            self._frames.add(link)
 
     def _picture(self, message: Any, t_s: float) -> _Unencoded | None:
         if codec_of(message) is None:
@@ -267,34 +190,68 @@ class Translator:
     def _sort(self, item: _Item) -> Iterator[dict[str, Any]]:
         stamp = None if self._recorded else item.stamp_ns
         t_s = (item.log_ns if stamp is None else stamp) / 1e9
-        if item.role == IMAGE:
-            self._pictures.append((t_s, time.monotonic(), item.content))
+        if item.role in (IMAGE, SCAN):
+            self._waiting.append((t_s, time.monotonic(), item.content))
         else:
             self._tracks[item.role].add(t_s, item.content)
         yield from self._ready()
 
     def _ready(self) -> Iterator[dict[str, Any]]:
-        while self._pictures:
-            t_s, since_s, picture = self._pictures[0]
+        while self._waiting:
+            t_s, since_s, seen = self._waiting[0]
             known = not self._has_odometry or self._tracks[ODOMETRY].last_s >= t_s
-            waited = time.monotonic() - since_s > LONGEST_S or len(self._pictures) > MOST_PICTURES
-            if not known and not waited:
+            known &= isinstance(seen, _Unencoded) or self._is_placed(seen)
+            pictures = sum(isinstance(waiting[2], _Unencoded) for waiting in self._waiting)
+            many = pictures > MOST_PICTURES or len(self._waiting) > MOST_SCANS
+            if not known and not many and time.monotonic() - since_s <= LONGEST_S:
                 return
-            self._pictures.popleft()
+            self._waiting.popleft()
             try:
-                yield from self._lines(t_s, picture)
+                if isinstance(seen, _Unencoded):
+                    yield from self._lines(t_s, seen)
+                elif t_s >= self._last_s:  # of a camera beside it, a later picture may have come already
+                    yield from self._scan_lines(t_s, seen)
             except FieldError as problem:  # before any of its lines
                 self.problems.append(problem)
 
     def _lines(self, t_s: float, picture: _Unencoded) -> Iterator[dict[str, Any]]:
         if t_s < self._last_s:
             raise FieldError(f"found a picture at {t_s:.6f} s after one at {self._last_s:.6f} s")
+        pose = self._pose(t_s, "picture")
+        image = {"base64": picture.encoded()}
+        yield from self._moved(t_s, pose)
+        if picture.note:
+            yield {"t": t_s, "event": picture.note}
+        yield {"t": t_s, "image": image}
+
+    def _scan_lines(self, t_s: float, message: Any) -> Iterator[dict[str, Any]]:
+        pose = self._pose(t_s, "scan")
+        try:
+            place, mount = placed(self._frames, frame_of(message), self._robot)
+            scan = scan_to_json(scan_of(message, place))
+        except MESSAGE_ERRORS as problem:
+            raise FieldError(f"found a scan that cannot be read ({short(problem)})") from None
+        yield from self._moved(t_s, pose)
+        if mount != self._mount:
+            self._mount = mount
+            yield {"t": t_s, "event": mount}
+        yield {"t": t_s, "scan": scan}
+
+    def _is_placed(self, message: Any) -> bool:
+        """Return whether it is known where the laser sits; the first scan waits for that."""
+        return bool(self._mount) or base_above(self._frames, frame_of(message), self._robot) is not None
+
+    def _pose(self, t_s: float, of: str) -> F64 | None:
+        """Return the odometry's pose (3,) at a time; FieldError where there is odometry, but none so near."""
         pose = self._tracks[ODOMETRY].at(t_s, self._max_dt_s)
         if pose is None and self._has_odometry:
             raise FieldError(
-                f"found no odometry within {self._max_dt_s:g} s of a picture; see --reading max_dt_s"
+                f"found no odometry within {self._max_dt_s:g} s of a {of}; see --reading max_dt_s"
             )
-        image = {"base64": picture.encoded()}
+        return pose
+
+    def _moved(self, t_s: float, pose: F64 | None) -> Iterator[dict[str, Any]]:
+        """Yield the motion since the last line, and the truth."""
         self._last_s = t_s
         if pose is not None:
             before = self._tracks[ODOMETRY].first if self._last_pose is None else self._last_pose
@@ -304,9 +261,6 @@ class Translator:
         truth = self._tracks[TRUTH].at(t_s, self._max_dt_s)
         if truth is not None:
             yield {"t": t_s, "truth": truth.tolist()}
-        if picture.note:
-            yield {"t": t_s, "event": picture.note}
-        yield {"t": t_s, "image": image}
 
 
 def decoded(message: Message) -> Any:

@@ -22,7 +22,8 @@ from ..errors import FieldError, SourceError
 from ..files.text import items, mapping, read_json
 from ..reading.options import ReadingOptions
 from ..session_log.header import FORMAT, VERSION
-from .translation import MOST_FRAMES, ChosenTopics, Translator, decoded, short
+from .poses import MOST_FRAMES, short
+from .translation import ChosenTopics, Translator, decoded
 
 if TYPE_CHECKING:
     from websockets.sync.client import ClientConnection
@@ -273,6 +274,8 @@ class WebsocketStream:
         if heard is None:
             return self._choose(late=False)
         learned = b""
+        if known_type(heard.type) in TRANSFORMS and (self._topics is None or self._topics.scan is not None):
+            self._translator.learn(heard)
         if known_type(heard.type) in TRANSFORMS and (self._topics is None or self._topics.odometry is None):
             learned = self._learn(heard)
         if self._topics is None:
@@ -290,7 +293,7 @@ class WebsocketStream:
         return b""
 
     def _choose(self, *, late: bool) -> bytes:
-        """Choose topics as they are announced; return the header once there are pictures to read."""
+        """Choose topics as they are announced; return the header once there are pictures or scans to read."""
         known, taken = self._bridge.topics, self._topics
         if taken is not None and ((known, self._edges) == self._known or (taken.odometry and taken.truth)):
             return b""
@@ -300,12 +303,12 @@ class WebsocketStream:
         if not late and _needs_frames(assumed) and not _needs_frames(chosen):
             self._send(self._bridge.subscribe(transforms))
             return b""
-        if chosen.image is None:
+        if chosen.image is None and not (late and chosen.scan):  # a camera may yet be announced
             if late:
                 raise SourceError(self._name, nothing_to_read(known))
             return b""
-        needed = transforms if _needs_frames(chosen) else ()
-        self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed)
+        needed = transforms if _needs_frames(chosen) or chosen.scan else ()
+        self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed, chosen.scan)
         self._send(self._bridge.subscribe(self._topics.names))
         return (
             b""
@@ -317,7 +320,9 @@ class WebsocketStream:
 
     def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> TopicChoice:
         options = self._options
-        wishes = TopicRequest(options.image_topic, options.odometry_topic, options.truth_topic)
+        wishes = TopicRequest(
+            options.image_topic, options.odometry_topic, options.truth_topic, options.scan_topic
+        )
         return choose(Path(self._name), known, wishes if late else _present(wishes, known), edges)
 
     def _send(self, messages: Iterator[str]) -> None:
@@ -336,7 +341,7 @@ def _needs_frames(chosen: TopicChoice) -> bool:
 
 def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
     names = {topic.name.lstrip("/") for topic in known} | {"none"}
-    asked = (wishes.image, wishes.odometry, wishes.truth)
+    asked = (wishes.image, wishes.odometry, wishes.truth, wishes.scan)
     there = [name is None or name.partition(":")[0].lstrip("/") in names for name in asked]
     return TopicRequest(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
 

@@ -13,7 +13,7 @@ from maurice_loaders.bags.recording import BAGS
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.transforms import PLACEHOLDER
+from maurice_loaders.reading.recording import PLACEHOLDER
 from maurice_mcl.filter.estimate import heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.library import Library

@@ -25,9 +25,10 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.live import source as live_source_module
 from maurice_loaders.live import websocket as live_websocket
+from maurice_loaders.live.poses import PoseHistory
 from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, live_source
-from maurice_loaders.live.translation import ChosenTopics, PoseHistory, Translator
+from maurice_loaders.live.translation import ChosenTopics, Translator
 from maurice_loaders.live.websocket import HEAD, SUBPROTOCOLS
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.values.session import Moment
