@@ -185,6 +185,8 @@ class RecordedLocalizer:
             own = [topic.name for topic in (self.cloud, self.pose) if topic is not None]
             self._drive = BagRecording(path, open_bag, options, beside=own)
             names = [*dict.fromkeys(own), *self._drive.chosen.topics]
+            if self._map is not None and self._drive.chosen.scan is None:
+                self._map = replace(self._map, occupancy=None)  # which is for scans
             self._recorded = bool(use_recorded({name: peek(bag, name) for name in names}))
 
     @property

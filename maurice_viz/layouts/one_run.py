@@ -114,8 +114,10 @@ def recorded(run: RunView, scene: Scene) -> rrb.Vertical:
     """Lay out another localizer's clouds: the map over the words; right the close-up over headings, plots."""
     paths = run.paths
     left = _map_over_words(run, scene)
-    seen = rrb.Vertical(*(seen_views([run]) if scene.has_pictures else []), headings_view(paths))
-    close = rrb.Horizontal(closeup_view(paths, scene), seen, column_shares=[1.6, 1])
+    pictures = seen_views([run]) if scene.has_pictures else []
+    scans = [] if scene.laser_of(run) is None else [here_view(run)]
+    seen = rrb.Vertical(*pictures, *scans, headings_view(paths))
+    close = rrb.Horizontal(closeup_view(paths, scene), seen, column_shares=[1.25 if scans else 1.6, 1])
     plots = run_plots(run, scene)
     right = rrb.Vertical(close, rrb.Horizontal(*plots), row_shares=[3.2, 1])
     body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
