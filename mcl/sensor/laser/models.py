@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...values.arrays import F32, F64, U8, Bool
+from ...values.geometry import compose
 from ...values.occupancy import OccupancyMap
 from .field import Field, distances_m
 from .parameters import LaserParameters
@@ -29,6 +30,7 @@ INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them cou
 # the true pose 99 of 100 scans of those logs are worth -0.34 a beam or more; of random poses 1 in 500 is.
 EXPLAINED_NATS, BEST_SHARE = -0.45, 0.03
 LEAST_KNOWN = 0.5  # share of the beams: where most end in unknown space, the map cannot tell another place
+THROUGH_M, MOST_THROUGH = 0.4, 0.25  # behind a wall by more than noise; share of the beams
 TOGETHER_M = 2.0  # standard deviation of a cloud's places
 SAMPLED = 200  # particles of a cloud
 
@@ -60,6 +62,17 @@ class LaserMap:
     def rays(self) -> Rays:
         """Rays that end as AMCL's: at occupied and unknown cells, and at the map's edge."""
         return Rays.of(self.occupancy, unknown_blocks=True)
+
+    @cached_property
+    def open_rays(self) -> Rays:
+        """Rays that only occupied cells end."""
+        return Rays.of(self.occupancy)
+
+    def through_walls(self, reading: LaserReading, pose: F64) -> Bool:
+        """Which beams (B,) pass through walls at a pose (3,) in the map's frame."""
+        laser, angles = compose(pose, reading.scan.mount), reading.angles_rad - reading.scan.mount[2]
+        expected = self.open_rays.cast(laser[None], angles, reading.max_m)[0]
+        return np.asarray(reading.hits & (reading.ranges_m > expected + THROUGH_M))
 
     def field(self, model: str, sd_m: float, max_m: float = 0.0) -> Field:
         """Return the field of a model for errors of `sd_m`, and AMCL's for a laser that reaches `max_m`."""
@@ -100,7 +113,8 @@ def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, 
 def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
     """Return whether a cloud (N, 3) is where the scan may be from; weights are (N,).
 
-    A cloud that is together where most beams end in unknown space may be right: the map cannot tell.
+    A cloud that is together where most beams end in unknown space may be right, if they do not pass through
+    walls: the map cannot tell.
     """
     stride = -(-len(poses) // SAMPLED)
     poses, weights = poses[::stride], weights[::stride]
@@ -110,8 +124,10 @@ def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, 
     off = poses[:, :2] - weights @ poses[:, :2]
     together = float(weights @ np.square(off).sum(axis=1)) < TOGETHER_M**2
     if together and float(weights @ unknown) > (1 - LEAST_KNOWN) * beams:
-        return True
+        pose = (poses[weights.argmax()] + [*origin, 0.0]).astype(np.float64)
+        return float(there.through_walls(reading, pose).sum()) < MOST_THROUGH * beams
     worth = (total - np.float32(UNKNOWN_NATS) * unknown) / np.maximum(beams - unknown, 1)
+    worth[unknown > (1 - LEAST_KNOWN) * beams] = UNKNOWN_NATS  # the few others may agree by chance
     best = np.argsort(-worth)
     share = np.cumsum(weights[best])
     return float(worth[best[np.searchsorted(share, BEST_SHARE)]]) > EXPLAINED_NATS

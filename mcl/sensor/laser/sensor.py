@@ -20,7 +20,6 @@ from .field import MOST_CELLS
 from .matching import Matcher
 from .models import MODELS, LaserMap, explained
 from .parameters import LaserParameters
-from .rays import Rays
 from .reading import LaserReading, read_scan
 
 
@@ -82,15 +81,11 @@ class Laser:
 
     def judged(self, reading: LaserReading, pose: F64) -> BeamJudgment:
         """Return what each beam says at a pose (3,) in the map's frame."""
-        return judge(self._map, self._rays, reading, pose)
+        return judge(self._map, self._map.open_rays, reading, pose)
 
     @cached_property
     def _matcher(self) -> Matcher:
         return Matcher(self.occupancy)
-
-    @cached_property
-    def _rays(self) -> Rays:
-        return Rays.of(self.occupancy)
 
     @cached_property
     def _map(self) -> LaserMap:

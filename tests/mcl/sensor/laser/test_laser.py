@@ -347,6 +347,19 @@ def test_a_map_too_wide_is_one_line():
         Laser(wide)
 
 
+def test_a_cloud_whose_beams_end_in_unknown_space_behind_walls_is_not_right(grid):
+    """In unknown space without walls between, the map cannot tell; nor does it of a cloud that searches."""
+    laser = Laser(grid)
+    reading = reading_of(laser, scan_at(grid, TRUTH))
+    weights = np.full(200, 1 / 200)
+    tight = np.random.default_rng(6).normal(0, 0.02, (200, 3))
+    for pose, right in (([0.15, 1.7, 3.3], False), ([20.0, 20.0, 0.0], True), (TRUTH, True)):
+        cloud = (np.asarray(pose) + tight).astype(np.float32)
+        assert laser.explains(reading, cloud, weights, ZERO) == right
+    wide = (tight * 300 + [20.0, 20.0, 0.0]).astype(np.float32)
+    assert not laser.explains(reading, wide, weights, ZERO)
+
+
 def test_ranges_in_use_can_be_narrowed(grid):
     scan = scan_at(grid, TRUTH)
     narrow = Laser(grid, LaserParameters(laser_min_range=1.0, laser_max_range=2.0))
