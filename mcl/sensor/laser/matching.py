@@ -22,7 +22,7 @@ from ...values.geometry import wrap_angle
 from ...values.occupancy import OccupancyMap
 from ...values.pose_sensor import PoseProposal
 from .field import distances_m
-from .models import INDEPENDENT_BEAMS, SIGMA_M, UNKNOWN_NATS, worth_of
+from .models import SIGMA_M, UNKNOWN_NATS, worth_of
 from .rays import Rays
 from .reading import LEAST_HITS
 
@@ -43,6 +43,8 @@ THROUGH_M = 0.4  # a beam that the map would have ended by so much earlier went 
 THROUGH_NATS = -1.0
 WINDOW_NATS = 8.0  # poses so far below the best one count nothing
 MOST_MODES = 20
+# of a scan's errors: fitted so that covariances and weights hold on four logs, with maps of other scans too
+INDEPENDENT_BEAMS = 30.0
 APART_M, APART_RAD = 0.6, float(np.radians(12))  # what is nearer to a mode's best pose is part of it
 
 
