@@ -119,9 +119,9 @@ def _rows(units: Units, results: Sequence[RunResult]) -> list[tuple[str, Cell]]:
 
 
 def _sensors(results: Sequence[RunResult]) -> str:
-    """Return what the runs had besides odometry."""
-    known = [run.verdict.odometry_alone for run in results]
-    return SENSORS if any(alone is not None and alone.sensors == SENSORS for alone in known) else CAMERA
+    """Return what the runs had besides odometry, which is not known of those without a known start."""
+    known = {alone.sensors for run in results if (alone := run.verdict.odometry_alone) is not None}
+    return CAMERA if known == {CAMERA} else SENSORS
 
 
 def _alone_m(result: RunResult) -> float | None:
