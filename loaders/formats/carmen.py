@@ -62,6 +62,7 @@ class _Facts:
     truth: str | None
     odometry: frozenset[str]  # words
     mount: F64  # (3,) the laser's pose on the robot
+    ahead_m: float  # of it, found in corrected poses: where the laser turned about
     max_m: float  # the reach of a laser that does not state it
     untimed: bool  # whether no scan has a time
     repeats: bool  # whether the odometry is that of the corrected poses
@@ -84,6 +85,9 @@ class CarmenRecording:
             ESTIMATED: facts.truth in LASERS,
             REPEATED: facts.repeats and not self.options.odometry_from_truth,
             UNTIMED: facts.untimed,
+            f"the laser is taken to sit {facts.ahead_m:.2f} m ahead of the wheels, by how its poses turn": (
+                facts.ahead_m != 0
+            ),
         }
         notes = tuple(note for note, holds in told.items() if holds)
         return SessionInfo(self.path.name.removesuffix(".gz").removesuffix(".log"), notes=notes)
@@ -107,7 +111,8 @@ class CarmenRecording:
             if line.word in wanted:
                 yield OdometryPose(last_t_s, odometry.take(line.pose, set_anew=set_anew))
             if line.word == facts.truth:
-                yield TruthPose(last_t_s, line.pose if line.laser is None else line.laser)
+                pose = line.pose if line.laser is None else line.laser
+                yield TruthPose(last_t_s, compose(pose, np.array([-facts.ahead_m, 0.0, 0.0])))
             if line.word == facts.laser and line.scan is not None:
                 scans += 1
                 reach_m = line.scan.max_m or facts.max_m
@@ -123,7 +128,7 @@ class CarmenRecording:
     def _facts(self) -> _Facts:
         """Go through the log once."""
         counts, timed = Counter[str](), Counter[str]()
-        reach, mounts = _Reach(), dict[str, F64]()
+        reach, lever, mounts = _Reach(), _Lever(), dict[str, F64]()
         corrected: str | None = None
         own = unchanged = 0  # scans with odometry of their own before them, and where laser and robot are one
         moved = False
@@ -134,6 +139,8 @@ class CarmenRecording:
             timed[line.word] += line.t_s > NO_TIME_S
             if before is not None and _set_anew(before, line, last_t_s):
                 corrected = corrected or before.word
+            if line.word == "ODOM":
+                lever.turned(line.pose, set_anew=_set_anew(before, line, last_t_s))
             before, last_t_s = line, max(last_t_s, line.t_s)
             if line.word == "ODOM":
                 moved = moved or last_laser is None or not np.array_equal(line.pose, last_laser)
@@ -144,6 +151,7 @@ class CarmenRecording:
             mounted = mounts.setdefault(line.word, place)
             if line.word not in REAR:
                 corrected = corrected or (None if _same_place(place, mounted) else line.word)
+                lever.seen(line.laser)
                 unchanged += bool(np.array_equal(line.pose, line.laser))
                 own, moved, last_laser = own + moved, False, line.laser
         laser = next((word for word in LASERS if counts[word]), None)
@@ -157,13 +165,15 @@ class CarmenRecording:
         )
         # a corrected log has lost where the laser sat: its truth is the laser's pose
         mount = np.array([self.options.truth_ahead_m, self.options.truth_left_m, 0.0])
+        ahead_m = 0.0 if truth not in LASERS or repeats or mount.any() else lever.ahead_m
+        mount[0] += ahead_m
         if laser is not None and truth not in LASERS:
             mount = mounts[laser]
         if laser in REAR and abs(float(mount[2])) < SAME_RAD:
             mount = np.array([*mount[:2], math.pi])
         others = sum(counts[word] for word in LASERS if word != laser)
         untimed = scans > 1 and not timed[laser or ""]
-        return _Facts(laser, truth, odometry, mount, reach.max_m, untimed, repeats, others)
+        return _Facts(laser, truth, odometry, mount, ahead_m, reach.max_m, untimed, repeats, others)
 
     def _lines(self, notes: ReadingNotes) -> Iterator[_Line]:
         for row in rows(self.path):
@@ -205,6 +215,43 @@ class _Continuous:
             self._pose = compose(self._pose, motion_between(self._raw, raw))
         self._raw = raw
         return self._pose
+
+
+class _Lever:
+    """How far ahead of the point that the odometry turns about a laser sits, by its corrected poses."""
+
+    LEAST_RAD, MOST_M = 0.2, 0.3  # turns that tell it, and ways that do not blur it
+    FEWEST, LEAST_M, FARTHEST_M = 20, 0.02, 1.0  # turns; offsets that are none, and those that are too large
+
+    def __init__(self) -> None:
+        self._continuous = _Continuous()
+        self._wheels: F64 | None = None
+        self._last: tuple[F64, F64] | None = None
+        self._offsets: list[float] = []
+
+    def turned(self, pose: F64, *, set_anew: bool) -> None:
+        """Take the next pose (3,) of the odometry."""
+        self._wheels = self._continuous.take(pose, set_anew=set_anew)
+
+    def seen(self, laser: F64) -> None:
+        """Take the next corrected pose (3,) of the laser."""
+        if self._wheels is None:
+            return
+        last, self._last = self._last, (self._wheels, laser)
+        if last is None:
+            return
+        wheels, way = motion_between(last[0], self._wheels), motion_between(last[1], laser)
+        turn = math.sin(wheels[2])
+        if abs(turn) > self.LEAST_RAD and math.hypot(wheels[0], wheels[1]) < self.MOST_M:
+            self._offsets.append(float(way[1] - wheels[1]) / turn)
+
+    @property
+    def ahead_m(self) -> float:
+        """0 where too few turns tell it."""
+        if len(self._offsets) < self.FEWEST:
+            return 0.0
+        middle = float(np.median(self._offsets))
+        return middle if self.LEAST_M < abs(middle) < self.FARTHEST_M else 0.0
 
 
 class _Reach:
