@@ -28,6 +28,7 @@ MIDDLE = np.array([WIDTH_PX / 2, HEIGHT_PX / 2])  # where the robot is
 REACHES_M = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0, 20.0, 30.0)  # shown ahead: few
 SHOWN_SHARE = 0.9  # of the beams that hit something end within it
 BAR_SHARE, BARS = 0.25, (1, 2, 5)  # of the width, at most; lengths of the scale's bar, times powers of ten
+MOST_LOST, MOST_LOST_PX = 2.5, 40  # nats of a beam, and how long a bar of so many is
 SEEN: RGB = (42, 46, 54)  # where a beam has passed
 MAPPED_WALL: RGB = (104, 108, 118)  # quiet: the beams lie on it
 MISSED: RGB = (52, 56, 66)  # along a beam that hit nothing
@@ -96,6 +97,37 @@ def draw_scan_on_map(
     said = [(f"{judgment.count('agrees')} of {reading.size} agree", color)]
     said += [(f"{judgment.count(name)} {SAID[name]}", WHAT[name]) for name in JUDGMENTS if name in SAID]
     return _finished(image, reach_m, scale, [part for part in said if not part[0].startswith("0 ")])
+
+
+def draw_ranges(judgment: BeamJudgment, reading: LaserReading, color: RGB, scale: Scale) -> bytes:
+    """Draw how far each beam reached over what the map has there, left beams left, as a PNG.
+
+    Measured: dots, in the colors of a scan on the map; by the map: a line. Bars from above: nats lost.
+    """
+    image, reach_m = _blank(), float(max(judgment.measured_m.max(), judgment.expected_m.max(), 1e-3))
+    order = np.argsort(reading.angles_rad)
+    across = WIDTH_PX * (0.5 - 0.48 * reading.angles_rad / max(np.abs(reading.angles_rad).max(), 1e-3))
+    expected, measured = (
+        np.rint(np.column_stack([across, HEIGHT_PX - 8 - (HEIGHT_PX - 70) * reach / reach_m])).astype(
+            np.int32
+        )
+        for reach in (judgment.expected_m, judgment.measured_m)
+    )
+    pale = _INKS[style.PALE]
+    for x, nats in zip(expected[:, 0].tolist(), judgment.nats.tolist(), strict=True):
+        image[: round(MOST_LOST_PX * min(-nats / MOST_LOST, 1.0)), max(x - 1, 0) : x + 2] = _WALL
+    cv2.polylines(image, [expected[order]], False, pale + _FULL - 2)
+    for name in JUDGMENTS:
+        _dots(image, measured[judgment.are(name)], _INKS[WHAT.get(name, color)] + _FULL, 3)
+    write(
+        image,
+        f"to {scale.say(reach_m)}; dots: measured, line: map, top: nats lost",
+        2,
+        HEIGHT_PX + CAPTION_PX - 10,
+        TEXT_PX,
+        pale,
+    )
+    return SCANS.png(image)
 
 
 def no_scan(words: str) -> bytes:

@@ -18,6 +18,7 @@ from ..panels.explanation import (
     sentence_view,
 )
 from ..panels.inside import AFTER, BEFORE, STRIP_PX, inside_words_view, phases_view, side_view
+from ..panels.laser.explanation import columns_of_scan, scan_map_view
 from ..panels.laser.scan import here_view
 from ..panels.population import headings_view, weight_bars_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
@@ -70,8 +71,16 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
 
 
 def explain(run: RunView, scene: Scene) -> rrb.Vertical:
-    """Lay out the map over the figures; right the sentences, over camera and references side by side."""
+    """Lay out the map over the figures; right the sentences, over camera and references side by side.
+
+    Of a robot with a laser alone: over the scan on the map, and its ranges.
+    """
     paths = run.paths
+    if run.sees_alone:
+        left = rrb.Vertical(scan_map_view(run, scene), figures_view(paths), row_shares=[395, 180])
+        right = rrb.Vertical(sentence_view(paths), columns_of_scan(run, scene), row_shares=[88, 487])
+        body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
+        return untitled(over_events(body, [run], noticed=True))
     figures = FIGURES_PX + FIGURE_PX * len(run.channels)
     above = HEIGHT_PX - lanes_px(OWN_LANES) - figures
     left = rrb.Vertical(references_map_view(paths, scene), figures_view(paths), row_shares=[above, figures])

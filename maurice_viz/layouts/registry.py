@@ -13,8 +13,8 @@ from ..style import font_safe_names
 from . import LIGHT_NAMES, one_run, several_runs
 from .story import story
 
-SENSORS, MORE = "sensors", "more"
-OF_CHANNELS = ("overview", "explain")  # layouts about channels and their references
+EXPLAIN, SENSORS, MORE = "explain", "sensors", "more"
+OF_CHANNELS = ("overview",)  # layouts about channels and their references
 
 Layout = Callable[[Sequence[RunView], Scene], rrb.Container]
 
@@ -42,11 +42,15 @@ def _channels_of(run: RunView) -> object:
     return run.channels
 
 
+def _is_explained(run: RunView) -> object:
+    return run.channels or run.sees_alone
+
+
 LAYOUTS: Mapping[str, Layout] = {
     "story": story,
     "overview": _a_tab_a_run(one_run.overview, _channels_of),
     "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
-    "explain": _a_tab_a_run(one_run.explain, _channels_of),
+    EXPLAIN: _a_tab_a_run(one_run.explain, _is_explained),
     SENSORS: _a_tab_a_run(one_run.sensors, lambda run: run.sensors),
     "compare": several_runs.compare,
     "traces": several_runs.traces,
@@ -63,6 +67,8 @@ def _fits(name: str, runs: Sequence[RunView], scene: Scene) -> bool:
     """Return whether a layout's panels are filled: by channels, by pose sensors, by views of panels' own."""
     if name == SENSORS:
         return any(run.sensors for run in runs)
+    if name == EXPLAIN:
+        return any(map(_is_explained, runs))
     if name == MORE:
         return any(views_of(run, scene) for run in runs)
     return name not in OF_CHANNELS or any(run.channels for run in runs)

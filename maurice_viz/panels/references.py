@@ -37,6 +37,7 @@ from ..scene import RunView, Scene
 from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, SAYS_NOTHING, TRUTH, Scale
 from .belief import run_key
 from .camera import NAME, CaptionedPicture, draw_name, named_view
+from .laser.scan import PlacesOnMap, reading_of
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, map_view, plane_view
 from .world import distinct_places
@@ -208,6 +209,7 @@ class LikelihoodPanel(Panel):
         super().__init__(run, scene)
         assert scene.nearest is not None  # this panel is only made where the library has entries
         self._maps = LikelihoodMaps(scene.library, scene.nearest, scene.scale)
+        self._places = PlacesOnMap(scene.library) if run.sees_alone else None
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         for name in map_names(tuple(self._run.distances)):
@@ -220,14 +222,26 @@ class LikelihoodPanel(Panel):
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         comparison = update.record.sighting.comparison
-        if not update.whole or not len(comparison.quality):
+        if not update.whole or not (len(comparison.quality) or self._places):
             return
         set_phase(rec, update.moment, Phase.MEASURE)
+        if self._places is not None:
+            self._draw_scan(rec, update, self._places)
+            return
         parts = dict(zip(comparison.channels, -comparison.channel_cost, strict=True))
         for name in map_names(comparison.channels):
             logs = comparison.log_likelihood if name == ALL_CHANNELS else parts[name]
             image = row_of(rr.EncodedImage, blob=blob_of(self._maps.encoded(logs)))
             rec.log(self._paths.likelihood(name), image)
+
+    def _draw_scan(self, rec: rr.RecordingStream, update: StepUpdate, places: PlacesOnMap) -> None:
+        laser = self._scene.laser_of(self._run)
+        reading = None if laser is None else reading_of(update, laser)
+        nats = np.zeros(self._library.size, np.float32)
+        if laser is not None and reading is not None:
+            nats = places.nats(laser, reading)
+        image = row_of(rr.EncodedImage, blob=blob_of(self._maps.encoded(nats)))
+        rec.log(self._paths.likelihood(ALL_CHANNELS), image)
 
     def clear(self, rec: rr.RecordingStream) -> None:
         rec.log(self._paths.at("likelihood"), rr.Clear(recursive=True))
@@ -301,12 +315,14 @@ def best_match_view(run: RunView) -> rrb.Spatial2DView:
     return named_view("Best match", run.paths.match(1))
 
 
-def likelihood_views(paths: RunPaths, channels: Sequence[str], scene: Scene) -> list[rrb.Spatial2DView]:
-    """Show the likelihood over the map under the cloud, for all channels together and for each one."""
+def likelihood_views(
+    paths: RunPaths, channels: Sequence[str], scene: Scene, marks: Sequence[str] = ()
+) -> list[rrb.Spatial2DView]:
+    """Show the likelihood over the map under the cloud and marks, for all channels together and each one."""
     views: list[rrb.Spatial2DView] = []
     for channel in map_names(tuple(channels)):
         contents = [*BARE_MAP, paths.key(LIKELIHOOD), paths.likelihood(channel)]
-        contents += [paths.particles]
+        contents += [paths.particles, *marks]
         contents += [] if views else [paths.says_nothing]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else "Likelihood"  # of all channels together

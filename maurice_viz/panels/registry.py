@@ -10,6 +10,7 @@ from .camera import CameraPanel
 from .events import WordsPanel
 from .explanation import ExplanationPanel
 from .inside import InsidePanel, PhasesPanel
+from .laser.explanation import ScanExplanationPanel
 from .laser.scan import ScanPanel
 from .panel import Panel
 from .population import HeadingsPanel, ModesPanel, WeightBarsPanel
@@ -42,6 +43,7 @@ OF_A_RUN: tuple[type[Panel], ...] = (
     ExplanationPanel,
     SensorsPanel,
     ScanPanel,
+    ScanExplanationPanel,
     WordsPanel,
 )
 OF_REFERENCES: tuple[type[Panel], ...] = (LikelihoodPanel,)  # where the library has entries

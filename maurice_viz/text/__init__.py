@@ -11,6 +11,7 @@ tour               where to look, moment by moment
 what_if            what a branch changed, which remedies help, which part of a filter costs most
 explanation        why the best reference wins, in sentences
 explanation_table  the figures of all references as Markdown and as JSON
+scan               what a scan says of a pose, beam by beam
 sensors            what pose sensors read
 places             whether a library can tell its places apart
 summary            the scores of runs as a table, how several differ, and the names of trials

@@ -167,6 +167,7 @@ AMCL: Mapping[str, Any] = {
     "resampling.kld.least": 500,
     "resampling.kld.most": 2000,
     "recovery.draw": "evenly",
+    "guided_motion.share": 0.0,  # it follows no scan matcher
 }
 PRESETS = {**PRESETS, "laser": LASER, "amcl": AMCL}
 

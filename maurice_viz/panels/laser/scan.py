@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.laser.reading import LaserReading
 from maurice_mcl.sensor.laser.sensor import LASER, Laser
+from maurice_mcl.values.arrays import F32
+from maurice_mcl.values.library import Library
+from maurice_mcl.values.pose_sensor import MOST_APART, PoseSpread
 
 from ...drawing.arrow import blob_of, row_of
 from ...drawing.scan import WIDTH_PX, draw_scan, draw_scan_on_map, no_scan
@@ -19,6 +24,7 @@ from ..camera import draw_name, named_view
 from ..panel import Panel, StepUpdate, set_phase
 
 SEES = "the laser sees"
+TURNS, OF_SIDE = 32, 12**-0.5  # headings; standard deviation of what is anywhere on a side of length 1
 NO_SCAN, TOO_FEW = "no scan at this step", "too few beams hit something"
 
 
@@ -63,6 +69,24 @@ def reading_of(update: StepUpdate, laser: Laser) -> LaserReading | None:
     sensed = update.record.sighting.comparison.sensed
     reading = next((each.reading for each in sensed if each.name == LASER), None)
     return reading if isinstance(reading, LaserReading) else laser.read(update.moment.frame)
+
+
+class PlacesOnMap:
+    """The places of a library in many headings, to ask how likely a scan makes each."""
+
+    def __init__(self, library: Library) -> None:
+        places, self._place = np.unique(library.poses[:, :2] - library.origin, axis=0, return_inverse=True)
+        turns = np.arange(TURNS) * (2 * np.pi / TURNS)
+        poses = np.column_stack([np.repeat(places, TURNS, axis=0), np.tile(turns, len(places))])
+        self._poses, self._origin = poses.astype(np.float32), library.origin
+        nearest = np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]
+        side_m = float(np.median(nearest)) if len(places) > 1 else 0.0
+        self._spread = PoseSpread(min(OF_SIDE * side_m, MOST_APART.position_m), OF_SIDE * 2 * np.pi / TURNS)
+
+    def nats(self, laser: Laser, reading: LaserReading) -> F32:
+        """Return the nats (L,) of a scan at each entry's place in its best heading."""
+        nats = laser.log_likelihood(reading, self._poses, self._origin, self._spread)
+        return np.asarray(nats.reshape(-1, TURNS).max(axis=1)[self._place.ravel()], np.float32)
 
 
 def seen_path(paths: RunPaths) -> str:

@@ -50,6 +50,10 @@ class BeamJudgment:
         """Return how many beams are judged so."""
         return int(self.are(judgment).sum())
 
+    def gap_m(self, judgment: str) -> float:
+        """Return how far beams that are judged so end from where the map has a wall: the median."""
+        return float(np.median(np.abs(self.expected_m - self.measured_m)[self.are(judgment)]))
+
     @property
     def words(self) -> tuple[str, tuple[float, ...]]:
         """How many beams agree and how the others do not, with {} for each of the lengths in meters."""
@@ -60,7 +64,7 @@ class BeamJudgment:
                 continue
             words += f" {count} {said}."
             if "{}" in said:
-                lengths.append(float(np.median(np.abs(self.expected_m - self.measured_m)[self.are(name)])))
+                lengths.append(self.gap_m(name))
         return words, tuple(lengths)
 
 

@@ -73,11 +73,13 @@ class Laser:
 
     def shown(self, reading: LaserReading, poses: Mapping[str, F64]) -> Shown:
         """Return the scan on the map, which beams disagree with the estimate and how, and how many agree."""
-        places = np.stack([*poses.values()])
-        origin = places[0, :2].copy()
-        there = (places - [*origin, 0.0]).astype(np.float32)
-        nats = dict(zip(poses, self.log_likelihood(reading, there, origin).tolist(), strict=True))
+        nats = {name: self.nats_at(reading, pose) for name, pose in poses.items()}
         return shown(reading, self.judged(reading, poses["estimate"]), poses, nats)
+
+    def nats_at(self, reading: LaserReading, pose: F64) -> float:
+        """Return the nats of one pose (3,) in the map's frame."""
+        turned = np.array([[0.0, 0.0, pose[2]]], np.float32)
+        return float(self.log_likelihood(reading, turned, pose[:2])[0])
 
     def judged(self, reading: LaserReading, pose: F64) -> BeamJudgment:
         """Return what each beam says at a pose (3,) in the map's frame."""
