@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,12 +10,15 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_mcl.reasons.explanation import Asked, StepExplanation, explain_step
+from maurice_mcl.sensor.laser.beams import BeamJudgment
+from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.records import StepRecord
+from maurice_mcl.values.records import Comparison, StepRecord
 from maurice_mcl.values.session import Moment
 
 from ..entities import Phase
 from ..errors import OptionError
+from ..layouts.registry import EXPLAIN, SENSORS
 from ..listener import SILENT, Listener
 from ..running.open import typed_pose
 from ..running.output import walk_command
@@ -22,6 +26,7 @@ from ..running.saved import Opened, open_saved
 from ..style import Scale
 from ..text.explanation import GLOSSARY, say_step
 from ..text.explanation_table import to_json
+from ..text.scan import say_beams, scan_json
 from ..text.sensors import say_sensors
 from .convert import only_run
 from .snapshot import snapshot
@@ -33,23 +38,29 @@ class Explanation:
 
     label: str  # of the run
     source: Path  # its folder
-    step: StepExplanation  # every number, per channel and reference
+    number: int  # of the step
+    step: StepExplanation | None  # every number, per channel and reference; None: no picture was compared
     of_sensors: tuple[str, ...]  # what the pose sensors say, a paragraph each
     scale: Scale
     phase: Phase = Phase.WEIGHT  # the one that did most: resampling where that happened
+    scan: Mapping[str, object] | None = None  # what a laser's beams say, by pose
 
     @property
     def text(self) -> str:
         """The explanation in sentences, paragraphs separated by blank lines."""
-        paragraphs = [*say_step(self.step, self.scale), *self.of_sensors, GLOSSARY]
-        paragraphs.append(f"Walk through it: {walk_command(self.source, self.step.step, self.phase)}")
-        return "\n\n".join([f"{self.label}, step {self.step.step}", *paragraphs])
+        compared = [] if self.step is None else say_step(self.step, self.scale)
+        glossary = GLOSSARY if self.step else GLOSSARY.split(" Rank")[0]  # of nats alone
+        paragraphs = [*compared, *self.of_sensors, glossary]
+        paragraphs.append(f"Walk through it: {walk_command(self.source, self.number, self.phase)}")
+        return "\n\n".join([f"{self.label}, step {self.number}", *paragraphs])
 
     def __str__(self) -> str:
         return self.text
 
     def to_json(self) -> dict[str, object]:
         """Return every number as JSON, lengths in meters and angles in radians."""
+        if self.step is None:
+            return {"runs": [{"label": self.label, "step": self.number, "scan": self.scan}]}
         return to_json(self.label, self.step)
 
 
@@ -92,10 +103,9 @@ def explain(
     if restored.saved.manifest.recorded:
         unknown = "how it weighed its particles is not in the recording, so no step is explained"
         raise InputError(folder, f"is another localizer's run, as recorded: {unknown}")
-    if restored.sensor is None or not len(record.sighting.comparison.quality):
+    comparison, phase = record.sighting.comparison, Phase.WEIGHT if record.parents is None else Phase.RESAMPLE
+    if restored.sensor is None or not (len(comparison.quality) or comparison.sensed):
         raise InputError(folder, "cannot be explained without its session and library; put them back")
-    if not record.sighting.comparison.channels:
-        raise InputError(folder, _of_readings(record, moment, library.origin, scale))
     if entry is not None:
         _check_number("entry", entry, library.size)
     if particle is not None:
@@ -103,33 +113,35 @@ def explain(
         at = record.weighted.world_poses[particle]
     if isinstance(at, str):
         at = typed_pose(at, scale.units, "--at is X,Y,HEADING")
-    asked = None
-    if at is not None or entry is not None:
-        asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
-    explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
-    saved = restored.saved.manifest
-    if to is not None:
-        snapshot(folder, to=to, step=moment.frame.step, layout="explain", force=force, listener=listener)
     sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
-    phase = Phase.WEIGHT if record.parents is None else Phase.RESAMPLE
-    return Explanation(saved.label, folder, explained, sensors, scale, phase)
+    label, step, explained, of_scan = restored.saved.manifest.label, moment.frame.step, None, None
+    if comparison.channels:
+        asked = None
+        if at is not None or entry is not None:
+            asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
+        explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
+    else:
+        poses = {"estimate": record.estimate.pose, "truth": moment.truth}
+        poses["pose asked for"] = library.poses[entry] if entry is not None else at
+        judged, nats = _judged(comparison, {name: pose for name, pose in poses.items() if pose is not None})
+        others = [name for name in judged if name != "estimate"]
+        sensors += tuple(say_beams(name, judged[name], nats[name], scale) for name in others)
+        of_scan = scan_json(judged, nats)
+    if to is not None:
+        layout = EXPLAIN if comparison.channels or of_scan else SENSORS
+        snapshot(folder, to=to, step=step, layout=layout, force=force, listener=listener)
+    return Explanation(label, folder, step, explained, sensors, scale, phase, of_scan)
 
 
-def _of_readings(record: StepRecord, moment: Moment, origin: F64, scale: Scale) -> str:
-    """Return why an update that compared no picture is not explained, and what its sensors say of it."""
-    poses = {"estimate": record.estimate.pose}
-    if moment.truth is not None:
-        poses["truth"] = moment.truth
-    readings = []
-    for sensed in record.sighting.comparison.sensed:
-        at = np.stack(list(poses.values())) - np.append(origin, 0)
-        nats = sensed.sensor.log_likelihood(sensed.reading, at.astype(np.float32), origin)
-        each = ", ".join(f"{value:.2f} at the {name}" for name, value in zip(poses, nats, strict=True))
-        readings.append(f"{sensed.shown(poses).text(scale.say)} (nats: {each})")
-    read = "; ".join(readings) or "its sensors read nothing"
-    where = "the tab `sensors` shows it for every step"
-    why = f"step {record.frame.step} compared no picture with references, so none is explained"
-    return f"{why}; {read}; {where}"
+def _judged(
+    comparison: Comparison, poses: Mapping[str, F64]
+) -> tuple[dict[str, BeamJudgment], dict[str, float]]:
+    """Return what each beam of a laser says at poses, and their nats; nothing without a laser."""
+    for each in comparison.sensed:
+        if isinstance(each.sensor, Laser):
+            judged = {name: each.sensor.judged(each.reading, pose) for name, pose in poses.items()}
+            return judged, {name: each.sensor.nats_at(each.reading, pose) for name, pose in poses.items()}
+    return {}, {}
 
 
 def _update(opened: Opened, folder: Path, number: int | None) -> tuple[Moment, StepRecord]:

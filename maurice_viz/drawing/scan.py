@@ -121,7 +121,7 @@ def draw_ranges(judgment: BeamJudgment, reading: LaserReading, color: RGB, scale
         _dots(image, measured[judgment.are(name)], _INKS[WHAT.get(name, color)] + _FULL, 3)
     write(
         image,
-        f"to {scale.say(reach_m)}; dots: measured, line: map, top: nats lost",
+        f"dots: measured, line: map, to {scale.say(reach_m)}",
         2,
         HEIGHT_PX + CAPTION_PX - 10,
         TEXT_PX,

@@ -10,6 +10,7 @@ from ..panels import comparison as shared
 from ..panels import traces as lines
 from ..panels.camera import seen_views
 from ..panels.events import CLOSER, SHARED, lanes_px, lanes_view
+from ..panels.laser.scan import here_view, scan_views
 from ..panels.references import best_match_view
 from ..panels.story import story_map
 from ..panels.views import untitled
@@ -18,6 +19,7 @@ from .story import HEIGHT_PX, errors_row, over_events
 
 COMPARED_WORDS_PX, COMPARED_ERRORS_PX = 84, 100
 DRIVE_PX, LINE_PX = 102, 17  # of the words on the drive, below the clouds: without runs, and of a line
+SCANS_IN_A_ROW = 3
 ROW_PX = 70  # of the histograms of a run
 
 
@@ -42,8 +44,12 @@ def compare(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
 
 
 def _seen(runs: Sequence[RunView], scene: Scene, height: int) -> rrb.Container | rrb.View:
-    """Lay out the pictures over the histograms of each run; without channels all runs on the map."""
+    """Lay out the pictures over the histograms of each run; without channels scans, or all on the map."""
     compared = [run for run in runs if run.channels]
+    lasers = [run for run in runs if scene.laser_of(run) is not None]
+    if not compared and lasers:
+        scans = [*scan_views(lasers), *map(here_view, lasers)]
+        return rrb.Grid(*scans, grid_columns=min(len(scans), SCANS_IN_A_ROW))
     if not compared:
         pictures = seen_views(runs) if scene.has_pictures else []
         return rrb.Horizontal(story_map(runs, scene), *pictures)

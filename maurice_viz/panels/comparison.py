@@ -22,6 +22,7 @@ from ..playback import RunResult
 from ..scene import RunView, Scene
 from ..style import PALE, PICTURE, REFERENCE, TRUTH, font_safe
 from ..text.comparison import NOT_YET, drive_words, errors_m, key_words, step_words, unweighed_words
+from ..text.phases import of_scans
 from .belief import CloseupFrame, frame_marks, sample, truth_marker
 from .camera import SEES, draw_jpeg, draw_name, prepare_jpeg
 from .panel import MARKDOWN, set_phase, set_phase_only
@@ -96,6 +97,7 @@ class ComparisonDrawing:
         self._log_text(unweighed_words(moment.frame.step))
 
     def _log_text(self, words: str) -> None:
+        words = of_scans(words) if all(run.sees_alone for run in self._runs) else words
         self._rec.log(entities.TEXT, row_of(rr.TextDocument, text=text_of(f"#### {font_safe(words)}")))
 
     def end(self, results: Sequence[RunResult]) -> None:

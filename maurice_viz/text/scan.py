@@ -16,7 +16,9 @@ BEAMS = {
     "unknown": "end where nobody has mapped",
     "miss": "hit nothing",
 }
-NATS = "Nats of beams: as the model `calibrated` has them, 0 for one that ends on a wall."
+NATS = (
+    "Nats of beams, and the bars above the ranges: by the model `calibrated`, 0 for one that ends on a wall."
+)
 WITH_GAP = ("short", "beyond")
 
 
@@ -29,6 +31,17 @@ def scan_words(judgment: BeamJudgment, proposal: PoseProposal | None, scale: Sca
     count = len(proposal.weights)
     fits = "in one place" if count == 1 else f"in {count} places, the best with {proposal.weights.max():.0%}"
     return f"{text} The dots explained it badly, so that the whole map was searched: it fits {fits} (yellow)."
+
+
+def say_beams(name: str, judgment: BeamJudgment, nats: float, scale: Scale) -> str:
+    """Return how many beams are what at a pose: "At the truth 58 of 60 beams agree with the map, ..."."""
+    told = [
+        f"{judgment.count(kind)} {said}{f' ({scale.say(judgment.gap_m(kind))})' if kind in WITH_GAP else ''}"
+        for kind, said in list(BEAMS.items())[1:]
+        if judgment.count(kind)
+    ]
+    first = f"{judgment.count('agrees')} of {len(judgment.judged)} beams agree with the map"
+    return f"At the {name} {', '.join([first, *told])}: {nats:.1f} nats."
 
 
 def scan_table(
