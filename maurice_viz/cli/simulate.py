@@ -63,6 +63,9 @@ class WorldSet:
 class DriveSet:
     """How the robot drives, and what has changed since the survey."""
 
+    laser: Annotated[
+        bool, option("--laser", "A robot with a laser in place of its camera, over a map.", DRIVE)
+    ] = False
     seed: Annotated[
         int,
         option("--seed", "Seed of the drive, the session's light and noise.", DRIVE, min=0, max=MOST_SEED),
@@ -100,9 +103,6 @@ class DriveSet:
             autocompletion=completed(("fixed", "auto")),
         ),
     ] = "fixed"
-    laser: Annotated[
-        bool, option("--laser", "A robot with a laser in place of its camera, over a map.", WORLD)
-    ] = False
     recording: Annotated[
         Path | None,
         option(
