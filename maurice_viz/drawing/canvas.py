@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.arrays import F64, U8, Bool
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.occupancy import OccupancyMap
 
@@ -73,7 +73,7 @@ def jpeg(image: U8, quality: int = JPEG_QUALITY) -> bytes:
 
 
 def png(image: U8) -> bytes:
-    """Encode a drawing (H, W, 3) RGB without loss."""
+    """Encode a drawing (H, W, 3) RGB or (H, W) gray without loss."""
     return _encoded(".png", image, [])
 
 
@@ -186,15 +186,21 @@ def _fill_cells(canvas: Canvas, occupancy: OccupancyMap, scale: Scale) -> None:
     x_min, y_min, x_max, y_max = occupancy.bounds
     left, top, right, bottom = _pixels(canvas, np.array([[x_min, y_max], [x_max, y_min]]), scale).ravel()
     size = max(round(right - left), 1), max(round(bottom - top), 1)
+    free, occupied = cells_in(occupancy, size)
+    column, row = round(left), round(top)
+    part = canvas.image[row : row + size[1], column : column + size[0]]
+    shown = slice(len(part)), slice(part.shape[1])
+    part[:] = np.where(free[shown][..., None], EMPTY, GROUND)
+    part[occupied[shown]] = WALL
+
+
+def cells_in(occupancy: OccupancyMap, size: tuple[int, int]) -> tuple[Bool, Bool]:
+    """Return which pixels of a drawing of this width and height, (H, W) each, are free and occupied."""
     free, occupied = (
         cv2.resize(np.flipud(cells).astype(np.float32), size, interpolation=cv2.INTER_AREA)
         for cells in (occupancy.free, occupancy.occupied)
     )
-    column, row = round(left), round(top)
-    part = canvas.image[row : row + size[1], column : column + size[0]]
-    shown = slice(len(part)), slice(part.shape[1])
-    part[:] = np.where((free > 0.5)[shown][..., None], EMPTY, GROUND)
-    part[(occupied > THINNEST)[shown]] = WALL
+    return np.asarray(free > 0.5), np.asarray(occupied > THINNEST)
 
 
 def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
 
-from ..drawing.canvas import ticks
+from ..drawing.canvas import cells_in, png, ticks
 from ..panels.world import clipped
 from ..running.saved_steps import Track
 from ..style import Scale
@@ -19,6 +19,7 @@ from .charts import DASHES, Axes
 
 JUMP_OF_MOTION = 3.0  # a step this many times as long as the measured motion is a jump
 MAX_POINTS = 3000
+FINER = 1.5  # pixels of an occupancy map in one of the drawing: it may be enlarged
 LETTER_PX = 7.2  # average width
 KNOWN_FLOORS = ("wood", "carpet")
 
@@ -57,6 +58,18 @@ class DrawnFloor:
         """Both ends of each wall, cut at the map's edge."""
         walls = clipped(self.arena.walls, self.arena.bounds)
         return [self.axes.at(wall.reshape(2, 2)).tolist() for wall in walls]
+
+    @property
+    def cells(self) -> list[tuple[str, bytes]]:
+        """What is free and what is occupied of an occupancy map, each with a PNG that is white there."""
+        if self.arena.occupancy is None:
+            return []
+        size = max(round(FINER * self.axes.width), 1), max(round(FINER * self.axes.height), 1)
+        free, occupied = cells_in(self.arena.occupancy, size)
+        return [
+            (kind, png(where.astype(np.uint8) * 255))
+            for kind, where in (("free", free), ("occupied", occupied))
+        ]
 
     def ticks(self, axis: int) -> list[tuple[float, str]]:
         """Return position and label of each tick along x (0) or y (1)."""

@@ -9,6 +9,7 @@ from rerun.components import TensorDataBatch
 
 from helpers import viz_fakes as fakes
 from maurice_mcl.values.map import Arena
+from maurice_mcl.values.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.canvas import (
@@ -18,6 +19,7 @@ from maurice_viz.drawing.canvas import (
     MOST_TICKS,
     ascii_of,
     blank,
+    cells_in,
     draw_ground,
     put_text,
     text_size,
@@ -150,3 +152,14 @@ def test_words_of_the_story_and_of_explanations_can_be_read():
     assert keys.TEXT_PX / keys.ROWS_PX * MAP_PX >= CAPITALS_PX
     assert MAP_TEXT_SHARE / (1 + MAP_MARGINS["left"] + MAP_MARGINS["right"]) * MAP_PX >= CAPITALS_PX
     assert 0.85 * TEXT_SHARE * CHART_PX >= CAPITALS_PX
+
+
+def test_an_occupancy_map_keeps_walls_that_are_thinner_than_a_pixel():
+    cells = np.zeros((2000, 1000), np.uint8)
+    cells[1500:] = UNKNOWN
+    cells[:, 500] = OCCUPIED
+    free, occupied = cells_in(OccupancyMap(cells, 0.05, np.zeros(2)), (250, 500))
+    assert free.shape == occupied.shape == (500, 250)
+    assert occupied[:, 125].all()
+    assert not free[:120].any()  # the top of a drawing is the highest y
+    assert free[130:, :120].all()
