@@ -7,6 +7,7 @@ phases             what one phase of a step did, in two sentences
 verdict, headline  what happened to one run, or to several: with all numbers, and in two lines
 comparison         who is closer at a step and why, and over the drive
 causes             causes of failures and incidents as clauses, and the evidence that decided
+laser_causes       the same where a robot has a laser, and what its owner can do
 tour               where to look, moment by moment
 what_if            what a branch changed, which remedies help, which part of a filter costs most
 explanation        why the best reference wins, in sentences
