@@ -43,8 +43,8 @@ from maurice_mcl.scoring.events import (
 )
 
 from ..style import Scale
-from . import laser_causes
 from .explanation import planes_of
+from .laser import causes as laser_causes
 
 NAMES: Mapping[str, str] = {  # of evidence; others are their own names without a unit
     "told": "known from",

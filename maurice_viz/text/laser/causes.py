@@ -22,7 +22,7 @@ from maurice_mcl.reasons.causes import (
     Failure,
 )
 
-from ..style import Scale
+from ...style import Scale
 
 NAMES: Mapping[str, str] = {  # of evidence
     "scans": "scans that say so",
