@@ -214,10 +214,10 @@ class OdometryMotion:
 class OmniParameters:
     """Noise of AMCL's model for robots that drive in any direction, as variances."""
 
-    turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (AMCL's alpha 4)
+    turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (Nav2's alpha 1; ROS 1's 4)
     turn_from_way: float = 0.02  # rad^2 of turn per m^2 driven (alpha 2)
     way_from_way: float = 0.02  # m^2 along the way per m^2 driven (alpha 3)
-    way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (alpha 1)
+    way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (4; 1)
     side_from_way: float = 0.02  # m^2 across the way per m^2 driven (alpha 5)
 
     @classmethod
