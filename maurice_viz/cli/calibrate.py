@@ -236,7 +236,7 @@ def _noise_table(floor: NoiseFloor, name: str) -> Table:
         values = f"{peak.first_value} to {peak.last_value}"
         numbers = (f"{peak.count:.2f}", _or_none(peak.sd), _or_none(peak.largest_bin_sd), values)
         table.add_row(peak.color, *numbers, f"{level:.1f}")
-    table.caption = "peaks are 256 x share of pixels, in bins of 8 values from 16"
+    table.caption = "peaks: of 256 pixels, how many are in one bin of 8 values (from 16)"
     return table
 
 

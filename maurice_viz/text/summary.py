@@ -33,7 +33,7 @@ def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
 
 
 def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
-    """Return the five rows that say most."""
+    """Return the five rows that say most; where no run is judged by a truth, what is known without one."""
     unit = units.name
     rows: list[tuple[str, Cell]] = [
         (f"error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
@@ -42,6 +42,14 @@ def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
         ("lost", _lost),
         ("why", _why),
     ]
+    if not any(result.verdict.has_truth for result in results):
+        rows = [
+            ("steps", lambda r: str(r.score.updates)),
+            ("dots together", lambda r: f"{r.verdict.converged_share:.0%}"),
+            ("knows where it is", _known),
+            ("probably lost", _probably_lost),
+            ("why", _why),
+        ]
     return [(name, [cell(result) for result in results]) for name, cell in rows]
 
 

@@ -186,7 +186,9 @@ KINDS: Mapping[str, EventKind] = {
     ALL_WEIGHTS_ZERO: EventKind(_ZERO, GRAVE, word="all zero", in_plots=True),
     RECOVERED: EventKind("localized again after it was lost or kidnapped", GOOD),
     LOCALIZED: EventKind("converged and correct at 4 of 5 steps, for the first time", GOOD),
-    MODE_SWITCH: EventKind("another mode has become the heaviest: the estimate jumps", DOUBTFUL),
+    MODE_SWITCH: EventKind(
+        "another mode has become the heaviest: the estimate jumps", DOUBTFUL, word="estimate jumps"
+    ),
     BEYOND_THREE_SIGMA: EventKind(
         "the truth lies more than three standard deviations from the estimate", DOUBTFUL, word="3 sigma"
     ),
