@@ -55,7 +55,7 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
 
 
 # First words of what else a log says that have marks of their own.
-LOG_WORDS = ("bump", "slip", BRANCH, kinds.PARTED)
+LOG_WORDS = ("bump", "slip", BRANCH, kinds.PARTED, "teleoperation", "wandering", "collision")
 LINE_COLORS: Mapping[str, RGB] = {
     name: FRESH if kind.tone == kinds.ACTS else LOST if kind.tone == kinds.GRAVE else PALE
     for name, kind in KINDS.items()

@@ -126,7 +126,9 @@ class TracesPanel(Panel):
             self._log(rec, KNOWS, update.knows)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
-            rec.log(self._paths.trace(EVIDENCE), scalars(nats))
+            own = dict(zip(record.sighting.comparison.channels, record.channel_evidence, strict=True))
+            lines = [own.get(channel, np.nan) for channel in self._run.channels]  # or another preset's
+            rec.log(self._paths.trace(EVIDENCE), scalars(np.array([record.calibrated_evidence, *lines])))
             self._note(EVIDENCE, *nats)
         self._draw_rank(rec, update)
         frame = update.moment.frame

@@ -123,6 +123,7 @@ class SceneObserver:
         scene: Scene,
         detail: Detail = Detail.FULL,
     ) -> None:
+        self._rec, self._live = rec, scene.live
         self._runs = {run.label: RerunObserver(rec, run, scene, detail) for run in runs}
         self._has_truth = scene.has_truth
         self._comparison: ComparisonDrawing | None = None
@@ -148,6 +149,8 @@ class SceneObserver:
             self._comparison.see(steps)
         moment, _ = next(iter(steps.values()))
         self._verdict.see(moment, verdicts)
+        if self._live:
+            self._rec.flush(timeout_sec=0)  # on its way at once, without waiting for viewers
 
     def _see_length(self, offset_m: F64 | tuple[float, float]) -> None:
         self.most_m = max(self.most_m, float(np.hypot(*offset_m)))

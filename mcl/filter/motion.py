@@ -40,7 +40,7 @@ class MotionModel(Protocol):
 class FloorDrift:
     """How the heading drifts on one floor while driving straight, in proportion to the distance."""
 
-    bias_rad_per_m: float = 0.0  # mean drift, counter-clockwise
+    bias_rad_per_m: float = 0.0  # mean drift, counter-clockwise; backward clockwise
     sd_rad_per_m: float = 0.0  # its standard deviation from movement to movement
 
 
@@ -107,7 +107,8 @@ class MauriceMotion:
     """The thesis's model: noise once per movement, the drift of a straight applied when it is over.
 
     A turn gets the gain and the measured residual, a straight the encoders' error and the floor's drift. A
-    movement that is both is a turn followed by a straight.
+    movement that is both is a turn followed by a straight. Backward a straight falls short as well, and
+    drifts to the other side: the robot goes back on the arc that it came by.
     """
 
     parameters: MauriceParameters
@@ -125,12 +126,12 @@ class MauriceMotion:
             return _poses(poses[:, 0], poses[:, 1], wrap(heading))
         length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(way + p.straight_bias_m)
         course = heading + np.float32(np.arctan2(left, forward))
-        drift = self._drift(poses[:, :2], origin, way, noise[:, 1])
+        drift = self._drift(poses[:, :2], origin, way if forward >= 0 else -way, noise[:, 1])
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(heading + drift))
 
     def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
-        """Return the drift (N,) in radians over a distance, by the floor on which each particle starts."""
+        """Return the drift (N,) in radians over a way, below 0 backward, by the floor under each particle."""
         bias, sd = (self._per_m * way_m).astype(np.float32)
         if len(bias) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)

@@ -69,8 +69,8 @@ def test_a_straight_has_the_encoders_error_and_the_floors_drift(way_in, x, bias,
     moved = motion.move(_at(x, 1, 0), HERE, movement, _noise(2)).astype(np.float64)
     driven_in = np.sign(way_in) * (moved[:, 0] - x) / INCH_M
     _assert_moments(driven_in, abs(way_in) - 0.6978, 0.6356)
-    way_m = abs(way_in) * INCH_M
-    _assert_moments(moved[:, 2], bias * way_m, sd * way_m)
+    way_m = way_in * INCH_M  # backward it drifts to the other side
+    _assert_moments(moved[:, 2], bias * way_m, sd * abs(way_m))
     assert np.allclose(moved[:, 1], 1, atol=1e-6), "the drift is applied when the straight is over"
 
 
