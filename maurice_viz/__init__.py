@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from .app.convert import convert as convert
     from .app.convert import export as export
     from .app.diagnose import diagnose as diagnose
-    from .app.drive import drive as drive
+    from .app.drive.drive import drive as drive
     from .app.events import events as events
     from .app.explain import explain as explain
     from .app.inspect import doctor as doctor
@@ -89,7 +89,7 @@ _NAMES = {  # by module
     ".app.compare": "compare",
     ".app.convert": "build_map convert export",
     ".app.diagnose": "diagnose",
-    ".app.drive": "drive",
+    ".app.drive.drive": "drive",
     ".app.events": "events",
     ".app.explain": "explain",
     ".app.inspect": "doctor formats inspect",

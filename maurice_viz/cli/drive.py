@@ -54,7 +54,7 @@ def drive(
     if sys.platform == "win32":
         fail(NO_POSIX)
     os.environ.setdefault("RUST_LOG", QUIET)  # before the next lines import rerun, which reads it
-    from ..app.drive import drive as drive_robot
+    from ..app.drive.drive import drive as drive_robot
     from ..running.output import serving
 
     name = new_name()

@@ -1,14 +1,11 @@
-"""Driving the simulated robot by keys while a filter follows it: teleoperation and the operator's screen.
-
-`drive` takes keys from anywhere; the terminal in which they are typed is `cli/drive.py`.
-"""
+"""The operator's desk: a robot, the filter that follows it, and what every key does to both."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,20 +13,16 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.filter.branch import branched, recovery_evidence
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import Step
-from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.session import Moment
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
-from ..playback import FilterRun
-from ..running.open import library_at, make_runs
-from ..running.output import OutputOptions
-from ..running.run import Playback, Report, RunScores, play, remark_zeros
-from ..running.run_spec import RunSpec
-from ..scene import RunView, Scene
-from ..text.what_if import BRANCH
+from ...listener import Listener
+from ...playback import FilterRun
+from ...running.open import make_runs
+from ...running.run_spec import RunSpec
+from ...scene import Scene
+from ...text.what_if import BRANCH
 
 if TYPE_CHECKING:
     from maurice_datasets.robot.behaviors import Command
@@ -39,7 +32,6 @@ LABEL = "filter"  # of the run, whose preset changes on the way
 STRIDE_M, TURN_RAD = 9 * INCH_M, float(np.radians(30))  # of one key
 ROBUST, LASER = "robust", "laser"  # the presets to begin with
 PRESETS, LASER_PRESETS = ("thesis", "refined", ROBUST, "precise"), (LASER, "amcl")  # by keys 1, 2, ...
-STARTS = ("global", "tracking")
 COMMANDS: Mapping[str, Command] = {
     "up": (None, STRIDE_M),
     "down": (None, -STRIDE_M),
@@ -54,71 +46,6 @@ HELP_TEXT = (
     "l changes the light, {presets}, S saves, q ends"
 )
 Tell = Callable[[str], None]  # shows a line of status in place of the last one
-
-
-def drive(
-    keys: Iterable[str],
-    *,
-    world: str | Path = "two-rooms",
-    tier: str = "nominal",
-    seed: int = 0,
-    arena_seed: int = 0,
-    half_resolution: bool = False,
-    laser: bool = False,
-    preset: str | None = None,
-    particles: int | None = None,
-    start: str | None = None,
-    folder: str | Path = "drive",
-    to: str | Path | None = None,
-    force: bool = False,
-    output: OutputOptions | None = None,
-    tell: Tell = lambda line: None,
-    report: Report = lambda scores: None,
-    listener: Listener = SILENT,
-) -> RunScores:
-    """Drive the simulated robot by keys, while a filter follows it and is drawn; return its scores.
-
-    `keys` are up, down, left and right, or letters as `HELP_TEXT` names them; "" is a moment without a key,
-    at which a robot on its own goes on. World and robot are those of `maurice_datasets.simulate`, `seed` is
-    also the filter's. `start` is global (the default) or tracking: whether the filter knows where it begins.
-    `folder` is where "S" saves the drive to, again and again; it must be new. `to` and `output` say what is
-    drawn to, as in `replay`; `tell` gets a line for the operator after every key, an empty one at the end.
-
-    InputError for what cannot be simulated, OptionError for other arguments.
-
-        >>> import maurice_viz as mv
-        >>> scores = mv.drive(["up", "left", "k", "q"])  # doctest: +SKIP
-        >>> scores.runs[0].score.updates  # doctest: +SKIP
-        4
-    """
-    from maurice_datasets.sessions import simulation_plan
-    from maurice_datasets.teleoperation import TeleoperatedRobot
-
-    from ..running.output import output_of
-
-    if start not in (None, *STARTS):
-        raise OptionError(f"found start {start!r}, expected {' or '.join(STARTS)}")
-    output = output_of("drive", output, to, force=force)
-    start = start or STARTS[0]
-    plan = simulation_plan(
-        start,
-        world=str(world),
-        tier=tier,
-        seed=seed,
-        arena_seed=arena_seed,
-        half_resolution=half_resolution,
-        laser=laser,
-    )
-    robot = TeleoperatedRobot(plan)
-    library = library_at(robot.known(listener.progress), listener)
-    spec = RunSpec(preset or (LASER if laser else ROBUST), None, particles, seed)
-    desk = OperatorsDesk(robot, library, spec, Path(folder), listener)
-    sensor = cast(SensorModel, SensorInUse(desk))
-    view = replace(RunView.of(LABEL, desk.run.localizer), localizer=None, sensor=sensor)  # judged by records
-    scene = Scene(robot.info, library, has_truth=True, has_pictures=not laser, live=True)
-    updates = desk.steps(keys, tell)
-    playback = Playback(updates, 0, [view], scene, lambda collector: remark_zeros(collector, listener))
-    return play(playback, output, listener, report=report)
 
 
 class OperatorsDesk:
