@@ -186,8 +186,10 @@ def _cut_out(there: OccupancyMap, pose: F64, reach_m: float) -> U8:
 def _dots(image: U8, places: I32, ink: int, radius: int) -> None:
     """Draw squares around pixels (K, 2); those out of the picture are left out."""
     far, size = radius - 1, np.array([WIDTH_PX, HEIGHT_PX])
-    for x, y in places[((places >= far) & (places < size - far)).all(axis=1)].tolist():
-        image[y - far : y + radius, x - far : x + radius] = ink
+    x, y = places[((places >= far) & (places < size - far)).all(axis=1)].T
+    for right in range(-far, radius):
+        for down in range(-far, radius):
+            image[y + down, x + right] = ink
 
 
 def _robot(image: U8, ink: int) -> None:

@@ -24,7 +24,7 @@ from ..camera import draw_name, named_view
 from ..panel import Panel, StepUpdate, set_phase
 
 SEES = "the laser sees"
-TURNS, OF_SIDE = 32, 12**-0.5  # headings; standard deviation of what is anywhere on a side of length 1
+TURNS, OF_SIDE = 24, 12**-0.5  # headings; standard deviation of what is anywhere on a side of length 1
 NO_SCAN, TOO_FEW = "no scan at this step", "too few beams hit something"
 
 
