@@ -11,7 +11,7 @@ import numpy as np
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
 
-from ..drawing.canvas import cells_in, png, ticks
+from ..drawing.canvas import cells_in, known_part, png, shown_bounds, ticks
 from ..panels.world import clipped
 from ..running.saved_steps import Track
 from ..style import Scale
@@ -37,9 +37,9 @@ class DrawnFloor:
     @property
     def axes(self) -> Axes:
         """The map's box, in meters."""
-        x_min, y_min, x_max, y_max = self.arena.bounds
-        longest_m = max(max(self.arena.size_m), 1e-9)
-        width, height = (side_m * self.long_side / longest_m for side_m in self.arena.size_m)
+        x_min, y_min, x_max, y_max = shown_bounds(self.arena)
+        sides_m = x_max - x_min, y_max - y_min
+        width, height = (side_m * self.long_side / max(*sides_m, 1e-9) for side_m in sides_m)
         left, _, top, _ = self.margins
         return Axes((x_min, x_max), (y_min, y_max), left, top, width, height)
 
@@ -65,7 +65,7 @@ class DrawnFloor:
         if self.arena.occupancy is None:
             return []
         size = max(round(FINER * self.axes.width), 1), max(round(FINER * self.axes.height), 1)
-        free, occupied = cells_in(self.arena.occupancy, size)
+        free, occupied = cells_in(known_part(self.arena.occupancy), size)
         return [
             (kind, png(where.astype(np.uint8) * 255))
             for kind, where in (("free", free), ("occupied", occupied))
@@ -75,7 +75,7 @@ class DrawnFloor:
         """Return position and label of each tick along x (0) or y (1)."""
         axes = self.axes
         start, length = (axes.left, axes.width) if axis == 0 else (axes.bottom, -axes.height)
-        low, high = (self.scale.length(self.arena.bounds[k]) for k in (axis, axis + 2))
+        low, high = (self.scale.length(shown_bounds(self.arena)[k]) for k in (axis, axis + 2))
         values = ticks(low, high, self.scale.units.grid)
         return [(start + (value - low) / (high - low or 1.0) * length, f"{value:g}") for value in values]
 
