@@ -87,6 +87,7 @@ class RunFigures:
             "reseeded": self.reseeded,
             "took_s": self.took_s,
             "off_m": self.errors.off_m.tolist(),
+            "off_rad": self.errors.off_rad.tolist(),
             "sd_m": self.sd_m.tolist(),
             "confidence": self.confidence.tolist(),
         }
