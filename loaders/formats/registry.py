@@ -204,6 +204,8 @@ def _describe_file(path: Path) -> str:
             return f"{what} (unpack it: `{command.format(quote(path.name))}`)"
     if begin[257:262] == b"ustar":
         return f"a tar archive (unpack it: `tar xf {quote(path.name)}`)"
+    if begin.startswith(b"RRF"):
+        return "a Rerun recording, which `maurice-replay open` shows"
     return f"a file that begins with {begin[:16]!r}{table_hint(path)}" if begin else "an empty file"
 
 

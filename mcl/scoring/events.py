@@ -229,8 +229,8 @@ def joined(events: Sequence[RunEvent]) -> list[RunEvent]:
             continue
         first = lines[begun[event.kind]]
         fresh = first.fresh + event.fresh
-        drawn = f"{fresh} fresh in all" if fresh else "so"
-        text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}: {drawn}"
+        drawn = f": {fresh} fresh in all" if fresh else ""
+        text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}{drawn}"
         lines[begun[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
     return lines
 
