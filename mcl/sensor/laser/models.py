@@ -109,7 +109,12 @@ def worth_of(distances_m: F32 | U8, unknown: Bool, sd_m: float) -> F32:
 def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return nats (N,) that are worth what they say; unknown space is neutral."""
     lookup = there.field("calibrated", _widened(SIGMA_M, spread_m))
-    nats = lookup.sums(reading.ends, poses, origin) * _share(reading)
+    return lookup.sums(reading.ends, poses, origin) * _share(reading)
+
+
+def bounded(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
+    """Return the nats (N,) of `calibrated` as a filter takes them: no single scan rules a pose out."""
+    nats = calibrated(there, reading, poses, origin, spread_m)
     return np.asarray(np.logaddexp(nats, np.float32(-SCAN_OUTLIER_NATS)), np.float32)
 
 
@@ -196,7 +201,7 @@ def beam(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread
 
 Model = Callable[[LaserMap, LaserReading, F32, F64, float], F32]
 MODELS: Mapping[str, Model] = {
-    "calibrated": calibrated,
+    "calibrated": bounded,
     "likelihood_field": likelihood_field,
     "likelihood_field_prob": likelihood_field_prob,
     "beam": beam,
