@@ -78,3 +78,7 @@ def failures_of(
     for moment, record in mcl.run(localizer, session):
         builder.add(moment, record)
     return builder.result()
+
+
+if __name__ == "__main__":
+    main()

@@ -227,6 +227,7 @@ def _json(examination: Examination, options: Options) -> dict[str, object]:
         "odometry": examination.odometry,
         "truth": examination.truth,
         "pictures": examination.pictures,
+        "scans": examination.scans,
         "only_the_beginning": examination.cut,
         "said": list(examination.remarks),
         "checks": list(examination.checks),
@@ -254,6 +255,7 @@ def _lines(examination: Examination, options: Options, beside: Sequence[str] = (
     `beside` are further words, such as the library, that are added after the options of each fix.
     """
     counts = f"{examination.odometry} odometry, {examination.truth} truth, {examination.pictures} pictures"
+    counts += f", {examination.scans} scans" if examination.scans else ""
     yield f"{examination.name}: {counts}{', of its beginning' if examination.cut else ''}"
     yield f"checked: {', '.join(examination.checks)}"
     if examination.not_asked:

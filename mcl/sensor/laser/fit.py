@@ -141,13 +141,8 @@ class ScanFits:
 
     def turned(self, reading: LaserReading, truth: F64) -> F64:
         """Return the nats (2, Y) of a scan with the laser turned by YAWS, as it is and mirrored."""
-        mount = reading.scan.mount
-        laser = compose(truth, mount)
+        laser, scan = compose(truth, reading.scan.mount), replace(reading.scan, mount=np.zeros(3))
         poses = np.column_stack([np.tile(laser[:2], (len(YAWS), 1)), laser[2] + YAWS])
-        angles = reading.angles_rad - mount[2]
-        return np.stack([self.nats(_at_laser(reading, sign * angles), poses) for sign in (1, -1)])
-
-
-def _at_laser(reading: LaserReading, angles: F64) -> LaserReading:
-    """Return a reading as of a laser in the robot's middle, with beams at other angles (B,)."""
-    return replace(reading, scan=replace(reading.scan, mount=np.zeros(3)), angles_rad=angles)
+        mirrored = replace(scan, start_rad=-scan.start_rad, step_rad=-scan.step_rad)
+        readings = [self.read(seen) for seen in (scan, mirrored)]
+        return np.stack([self.nats(seen, poses) for seen in readings if seen is not None])
