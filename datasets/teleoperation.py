@@ -66,7 +66,7 @@ class TeleoperatedRobot:
         self.set_up = replace(set_up, course=replace(set_up.course, notes=("driven by hand",)))
         self.path = Path("drive")  # its name in messages
         self.pose = set_up.course.start  # (3,) true
-        self.behavior = ""  # whose proposal won last
+        self.behavior = ""  # whose proposal won, where the last update was a movement
         free = raster(set_up.world.arena)
         assert free is not None  # `stage` raises InputError
         self._map, self._eye = free, set_up.eye
@@ -98,6 +98,7 @@ class TeleoperatedRobot:
 
     def look(self, *happened: str) -> Moment:
         """Take a picture, after what happened to the robot."""
+        self.behavior = ""
         texts = tuple(Happened(self._now_s, text) for text in happened)
         return self._seen(Segment(texts, self._now_s + FRAME_S, self.pose))
 

@@ -63,19 +63,23 @@ class VerdictDrawing:
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._scale, self._live = rec, scene.scale, scene.live
+        self._every = EVERY if any(run.localizer is not None for run in runs) else 1
         self._words = words(runs, scene.has_truth)
         self._times_s: dict[int, float] = {}  # of each step
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET if scene.live else AT_THE_END)
 
     def see(self, moment: Moment, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
-        """Take the next update; log the verdict of a live drive now and then: deciding it costs much."""
+        """Take the next update; log the verdict of a live drive now and then: deciding it costs much.
+
+        Without a localizer, by which causes are told, it costs little and is always logged.
+        """
         if not self._times_s:
             set_phase(self._rec, moment, Phase.PREDICT)
             self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(self._words)))
         self._times_s[moment.frame.step] = moment.frame.time_s
         count = len(self._times_s)
-        if self._live and (count == 1 or count % EVERY == 0):
+        if self._live and (count == 1 or count % self._every == 0):
             self._decide(verdicts(), f"Up to step {moment.frame.step}: ")
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:

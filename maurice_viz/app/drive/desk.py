@@ -125,8 +125,9 @@ class OperatorsDesk:
         self._evidences.append(recovery_evidence(record))
         if self._opinion is not None:
             record = self._opinion.added_to(record)
-        moment, self._notes = replace(moment, events=(*moment.events, *self._notes)), ()
-        self._last = moment, record
+        events, self._notes = (*moment.events, *self._notes), ()
+        ordered = sorted(events, key=lambda text: not text.startswith(BRANCH))  # lanes show the first one
+        self._last = replace(moment, events=tuple(ordered)), record
         return {LABEL: self._last}
 
     def _go_on_with(self, preset: str) -> None:

@@ -12,7 +12,7 @@ import maurice_viz as mv
 from maurice_datasets import surveys
 from maurice_datasets.surveys import Surveyor
 from maurice_viz.app.drive.drive import drive
-from maurice_viz.entities import CAMERA
+from maurice_viz.entities import CAMERA, VERDICT
 from maurice_viz.errors import OptionError
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")  # live ones have none on purpose
@@ -106,9 +106,12 @@ def test_another_preset_goes_on_from_the_present_belief():
 def test_it_is_drawn_live(tmp_path: Path):
     scores, _ = driven("w1wl", to="out.rrd")
     assert scores.rrd == Path("out.rrd")
-    paths = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "out.rrd").stream().to_chunks()}
+    chunks = RrdReader(tmp_path / "out.rrd").stream().to_chunks()
+    paths = {str(chunk.entity_path) for chunk in chunks}
     assert {CAMERA, "/what_happened"} <= paths
     assert any(path.startswith("/filter/belief/particles") for path in paths)
+    headlines = [chunk for chunk in chunks if str(chunk.entity_path) == VERDICT]
+    assert "Up to step 4: " in str([chunk.to_record_batch() for chunk in headlines])
 
 
 def test_a_laser_is_driven_alike():
