@@ -177,7 +177,8 @@ class OperatorsDesk:
         off_m = float(np.hypot(*(record.estimate.pose - self._robot.pose)[:2]))
         happened = [text for text in moment.events if not text.startswith("floor")]
         parts = [f"step {moment.frame.step}", f"{self._scale.say(off_m)} off", str(self._spec.preset)]
-        told = self._told or ", ".join(dict.fromkeys([*happened, self._robot.behavior]))
+        by = [self._robot.behavior] if self._robot.behavior else []
+        told = self._told or ", ".join(dict.fromkeys([*happened, *by]))
         return " | ".join([*parts, told] if told else parts)
 
 
