@@ -14,8 +14,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.manifest import library_hash
-from maurice_loaders.runs.store import SavedRun, is_saved
+from maurice_loaders.runs.manifest import is_saved, library_hash
+from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena

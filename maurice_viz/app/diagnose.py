@@ -11,7 +11,7 @@ from typing import Any
 
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.runs.store import is_saved, open_runs
+from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
@@ -166,8 +166,7 @@ def diagnose(
         reading=reading,
         listener=listener,
     )
-    saved = is_saved(source)
-    recorded = {run.manifest.label for run in open_runs(source) if run.manifest.recorded} if saved else ()
+    saved, recorded = is_saved(source), _recorded(source)
     several = len(scores.runs) > 1
     return Diagnoses(
         scores.name,
@@ -182,6 +181,15 @@ def diagnose(
             for run in scores.runs
         ),
     )
+
+
+def _recorded(source: Path) -> set[str]:
+    """Return the labels of the runs of another localizer."""
+    if not is_saved(source):
+        return set()
+    from maurice_loaders.runs.store import open_runs  # loads polars, which a plain replay does without
+
+    return {run.manifest.label for run in open_runs(source) if run.manifest.recorded}
 
 
 def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from maurice_loaders.doctor.examination import Examination, fixed_options, odometry_advice
 from maurice_loaders.doctor.inspection import Inspection
-from maurice_loaders.runs.store import is_saved
+from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.scoring.events import KINDS, RunEvent
 
 from ..app.events import events

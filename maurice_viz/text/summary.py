@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from maurice_datasets.trials.rows import SCHEMA
 from maurice_mcl.scoring.comparison import (
     ComparisonResult,
     ErrorDifference,
@@ -238,6 +237,10 @@ def metric_title(metric: str) -> tuple[str, float]:
     for ending, (unit, factor) in METRIC_UNITS.items():
         if metric.endswith(ending):
             return f"{metric.removesuffix(ending).replace('_', ' ')} ({unit})", factor
+    from maurice_datasets.trials.rows import (
+        SCHEMA,  # loads polars and the simulation, which a replay does without
+    )
+
     flag = str(SCHEMA[metric][0]) == "Boolean"
     return f"{metric.replace('_', ' ')}{' (%)' if flag else ''}", 100.0 if flag else 1.0
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
-
-from maurice_datasets.trials.budget import ErrorBudget
+from typing import TYPE_CHECKING, Any
 
 from ..style import Scale, units_named
+
+if TYPE_CHECKING:
+    from maurice_datasets.trials.budget import ErrorBudget
 
 BRANCH = "branch"  # first word of what a branched run adds to its log
 

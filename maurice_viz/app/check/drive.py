@@ -16,7 +16,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.store import SavedRun, is_saved
+from maurice_loaders.runs.manifest import is_saved
+from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.filter.batch import compared_once, run_batch
 from maurice_mcl.scoring.demands import (
