@@ -62,7 +62,7 @@ laser: .venv/installed-dev
 
 # How often verdicts, signals and beliefs are right, on drives that nothing was fitted on: an hour; they go on where
 # they stopped. STUDIES=causes for one of them (benchmarks/studies/README.md).
-STUDIES ?= difficulty lost_signal belief causes
+STUDIES ?= difficulty lost_signal belief causes laser_causes
 studies: .venv/installed-dev
 	set -e; for study in $(STUDIES); do $(BIN)/python -m benchmarks.studies.$$study; done
 

@@ -23,7 +23,7 @@ from maurice_mcl.reasons.causes import AMBIGUITY, Failure
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.values.library import Library
 
-from .causes import Row, asked_of, first_of, jobs_of, keep, known, named, notes, said, table, write
+from .causes import Row, asked_of, first_of, jobs_of, keep, known, named, said, table, write
 from .planted.laser_ways import HEALTHY, LASER_WAYS, laser_ground
 from .planted.places import SETS
 
@@ -45,7 +45,10 @@ def main() -> None:
             if asked.show:
                 print(said(row), flush=True)
     chosen = [row for kind in asked.kinds for row in first_of(rows, kind, asked.drives)]
-    text = "\n".join([*table(chosen), "", *notes(chosen)])
+    harmless = sum(row["named"] is None for row in chosen)
+    text = "\n".join(
+        [*table(chosen), "", f"{harmless} further drives did not count, as nothing came of the cause."]
+    )
     print(text)
     if asked.write:
         write(text, DOCS)
