@@ -45,10 +45,9 @@ def main() -> None:
             if asked.show:
                 print(said(row), flush=True)
     chosen = [row for kind in asked.kinds for row in first_of(rows, kind, asked.drives)]
-    harmless = sum(row["named"] is None for row in chosen)
-    text = "\n".join(
-        [*table(chosen), "", f"{harmless} further drives did not count, as nothing came of the cause."]
-    )
+    left = sum(row["named"] is None for row in chosen)
+    note = f"{left} further drives did not count: no loss came of the cause, or there was one without it, too."
+    text = "\n".join([*table(chosen), "", note])
     print(text)
     if asked.write:
         write(text, DOCS)
