@@ -46,7 +46,7 @@ def main() -> None:
                 print(said(row), flush=True)
     chosen = [row for kind in asked.kinds for row in first_of(rows, kind, asked.drives)]
     left = sum(row["named"] is None for row in chosen)
-    note = f"{left} further drives did not count: no loss came of the cause, or there was one without it, too."
+    note = f"{left} more drives did not count: no loss came of the cause, or there was one without it, too."
     text = "\n".join([*table(chosen), "", note])
     print(text)
     if asked.write:
