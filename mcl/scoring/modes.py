@@ -107,7 +107,7 @@ class Ancestry:
 
     def see(self, record: StepRecord) -> None:
         """Process the next update. Of another number of particles nobody knows their ancestors."""
-        if self._past and self._size() != record.weighted.size:
+        if self._past and self._size() != len(record.weighted.poses):
             self._past.clear()
         self._past.append(_Generation(record.weighted.poses, record.weighted.origin, record.parents))
         if len(self._past) > self.depth:
