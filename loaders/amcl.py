@@ -240,7 +240,10 @@ def _meaning(given: Mapping[str, Any], written: Mapping[str, Any]) -> AmclParame
         remarks.append(
             f"ROS 1's {model} takes variances as standard deviations; here it is {model}-corrected"
         )
-    return AmclParameters(settings, size("update_min_d"), size("update_min_a"), start, tuple(remarks))
+    gates = size("update_min_d"), size("update_min_a")
+    if min(gates) <= 0:  # every scan passes one of them
+        gates = 0.0, 0.0
+    return AmclParameters(settings, *gates, start, tuple(remarks))
 
 
 def _model(given: Mapping[str, Any]) -> str:

@@ -29,6 +29,7 @@ from ..running.open import (
     make_runs,
     open_library_for,
     open_session,
+    read_as_amcl,
     remark_skipped,
     unique_labels,
 )
@@ -265,6 +266,7 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
+    reading = read_as_amcl(reading, [spec], listener)
     sessions = [open_session(source, reading, listener) for source in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)

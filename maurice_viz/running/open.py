@@ -101,6 +101,11 @@ def read_as_amcl(reading: ReadingOptions, specs: Sequence[RunSpec], listener: Li
     return reading
 
 
+MAP_PICTURES = (".pgm", ".png")
+NO_MAP = (
+    "found no map that goes with its scans; name one with --map map.yaml. "
+    "If you have none, make one from a drive with true poses: maurice-replay map build DRIVE -o MAP"
+)
 NONE_YET = (
     "If you have none, make one from a drive with true poses: "
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
@@ -157,11 +162,15 @@ def open_library_for(
     if isinstance(path, Library):
         return path
     if path is None:
-        raise InputError(
-            session.path, f"found no library that goes with it; name one with --library. {NONE_YET}"
+        is_laser = bool(session.observed.scans)
+        missing = (
+            NO_MAP if is_laser else f"found no library that goes with it; name one with --library. {NONE_YET}"
         )
+        raise InputError(session.path, missing)
     if not path.exists():
-        raise InputError(path, "found no such library or survey; name one with --library")
+        raise InputError(path, "found no such library, survey or map; name one with --library or --map")
+    if path.suffix.lower() in MAP_PICTURES:
+        raise InputError(path, "found a picture, expected the map.yaml that goes with it")
     return library_at(path, listener, keep_going=keep_going)
 
 

@@ -16,6 +16,7 @@ from ..style import Scale
 from .verdict import NOTHING_YET, off_at
 
 TWO_LINES = 210  # letters
+MOSTLY = 0.5  # share of the steps from which a run is said to have done so
 FEW = 5  # steps, below which nothing can be said of a run but where it is
 NO_TRUTH = " No truth is known to judge by."
 
@@ -152,4 +153,6 @@ def _without_truth(verdict: RunVerdict) -> Outcome:
         why = "" if failure.kind == UNKNOWN else f": {failure.title}"
         return Outcome("{was} probably lost", str(failure.episode.first), "from step ", why)
     share = f"{verdict.converged_share:.0%}"
+    if verdict.converged_share < MOSTLY:
+        return Outcome("did not keep the dots together", share, "together at ", " of the steps")
     return Outcome("kept the dots together", share, "at ", " of the steps")
