@@ -94,9 +94,7 @@ def test_particles_walk_through_the_phases(drawn, library):
     scale = scale_for("in", library.arena)
     for k, (moment, record) in enumerate(played):
         predict, weight = found[2 * k : 2 * k + 2]
-        order = np.argsort(
-            record.weighted.log_weights, kind="stable"
-        )  # light ones first, so that heavy ones are on top
+        order = np.argsort(record.weighted.log_weights, kind="stable")  # heavy ones are on top
         expected = (record.predicted.world_poses[order, :2] / 0.0254) * (1, -1)
         np.testing.assert_allclose(recordings.positions(predict), expected, atol=scale.units.fine)
         assert weight.values["Points2D:colors"] == weight_colors(record.weighted.log_weights[order]).tolist()
