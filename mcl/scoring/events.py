@@ -41,7 +41,7 @@ STATES: Mapping[str, str] = {
     LOST: "too far off at four steps in a row, and still so",
     CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
     SPREAD: "truth not known: less than that",
-    PROBABLY_LOST: "truth not known: pictures fit elsewhere, whatever the cloud says",
+    PROBABLY_LOST: "truth not known: what it sees fits elsewhere, whatever the cloud says",
 }
 
 
@@ -357,7 +357,7 @@ def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
 def _doubts(signal: LostSignal) -> str:
     knows = signal.knows or 0.0
     chance = f"{knows:.0%}" if knows >= LEAST_CHANCE else f"under {LEAST_CHANCE:.0%}"
-    return f"without truth: right with a probability of {chance}, pictures fit elsewhere"
+    return f"without truth: right with a probability of {chance}, what it sees fits elsewhere"
 
 
 LEAST_CHANCE = 0.01  # a smaller probability is written as below it

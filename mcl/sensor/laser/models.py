@@ -149,11 +149,16 @@ def _worth_known(total: F32, unknown: F32, beams: int) -> F32:
 
 def fitting(there: LaserMap, reading: LaserReading, poses: F64) -> Bool:
     """Return at which poses (N, 3) in the map's frame the scan fits so well that the robot may be there."""
+    return np.asarray(worth_at(there, reading, poses) > FITS_NATS)
+
+
+def worth_at(there: LaserMap, reading: LaserReading, poses: F64) -> F32:
+    """Return the nats (N,) a beam at poses (N, 3) in the map's frame, of beams that end where it is known."""
     origin = poses[0, :2].copy()
     local = (poses - [*origin, 0.0]).astype(np.float32)
     total = there.field("calibrated", SIGMA_M, 0.0).sums(reading.ends, local, origin)
     unknown = there.unknown.sums(reading.ends, local, origin)
-    return np.asarray(_worth_known(total, unknown, len(reading.ends)) > FITS_NATS)
+    return _worth_known(total, unknown, len(reading.ends))
 
 
 def nats_of_beams(there: LaserMap, reading: LaserReading, ends: F64) -> F32:

@@ -18,7 +18,7 @@ from ...values.session import Frame
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
 from .matching import Matcher
-from .models import MODELS, LaserMap, explained, fitting
+from .models import MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, worth_at
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
@@ -77,6 +77,11 @@ class Laser:
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
         """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
         return explained(self._map, reading, poses, weights, origin)
+
+    def fits(self, reading: LaserReading, pose: F64) -> float | None:
+        """Return the nats a beam at a pose (3,) in the map's frame; None where most end in unknown space."""
+        worth = worth_at(self._map, reading, pose[None])
+        return None if worth[0] == UNKNOWN_NATS else float(worth[0])
 
     def shown(self, reading: LaserReading, poses: Mapping[str, F64]) -> Shown:
         """Return the scan on the map, which beams disagree with the estimate and how, and how many agree."""
