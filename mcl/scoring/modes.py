@@ -106,9 +106,7 @@ class Ancestry:
     _past: deque[_Generation] = field(default_factory=deque)
 
     def see(self, record: StepRecord) -> None:
-        """Process the next update. Of another number of particles nobody knows their ancestors."""
-        if self._past and self._size() != len(record.weighted.poses):
-            self._past.clear()
+        """Process the next update."""
         self._past.append(_Generation(record.weighted.poses, record.weighted.origin, record.parents))
         if len(self._past) > self.depth:
             self._past.popleft()
