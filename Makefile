@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all check gate bench thesis results studies fuzz stops soak docs release-check clean
+.PHONY: demo test test-all check gate bench thesis results laser studies fuzz stops soak docs release-check clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -54,9 +54,15 @@ results: .venv/installed-dev
 	$(call TRIALS_OF,landmarks-spacing)
 	$(BIN)/python -m benchmarks.studies.landmark_figures out/trials/channels out/trials/landmarks-spacing -o docs/pictures
 
+# A laser on your own recorded drives with true poses (docs/laser.md), with the tables of its page: an hour for
+# four logs, and it goes on where it stopped. LOGS=DIR holds them; SEEDS=5 for fewer runs.
+LOGS ?= logs
+laser: .venv/installed-dev
+	$(BIN)/python -m benchmarks.studies.laser $(LOGS) $(if $(SEEDS),--seeds $(SEEDS))
+
 # How often verdicts, signals and beliefs are right, on drives that nothing was fitted on: an hour; they go on where
 # they stopped. STUDIES=causes for one of them (benchmarks/studies/README.md).
-STUDIES ?= difficulty lost_signal belief causes
+STUDIES ?= difficulty lost_signal belief causes laser_causes
 studies: .venv/installed-dev
 	set -e; for study in $(STUDIES); do $(BIN)/python -m benchmarks.studies.$$study; done
 

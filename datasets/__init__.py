@@ -3,6 +3,7 @@
 The front page is three functions of the simulator and five of trials; the chapters are
 
 * `sessions`, `surveys`: sessions and surveys as files; `live`: a robot that speaks over a socket
+* `teleoperation`: a robot that a person drives
 * `simulation`, `tasks`: what a session is made from, and which seeds may be tested on
 * `worlds`: plans, furniture, surfaces; `render`: light, camera, people; `robot`: motion, behaviors, drives
 * `folders`, `demos`: complete folders and their cache; the demo's drives

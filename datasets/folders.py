@@ -22,7 +22,7 @@ from .tasks import MAP, SURVEY
 
 NOTE, FORMAT = "simulation.json", "maurice-simulation"  # written last: a folder without it is not finished
 _SURVEY = r"survey\.log|pictures/survey-\d{5,}\.jpg"
-_SESSION = r"session\.log|pictures/session-\d{5,}\.jpg"
+_SESSION = r"session\.log|pictures/session-\d{5,}\.(?:jpg|png)"
 _MAP = r"map/map\.(?:yaml|pgm)"
 SIMULATION = FolderKind("a simulation", NOTE, FORMAT, rf"{NOTE}|{_SESSION}|survey/(?:{_SURVEY})|{_MAP}")
 SIMULATED_SURVEY = FolderKind("a simulated survey", NOTE, FORMAT, rf"{NOTE}|{_SURVEY}")

@@ -20,11 +20,11 @@ from maurice_mcl.values.progress import NamedProgress
 from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import KIDNAPPED, NO_PICTURE, Frame, Moment, SessionInfo
 
-from .folders import SIMULATION, SimulationPaths, copy_whole, paths_in, seal
+from .folders import SIMULATION, SimulationPaths, cached, copy_whole, fingerprint, paths_in, seal
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .render.laser import SimulatedLaser, occupancy_of
-from .robot.segments import Happened, Log, Moved, write_segments
+from .robot.segments import Eye, Happened, Log, Moved, Segment, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import (
@@ -142,6 +142,28 @@ def play(set_up: Stage, log: Log, report: NamedProgress) -> None:
     write_segments(log, course.start, course.segments(), set_up.eye, arena, course.total, report)
 
 
+def known_of(set_up: Stage, report: NamedProgress) -> Path:
+    """Return what is known of the world before a drive, from the cache: a survey's log, or a laser's map."""
+    plan, world = set_up.plan, set_up.surveyed
+    if not plan.laser:
+        kept = cached_survey(world, plan.arena_seed, report, half_resolution=plan.half_resolution)
+        return kept / SURVEY.name
+    key = f"{GENERATOR}-{fingerprint(world)[:24]}"
+
+    def make(folder: Path) -> None:
+        with new_folder(folder) as filling:
+            write_ros_map(occupancy_of(world.arena, world.nodes), filling / MAP.name)
+            seal(filling, key)
+
+    return cached("maps", key, make) / MAP.name
+
+
+def write_known(folder: Path, set_up: Stage, report: NamedProgress) -> None:
+    """Write what is known of the world before a drive beside its session. InputError if it cannot be."""
+    place = MAP if set_up.plan.laser else SURVEY
+    copy_whole(known_of(set_up, report).parent, folder / place.parent)
+
+
 def write_simulation(
     folder: Path,
     plan: SimulationPlan,
@@ -161,14 +183,8 @@ def write_simulation(
     expect_apart(folder, *(() if plan.recording is None else (plan.recording,)))
     with new_folder(folder, SIMULATION, force=force) as filling, one_thread():
         set_up = stage(plan)
-        if plan.laser:
-            occupancy = occupancy_of(set_up.surveyed.arena, set_up.surveyed.nodes)
-            (filling / MAP).parent.mkdir()
-            write_ros_map(occupancy, filling / MAP)
-        elif surveyor is None:
-            half = plan.half_resolution
-            kept = cached_survey(set_up.surveyed, plan.arena_seed, report, half_resolution=half)
-            copy_whole(kept, filling / SURVEY.parent)
+        if plan.laser or surveyor is None:
+            write_known(filling, set_up, report)
         else:
             camera = survey_camera(set_up.surveyed, plan.arena_seed, half_resolution=plan.half_resolution)
             write_survey(filling / SURVEY, set_up.surveyed, camera, surveyor, report)
@@ -221,6 +237,16 @@ def frame_of(number: int, t_s: float, motions: F64, seen: U8 | LaserScan) -> Fra
     return Frame(number, t_s, motions, seen, "")
 
 
+def moment_of(number: int, segment: Segment, before: Segment | None, eye: Eye) -> Moment:
+    """Return the moment of a segment, the `number`-th, after the one `before`; the eye looks at its end."""
+    motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
+    texts = [KIDNAPPED] if before is not None and before.kidnapped_to is not None else []
+    texts += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
+    moved = np.array(motions).reshape(-1, 3)
+    frame = frame_of(number, segment.t_s, moved, eye.take(number, segment.pose))
+    return Moment(frame, segment.pose, (*texts, *eye.events(number)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatedSession:
     """The session of a plan: the moments of its log, without JPEG compression and rounding to text."""
@@ -230,15 +256,10 @@ class SimulatedSession:
 
     def moments(self) -> Iterator[Moment]:
         """Drive and look from the beginning, on every call."""
-        eye, carried = self.set_up.eye, False
+        eye, before = self.set_up.eye, None
         for number, segment in enumerate(self.set_up.course.segments(), start=1):
-            motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
-            texts = [KIDNAPPED] if carried else []
-            texts += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
-            carried = segment.kidnapped_to is not None
-            moved = np.array(motions).reshape(-1, 3)
-            frame = frame_of(number, segment.t_s, moved, eye.take(number, segment.pose))
-            yield Moment(frame, segment.pose, (*texts, *eye.events(number)))
+            yield moment_of(number, segment, before, eye)
+            before = segment
 
 
 def simulated_session(plan: SimulationPlan, surveyed: World | None = None) -> SimulatedSession:

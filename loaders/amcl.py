@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.config.parameters import ALPHAS, AMCL
+from maurice_mcl.config.parameters import ALPHAS, AMCL, RULES
 from maurice_mcl.values.arrays import F64
 
 from .errors import FieldError, InputError
-from .files.text import expect_regular, number, show
+from .files.text import number, read_bounded, show
 
-MOST_BYTES = 2**20
+MOST_BYTES = 1_000_000
 INSTALL = "pip install 'maurice-replay[ros]'"
 
 # ROS 1 names by Nav2's
@@ -33,6 +33,22 @@ _ALIASES = {
     "kld_err": "pf_err",
     "kld_z": "pf_z",
     "odom_model_type": "robot_model_type",
+}
+# ours of ROS 1's omnidirectional model, in which alphas 1 and 4 change their roles; Nav2's are `ALPHAS`
+_ROS1_OMNI = ("way_from_turn", "turn_from_way", "way_from_way", "turn_from_turn")
+# AMCL's by ours, for errors, where the last word of ours is not AMCL's
+_NAMES = {
+    "particles": "max_particles",
+    "resampling.every": "resample_interval",
+    "resampling.kld.epsilon": "pf_err",
+    "resampling.kld.bin_m": "spatial_resolution_x",
+    "resampling.kld.heading_bins": "spatial_resolution_theta",
+    "resampling.kld.least": "min_particles",
+    "resampling.kld.most": "max_particles",
+    "recovery.augmented.slow": "recovery_alpha_slow",
+    "recovery.augmented.fast": "recovery_alpha_fast",
+    "start.sd_m": "initial_cov_xx",
+    "start.heading_sd_rad": "initial_cov_aa",
 }
 # Nav2's defaults (nav2_amcl, 1.3); those of the laser are `LaserParameters`'
 _DEFAULTS: Mapping[str, float] = {
@@ -132,16 +148,19 @@ def read_amcl(file: Path) -> AmclParameters:
     usual = _ROS1_DEFAULTS if any(name in _ALIASES for name in given) else {}
     named = {**usual, **{_ALIASES.get(name, name): value for name, value in given.items()}}
     try:
-        return _meaning(named, [name for name in given if name not in _KNOWN])
-    except FieldError as problem:
+        meaning = _meaning(named, given)
+        for key, value in meaning.settings.items():
+            RULES[key](_NAMES.get(key, key.rsplit(".", 1)[-1]), value)
+    except ValueError as problem:
         raise InputError(file, str(problem)) from None
+    return meaning
 
 
 def _parameters(file: Path) -> Mapping[str, Any]:
     """Return the mapping with the most keys of AMCL's. InputError where none has three."""
     best = max(_mappings(_document(file)), key=_known, default={})
     if _known(best) < 3:
-        expected = "expected those of AMCL, such as laser_model_type, max_beams and alpha1"
+        expected = "expected laser_model_type, max_beams, alpha1 and the like, as in Nav2's nav2_params.yaml"
         raise InputError(file, f"found no parameters of AMCL, {expected}")
     return best
 
@@ -156,17 +175,13 @@ def _document(file: Path) -> Any:
         from ruamel.yaml.error import YAMLError
     except ModuleNotFoundError:
         raise InputError(file, f"reading YAML needs the extra ros: {INSTALL}") from None
-    expect_regular(file, "AMCL's parameters")
-    try:
-        data = file.read_bytes()
-    except OSError as problem:
-        raise InputError(file, f"cannot be read: {problem.strerror}") from None
-    if len(data) > MOST_BYTES:
-        raise InputError(file, "found more than 1 MiB, expected a file of parameters")
+    data = read_bounded(file, "AMCL's parameters", MOST_BYTES)
     try:
         return YAML(typ="safe", pure=True).load(data.decode("utf-8-sig"))
-    except (YAMLError, UnicodeDecodeError, ValueError, RecursionError) as problem:
-        raise InputError(file, f"found no YAML: {' '.join(str(problem).split())[:120]}") from None
+    except (YAMLError, ValueError, RecursionError) as problem:
+        mark, what = getattr(problem, "problem_mark", None), getattr(problem, "problem", None) or problem
+        where = "" if mark is None else f"line {mark.line + 1}: "
+        raise InputError(file, f"found no YAML, {where}{' '.join(str(what).split())[:120]}") from None
 
 
 def _mappings(document: Any) -> Iterator[Mapping[Any, Any]]:
@@ -180,26 +195,32 @@ def _mappings(document: Any) -> Iterator[Mapping[Any, Any]]:
             left += value.values()
 
 
-def _meaning(given: Mapping[str, Any], unknown: list[str]) -> AmclParameters:
+def _meaning(given: Mapping[str, Any], written: Mapping[str, Any]) -> AmclParameters:
+    """Return what parameters mean; `written` has the names of the file. FieldError."""
+
     def size(name: str) -> float:
         return number(given.get(name, _DEFAULTS[name]), name)
 
     slow, fast = size("recovery_alpha_slow"), size("recovery_alpha_fast")
+    most = int(max(size("max_particles"), size("min_particles")))  # as AMCL repairs it
+    side_rad = size("spatial_resolution_theta")
+    if side_rad <= 0:
+        raise FieldError(f"spatial_resolution_theta: found {side_rad:g}, expected a number above 0")
     settings: dict[str, Any] = {
         **AMCL,
         "sensor.laser.model": _model(given),
         **{f"sensor.laser.{name}": given[name] for name in _LASER if name in given},
-        "particles": int(size("max_particles")),
-        "motion": _motion(given, size),
+        "particles": most,
+        "motion": _motion(given, size, "odom_model_type" in written),
         "resampling.when": "every",
-        "resampling.every": int(size("resample_interval")),
+        "resampling.every": max(int(size("resample_interval")), 1),  # as AMCL repairs it
         "resampling.kld.epsilon": size("pf_err"),
         # AMCL takes pf_z as the quantile itself, not as its probability
         "resampling.kld.delta": min(max(1 - NormalDist().cdf(size("pf_z")), 1e-9), 0.5),
         "resampling.kld.bin_m": size("spatial_resolution_x"),
-        "resampling.kld.heading_bins": max(round(2 * math.pi / size("spatial_resolution_theta")), 1),
+        "resampling.kld.heading_bins": min(max(round(2 * math.pi / side_rad), 1), 3600),
         "resampling.kld.least": int(size("min_particles")),
-        "resampling.kld.most": int(size("max_particles")),
+        "resampling.kld.most": most,
         "recovery.strategy": "augmented" if slow > 0 and fast > 0 else "none",
         "recovery.augmented.slow": slow,
         "recovery.augmented.fast": fast,
@@ -207,17 +228,22 @@ def _meaning(given: Mapping[str, Any], unknown: list[str]) -> AmclParameters:
         "recovery.augmented.resets": 0.0,
     }
     start = _start(given)
-    if start is not None:
+    if start is None or "initial_pose" not in given:  # Nav2's own initial pose has no spread
         settings["start.sd_m"] = math.sqrt(max(size("initial_cov_xx"), 0.0))
         settings["start.heading_sd_rad"] = math.sqrt(max(size("initial_cov_aa"), 0.0))
-    offline = [name for name in given if name in _OFFLINE]
     remarks = []
-    if offline:
+    if offline := [name for name in written if name in _OFFLINE]:
         remarks.append(f"AMCL's parameters that mean nothing in a replay: {', '.join(offline)}")
-    if unknown:
-        names = ", ".join(show(name) for name in unknown[:10])
-        remarks.append(f"parameters that are not AMCL's, left out: {names}")
-    return AmclParameters(settings, size("update_min_d"), size("update_min_a"), start, tuple(remarks))
+    if unknown := [show(name) for name in written if name not in _KNOWN]:
+        remarks.append(f"parameters that are not AMCL's, left out: {', '.join(unknown[:10])}")
+    if (model := written.get("odom_model_type")) in ("diff", "omni"):
+        remarks.append(
+            f"ROS 1's {model} takes variances as standard deviations; here it is {model}-corrected"
+        )
+    gates = size("update_min_d"), size("update_min_a")
+    if min(gates) <= 0:  # every scan passes one of them
+        gates = 0.0, 0.0
+    return AmclParameters(settings, *gates, start, tuple(remarks))
 
 
 def _model(given: Mapping[str, Any]) -> str:
@@ -227,15 +253,18 @@ def _model(given: Mapping[str, Any]) -> str:
     return str(model)
 
 
-def _motion(given: Mapping[str, Any], size: Callable[[str], float]) -> dict[str, Any]:
+def _motion(given: Mapping[str, Any], size: Callable[[str], float], is_ros1: bool) -> dict[str, Any]:
     """Return AMCL's motion model: its alphas multiply squares, as in Probabilistic Robotics."""
     model = str(given.get("robot_model_type", "differential")).lower()
     if not any(word in model for word in ("diff", "omni")):
         raise FieldError(f"found the motion model {show(model)}, expected differential or omni")
     names: tuple[str, ...] = ALPHAS
-    if "omni" in model:  # alphas 1 and 4 change their roles there
-        names = ("way_from_turn", "turn_from_way", "way_from_way", "turn_from_turn", "side_from_way")
+    if "omni" in model:
+        names = (*(_ROS1_OMNI if is_ros1 else ALPHAS), "side_from_way")
     noise = {name: size(f"alpha{k}") for k, name in enumerate(names, 1)}
+    for k, value in enumerate(noise.values(), 1):
+        if value < 0:
+            raise FieldError(f"alpha{k}: found {value:g}, expected a number of at least 0")
     return {"model": "omni" if "omni" in model else "odometry", **noise}
 
 

@@ -302,8 +302,8 @@ STANDING, TURNING, FORWARD, BACKWARD = range(4)
 def cut(drive: AlignedDrive) -> Trials:
     """Cut a drive where it changes between turning and going, forward and backward.
 
-    A drift is what the heading changed less what odometry saw. Movements that are too small, arcs, and those
-    in which the truth jumps are left out and counted.
+    A drift is what the heading changed less what odometry saw; backward, lengths are negative. Movements
+    that are too small, arcs, and those in which the truth jumps are left out and counted.
     """
     kinds, jumped = _kinds(drive.odometry), jumps(drive)
     edges = np.flatnonzero(np.diff(kinds)) + 1
@@ -318,7 +318,8 @@ def cut(drive: AlignedDrive) -> Trials:
         elif kind == TURNING:
             turns.append((moved[2], went[2]))
         else:
-            ways.append((np.hypot(*moved[:2]), np.hypot(*went[:2]), went[2] - moved[2]))
+            sign = -1 if kind == BACKWARD else 1
+            ways.append((sign * np.hypot(*moved[:2]), sign * np.hypot(*went[:2]), went[2] - moved[2]))
     measured, actual = np.array(turns, np.float64).reshape(-1, 2).T
     way_m, went_m, drift_rad = np.array(ways, np.float64).reshape(-1, 3).T
     straights = Straights(way_m, went_m, drift_rad, ("",) * len(ways))

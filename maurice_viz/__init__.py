@@ -4,6 +4,7 @@
 |---|---|
 | `replay` | replays a session once: scores, and where asked a Rerun recording and a saved run |
 | `compare` | replays two to four runs side by side and compares their scores |
+| `drive` | drives the simulated robot by keys, while a filter follows and is drawn |
 | `show` | shows a run, a recording or a session in a notebook's widget |
 | `results`, `traces` | a saved run's scores and its numbers step by step, as polars frames |
 | `diagnose` | why a filter was lost: one cause for each time |
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from .app.convert import convert as convert
     from .app.convert import export as export
     from .app.diagnose import diagnose as diagnose
+    from .app.drive.drive import drive as drive
     from .app.events import events as events
     from .app.explain import explain as explain
     from .app.inspect import doctor as doctor
@@ -87,6 +89,7 @@ _NAMES = {  # by module
     ".app.compare": "compare",
     ".app.convert": "build_map convert export",
     ".app.diagnose": "diagnose",
+    ".app.drive.drive": "drive",
     ".app.events": "events",
     ".app.explain": "explain",
     ".app.inspect": "doctor formats inspect",

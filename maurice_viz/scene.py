@@ -46,7 +46,7 @@ class Ending:
     """What a layout has to know of runs that are over."""
 
     step: int  # to look at
-    most_m: float  # the largest position error of all runs
+    most_m: float  # the largest position error of all runs; without truth the largest spread
 
 
 @dataclass(frozen=True, eq=False)

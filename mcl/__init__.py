@@ -7,6 +7,7 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 The chapters, from the ground up:
 
 - `values`: the vocabulary; `errors`: bad input; `examples`: a tiny library and session
+- `threads`: one an operation, also of numpy and OpenCV, unless a variable of theirs is set
 - `sensor`: what is measured in a picture, and how likely it makes every place
 - `library`: what a library covers, and how well it distinguishes its own places
 - `filter`: propose, measure, weight, estimate, resample, recover
@@ -22,6 +23,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from .errors import front_page
+from .threads import bound_threads
 
 if TYPE_CHECKING:
     from .config.build import make_localizer as make_localizer
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
     from .values.session import Frame as Frame
     from .values.session import Moment as Moment
     from .values.session import Session as Session
+
+bound_threads()  # before the first import of numpy
 
 # Looked up when first used, so that a command which needs one chapter does not load them all.
 _HOME = {

@@ -31,7 +31,7 @@ HEAVY = {
 # Rooms of each package from the ground up: a room may import those in rows before its own, not its neighbors.
 ROOMS = {
     "maurice_mcl": (
-        ("errors",),
+        ("errors", "threads"),
         ("values",),
         ("sensor",),
         ("library",),

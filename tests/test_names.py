@@ -60,6 +60,22 @@ def test_the_command_starts_without_importing_rerun(tmp_path):
     assert python(code, tmp_path, tmp_path) == "[]"
 
 
+def test_a_replay_is_ready_without_what_others_need(tmp_path):
+    """No table library, no simulation, no bags: they took a quarter of the time until the first step."""
+    code = "import sys, maurice_viz.app.replay, maurice_viz.cli.replay, maurice_viz.app.diagnose; "
+    slow = {
+        "polars",
+        "scipy",
+        "rosbags",
+        "mcap",
+        "ruamel",
+        "maurice_datasets",
+        "maurice_loaders.bags.recording",
+    }
+    code += f"print(sorted({slow} & set(sys.modules)))"
+    assert python(code, tmp_path, tmp_path) == "[]"
+
+
 @pytest.mark.parametrize("name", ["maurice_mcl", "maurice_loaders", "maurice_datasets", "maurice_viz"])
 def test_the_names_that_type_checkers_see_are_those_that_are_there(name):
     page = importlib.import_module(name)

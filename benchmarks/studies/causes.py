@@ -23,7 +23,7 @@ import cv2
 import joblib
 
 from maurice_datasets.trials.statistics import rate
-from maurice_mcl.reasons.causes import UNKNOWN
+from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 
 from .planted.places import SETS
@@ -39,16 +39,16 @@ Row = dict[str, Any]
 
 
 def main() -> None:
-    asked = _asked()
+    asked = asked_of("causes", __doc__ or "", list(WAYS), "docs/diagnose.md")
     cv2.setNumThreads(1)
     file = asked.output / f"{asked.set}.jsonl"
     if asked.anew and file.exists():
         file.unlink()
-    rows = _known(file)
+    rows = known(file)
     while jobs := jobs_of(rows, asked.kinds, asked.drives):
         for row in made(asked.set, jobs, asked.jobs):
             rows.append(row)
-            _keep(file, row)
+            keep(file, row)
             if asked.show:
                 print(said(row), flush=True)
     chosen = [row for kind in asked.kinds for row in first_of(rows, kind, asked.drives)]
@@ -58,16 +58,17 @@ def main() -> None:
         write(text)
 
 
-def _asked() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.causes", description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("out/causes"))
+def asked_of(name: str, about: str, kinds: Sequence[str], page: str) -> argparse.Namespace:
+    """Read the command line of a study of planted kinds."""
+    parser = argparse.ArgumentParser(prog=f"python -m benchmarks.studies.{name}", description=about)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out") / name.replace("_", "-"))
     parser.add_argument("--set", choices=SETS, default="unseen")
-    parser.add_argument("--kinds", nargs="*", choices=WAYS, default=list(WAYS), metavar="KIND")
+    parser.add_argument("--kinds", nargs="*", choices=kinds, default=list(kinds), metavar="KIND")
     parser.add_argument("--drives", type=int, default=DRIVES, help="of each kind that count")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--anew", action="store_true", help="diagnose again what was diagnosed before")
     parser.add_argument("--show", action="store_true", help="print every diagnosis with its evidence")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/diagnose.md")
+    parser.add_argument("--write", action="store_true", help=f"put the table into {page}")
     return parser.parse_args()
 
 
@@ -113,15 +114,18 @@ def _row(which: str, kind: str, number: int) -> Row:
     builder = DiagnosisBuilder(run.localizer)
     for moment, record in run.steps():
         builder.add(moment, record)
-    failures = builder.result()
     row |= {"way": run.planting.way, "since": run.planting.since, "lost": run.outcome.lost_from}
-    row |= {"discarded": run.discarded, "named": failures[0].kind if failures else NONE}
-    if failures:
-        first = failures[0]
-        row |= {"first": first.first, "at": first.episode.onset, "also": list(first.also)}
-        row |= {"evidence": {name: str(value) for name, value in first.evidence.items()}}
-        row |= {"later": [name.kind for name in failures[1:]]}
-    return row
+    return row | {"discarded": run.discarded} | named(builder.result())
+
+
+def named(failures: Sequence[Failure]) -> Row:
+    """Return what a diagnosis says first, as part of a row."""
+    if not failures:
+        return {"named": NONE}
+    first = failures[0]
+    row: Row = {"named": first.kind, "first": first.first, "at": first.episode.onset}
+    row |= {"evidence": {name: str(value) for name, value in first.evidence.items()}}
+    return row | {"also": list(first.also), "later": [failure.kind for failure in failures[1:]]}
 
 
 def said(row: Row) -> str:
@@ -140,9 +144,9 @@ def _right(kind: str) -> str:
 
 def table(rows: Sequence[Row]) -> list[str]:
     """Return the confusion matrix: planted causes down, named causes across."""
-    kinds = [kind for kind in WAYS if any(row["planted"] == kind for row in rows)]
-    named = [NONE, *(kind for kind in WAYS if kind != HEALTHY), UNKNOWN]
-    named = [name for name in named if any(row["named"] == name for row in rows)]
+    kinds = list(dict.fromkeys(row["planted"] for row in rows))
+    named = [NONE, *(kind for kind in kinds if kind != HEALTHY), *CAUSES]
+    named = [name for name in dict.fromkeys(named) if any(row["named"] == name for row in rows)]
     lines = [f"| planted \\ named | runs | {' | '.join(_short(name) for name in named)} | right |"]
     lines.append(f"|---|{'---:|' * (len(named) + 1)}---|")
     for kind in kinds:
@@ -181,23 +185,25 @@ def notes(rows: Sequence[Row]) -> list[str]:
     return lines
 
 
-def _known(file: Path) -> list[Row]:
+def known(file: Path) -> list[Row]:
+    """Return the rows that were made before."""
     if not file.is_file():
         return []
     return [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
 
 
-def _keep(file: Path, row: Mapping[str, Any]) -> None:
+def keep(file: Path, row: Mapping[str, Any]) -> None:
+    """Add a row to a file."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("a", encoding="utf-8") as out:
         out.write(json.dumps(row) + "\n")
 
 
-def write(text: str) -> None:
+def write(text: str, docs: Path = DOCS) -> None:
     """Put the table between its marks in the docs, `<!-- planted causes -->` and `<!-- end -->`."""
-    page = DOCS.read_text(encoding="utf-8")
+    page = docs.read_text(encoding="utf-8")
     marked = re.compile(rf"(<!-- {MARK} -->\n).*?(<!-- end -->)", re.DOTALL)
-    DOCS.write_text(marked.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page), encoding="utf-8")
+    docs.write_text(marked.sub(lambda found: f"{found[1]}\n{text}\n\n{found[2]}", page), encoding="utf-8")
 
 
 if __name__ == "__main__":

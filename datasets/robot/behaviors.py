@@ -20,7 +20,7 @@ from maurice_mcl.values.map import Arena
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """The sensors. The thesis names infrared detectors (2) and no numbers: all are invented."""
+    """The sensors. The thesis names infrared detectors (its appendix) and no numbers: all are invented."""
 
     count: int = 24  # evenly all around, the first straight ahead: a box of 5 in is never missed at 20 in
     reach_m: float = 30 * INCH_M  # nothing farther is seen: triangulating infrared sensors end at 0.8 m
@@ -81,6 +81,8 @@ def _outlines(arena: Arena) -> tuple[F64, F64]:
 
 DICE = 16  # uniform numbers per update; a behavior that leaves something to chance looks at them
 
+Command = tuple[float | None, float]  # turn_rad, None: no turn; then forward_m, below 0 backward
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Senses:
@@ -91,6 +93,7 @@ class Senses:
     bumped: bool = False  # the last motion ended where the robot ran into something: contact switches
     unseen: bool = False  # a motion was completed and no picture has been taken since
     goal_rad: float | None = None  # bearing of the next point on the path to the goal; None without a goal
+    command: Command | None = None  # of a person; None: they leave it to the robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +102,8 @@ class BehaviorProposal:
 
     behavior: str
     priority: int  # the largest wins
-    turn_rad: float = 0.0
-    forward_m: float = 0.0
+    turn_rad: float | None = 0.0  # None: no turn at all, and so none of its errors
+    forward_m: float = 0.0  # below 0: backward
     look: bool = False  # stand still and take a picture instead
 
 
@@ -153,6 +156,15 @@ class AvoidCollision:
         else:
             return None
         return BehaviorProposal("collision avoidance", 2, bearing, self.stride.length(senses.dice[0], open_m))
+
+
+@dataclass(frozen=True, slots=True)
+class Teleoperate:
+    """Do what a person says, whatever the sensors see."""
+
+    def propose(self, senses: Senses) -> BehaviorProposal | None:
+        """Pass the command on."""
+        return None if senses.command is None else BehaviorProposal("teleoperation", 3, *senses.command)
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,20 +22,23 @@ from .behaviors import (
     AvoidCollision,
     Behavior,
     BehaviorProposal,
+    Command,
     GoToPoint,
     Localize,
     Ring,
     Senses,
+    Teleoperate,
     Wander,
     choose,
     sense,
 )
-from .motion import Chassis, Movement, draw_luck, draw_slip, drive_by, turn_by
+from .motion import Chassis, Movement, draw_luck, draw_slip, drive_by, standing, turn_by
 from .planner import Raster, free_pose
 
 REACHED_M = 9.0 * INCH_M  # a goal counts as reached from here
 KIDNAP_M = 48 * INCH_M  # a kidnapped robot is put down at least so far away
 BEHAVIORS: tuple[Behavior, ...] = (Localize(), AvoidCollision(), GoToPoint(), Wander())
+BY_HAND: tuple[Behavior, ...] = (Teleoperate(), AvoidCollision(), Wander())  # of a robot that a person drives
 STAY = BehaviorProposal("nobody", -1)
 
 
@@ -66,19 +69,26 @@ class Robot:
     spins_at: range = range(0)  # updates at which its wheels spin
 
     def decide(
-        self, step: int, pose: F64, goal_rad: float, last: DriveUpdate | None, unseen: bool
+        self,
+        step: int,
+        pose: F64,
+        goal_rad: float | None,
+        last: DriveUpdate | None,
+        unseen: bool,
+        command: Command | None = None,
     ) -> BehaviorProposal | None:
         """Sense everything once and let the arbiter choose among the behaviors."""
         proximity = sense(self.arena, pose, self.ring, self.chance(step, SimPurpose.PROXIMITY))
         dice = self.chance(step, SimPurpose.WANDER).random(DICE)
         bumped = last is not None and last.straight.bumped
-        return choose(self.behaviors, Senses(proximity, dice, bumped, unseen, goal_rad))
+        return choose(self.behaviors, Senses(proximity, dice, bumped, unseen, goal_rad, command))
 
     def move(self, step: int, pose: F64, chosen: BehaviorProposal) -> DriveUpdate:
         """Carry out what was chosen, as well as chance lets it."""
         slip = draw_slip(self.chance(step, SimPurpose.SLIP), self.chassis)
         luck = draw_luck(self.chance(step, SimPurpose.ROBOT), slip)
-        turn = turn_by(pose, chosen.turn_rad, luck, self.chassis)
+        turned = chosen.turn_rad
+        turn = standing(pose) if turned is None else turn_by(pose, turned, luck, self.chassis)
         spins = step in self.spins_at
         straight = drive_by(turn.path[-1], chosen.forward_m, luck, self.arena, self.chassis, spins=spins)
         return DriveUpdate(turn, straight, chosen.behavior)

@@ -1,7 +1,8 @@
 """The simulated Maurice: how it really moves, what its encoders report, and trials to calibrate it by.
 
 Turning is over-read by a gain and scatters once per turn, straights fall short once per movement, the heading
-drifts with distance, by floor (thesis 3.2). Where a floor ends the robot may slip (3.6).
+drifts with distance, by floor (thesis 3.2, 3.3). Where a floor ends the robot may slip (3.6). Backward is
+forward mirrored: a straight falls short as well, and its drift keeps the robot on the arc that it came by.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ SUBSTEP_M = 0.5 * INCH_M  # a straight is followed in steps of about this
 
 @dataclass(frozen=True, slots=True)
 class HeadingDrift:
-    """How the heading drifts on one floor, counter-clockwise, in proportion to distance."""
+    """How the heading drifts on one floor, counter-clockwise, per distance; backward clockwise."""
 
     bias_rad_per_m: float
     sd_rad_per_m: float  # one draw a straight, times its length
@@ -109,6 +110,11 @@ class Movement:
     spun_m: float = 0.0  # what the wheels counted while they only spun
 
 
+def standing(pose: F64) -> Movement:
+    """Do not move, and measure nothing."""
+    return Movement(np.zeros(3), np.zeros(4), np.stack([pose, pose]))
+
+
 def turn_by(pose: F64, commanded_rad: float, luck: Luck, chassis: Chassis) -> Movement:
     """Turn on the spot: actual = measured / 1.3695 + N(0.2681, 4.916) degrees."""
     actual = commanded_rad + chassis.turn_bias_rad + chassis.turn_sd_rad * luck.turn
@@ -123,25 +129,29 @@ def drive_by(
 ) -> Movement:
     """Drive straight: with one error of length, a drift by floor on the way, and a stop at contact.
 
-    A length of 0 is no movement; a robot that is stopped has measured what it drove, and a little more. One
-    whose wheels spin has measured all of it, and gets hardly ahead.
+    A length of 0 is no movement, one below 0 goes backward; a robot that is stopped has measured what it
+    drove, and a little more. One whose wheels spin has measured all of it, and gets hardly ahead.
     """
     error = chassis.straight_bias_m + chassis.straight_sd_m * luck.straight
-    length = max(commanded_m + error, 0.0) if commanded_m > 0 else 0.0
+    way, ahead = abs(commanded_m), -1 if commanded_m < 0 else 1
+    length = max(way + error, 0.0) if way > 0 else 0.0
     spun_m = length * (1 - chassis.grip) if spins else 0.0
-    path, slipped = follow(pose, length - spun_m, luck, arena, chassis)
+    path, slipped = follow(pose, ahead * (length - spun_m), luck, arena, chassis)
     whole = len(path)
     path = path[: touches(path, arena, chassis.radius_m)]
     if bumped := len(path) < whole:
-        commanded_m = min(commanded_m, commanded_m * (len(path) - 1) / (whole - 1) + chassis.stall_m)
+        way = min(way, way * (len(path) - 1) / (whole - 1) + chassis.stall_m)
         slipped = slipped if _floors_change(path, arena) else 0.0
-    measured = np.array([commanded_m, 0.0, 0.0])
+    measured = np.array([ahead * way, 0.0, 0.0])
     return Movement(measured, encoders(measured, luck, chassis), path, slipped, bumped, spun_m)
 
 
 def follow(pose: F64, length_m: float, luck: Luck, arena: Arena, chassis: Chassis) -> tuple[F64, float]:
-    """Follow a drifting straight in small steps; gives the true poses (K, 3), K >= 2, and the slip."""
-    count = max(1, round(length_m / SUBSTEP_M))
+    """Follow a drifting straight in small steps; gives the true poses (K, 3), K >= 2, and the slip.
+
+    A length below 0 goes backward.
+    """
+    count = max(1, round(abs(length_m) / SUBSTEP_M))
     step = length_m / count
     x, y, heading = (float(v) for v in pose)
     poses, slipped, begun_on = [[x, y, heading]], 0.0, floor_at(arena, x, y)

@@ -138,7 +138,7 @@ def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
     """Return the segment of one update that begins at a time."""
     turn, straight = update.turn, update.straight
     turned = t_s + 2 * SETTLE_S + abs(float(turn.measured[2])) / TURN_RAD_S
-    took = float(straight.measured[0]) / DRIVE_M_S
+    took = abs(float(straight.measured[0])) / DRIVE_M_S
     driven = turned + 2 * SETTLE_S + took
     changes = crossings(straight.path, arena)
     begun = turned + SETTLE_S

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +15,18 @@ import numpy as np
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.library.occupancy_building import build_occupancy
 from maurice_mcl.scoring.metrics import FIRST_SCORED
-from maurice_mcl.sensor.map_places import reference_of
+from maurice_mcl.sensor.map_places import map_library, reference_of
 from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
+from maurice_mcl.values.occupancy import OccupancyMap
 from maurice_mcl.values.session import Moment, Session, SessionInfo
 
 from ..sessions import simulated_session, simulation_plan
@@ -32,6 +36,7 @@ from ..tasks import SURVEY, TEST
 from ..worlds.build import load_world
 from ..worlds.world import World
 from .plan import SessionSpec, configuration_of
+from .stretches import Stretches
 
 Settings = dict[str, Any]
 FIRST = TEST.start  # arena k and drive k of a plan have the test seeds 1000 + k
@@ -114,17 +119,57 @@ class Drive:
 
 def open_drive(spec: SessionSpec, seed: int) -> Drive:
     """Return the drive of run `seed`: simulated anew, or the recorded one. InputError for neither."""
-    return _recorded(spec.drive) if spec.path else _simulated(spec.drive, seed)
+    if not spec.path:
+        return _simulated(spec.drive, seed)
+    return _part(spec, seed) if spec.is_cut else _recorded(spec.drive)
 
 
 @lru_cache(1)
 def _recorded(spec: SessionSpec) -> Drive:
-    session = open_session(spec.path)
-    source = spec.library or session.info.survey
-    if source is None:
-        raise InputError(None, f"{spec.path}: found no library in its header; give the session a library")
+    session = open_session(spec.path, ReadingOptions(odometry_from_truth=spec.odometry_from_truth))
     start = None if spec.start else session.info.start
-    return Drive(session, start, Bench.of(open_library(source)), None)
+    return Drive(session, start, Bench.of(open_library(_library_of(session, spec.path, spec.library))), None)
+
+
+def _library_of(session: Session, path: str, library: str) -> str | Path:
+    source = library or session.info.survey
+    if source is None:
+        raise InputError(None, f"{path}: found no library in its header; give the session a library")
+    return source
+
+
+def _part(spec: SessionSpec, seed: int) -> Drive:
+    """Return run `seed` over a part of a recording; it begins at the true pose, unless anywhere."""
+    info, bench, stretches = _cut(spec.path, spec.library, spec.mapped, spec.odometry_from_truth)
+    moments = stretches.of_run(seed, spec.stretch, spec.kidnap_at)
+    return Drive(RenderedSession(info, moments), None if spec.start else moments[0].truth, bench, None)
+
+
+@lru_cache(1)
+def _cut(path: str, library: str, mapped: str, made: bool) -> tuple[SessionInfo, Bench, Stretches]:
+    """Return what the stretches of a recording share; with `made` its odometry is made from the truth."""
+    session = open_session(path, ReadingOptions(odometry_from_truth=made))
+    moments = [moment for moment in session.moments() if moment.truth is not None]
+    if not moments:
+        raise InputError(None, f"{path}: found no true pose, and parts of a recording need some")
+    half = len(moments) // 2 if mapped == "first half" else 0
+    if mapped:
+        until_s = moments[half].frame.time_s if half else np.inf
+        bench = Bench.of(map_library(_map_of(path, until_s), session.info.name))
+    else:
+        bench = Bench.of(open_library(_library_of(session, path, library)))
+    return session.info, bench, Stretches.of(moments[half:], bench.library.occupancy)
+
+
+def _map_of(path: str, until_s: float) -> OccupancyMap:
+    """Return a map of all scans with true poses before a time, also of those that no update uses."""
+    every = open_session(path, ReadingOptions(min_distance_m=0.0, min_angle_rad=0.0)).moments()
+    before = takewhile(lambda moment: moment.frame.time_s < until_s, every)
+    posed = ((moment.frame.scan, moment.truth) for moment in before)
+    try:
+        return build_occupancy((scan, pose) for scan, pose in posed if scan is not None and pose is not None)
+    except ValueError as problem:
+        raise InputError(None, f"{path}: no map can be made of its scans: {problem}") from None
 
 
 def _simulated(spec: SessionSpec, seed: int) -> Drive:
@@ -139,7 +184,7 @@ def _simulated(spec: SessionSpec, seed: int) -> Drive:
 def arena_of(spec: SessionSpec, seed: int) -> Arena:
     """Return the map that run `seed` drives in, without its pictures."""
     if spec.path:
-        return _recorded(spec.drive).bench.library.arena
+        return open_drive(spec, seed).bench.library.arena
     return load_world(spec.world, FIRST + seed % spec.arenas, spec.tier).arena
 
 

@@ -21,7 +21,17 @@ from maurice_loaders.files.text import read_toml, show
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
-from maurice_mcl.values.setting_rules import Rule, checked, choice, entries, rules_of, table, text, whole
+from maurice_mcl.values.setting_rules import (
+    Rule,
+    checked,
+    choice,
+    entries,
+    rules_of,
+    table,
+    text,
+    truth,
+    whole,
+)
 
 from ..sessions import simulation_plan
 from ..tasks import TASKS, TEST, TIERS
@@ -76,9 +86,18 @@ class SessionSpec:
     # by the survey; "unknown": left out of it, so that landmarks fit it
     camera: Annotated[str, choice("stated", "unknown")] = "stated"
     arenas: Annotated[int, whole(1, MOST_DRIVES)] = 5  # run k drives in arena k modulo this number
-    path: Annotated[str, text] = ""  # of a recorded session; the fields above are then not used
+    path: Annotated[str, text] = ""  # of a recorded session; `kidnap_at` is then of a stretch, others unused
     library: Annotated[str, text] = ""  # of a recorded session; "": the one that its header names
+    # a map of the recording's scans instead: of all; or of its first half, and then its second is driven
+    mapped: Annotated[str, choice("", "all", "first half")] = ""
+    stretch: Annotated[int, COUNT] = 0  # updates of run k from a place of its own in the recording; 0: whole
+    odometry_from_truth: Annotated[bool, truth] = False  # of a recording whose odometry repeats the truth
     start: Annotated[str, choice("", "anywhere")] = ""  # "": the header's start, else anywhere; "anywhere"
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether a part of a recording is driven, or all of it on a map of its own scans."""
+        return bool(self.mapped or self.stretch)
 
     @property
     def drive(self) -> SessionSpec:
@@ -335,9 +354,11 @@ def _sessions(file: Path, number: int, given: Mapping[str, Any]) -> Iterator[Ses
         chosen = dict(zip(lists, values, strict=True))
         spec = _checked(file, {**given, **chosen}, SESSION_KEYS, f"session {number}: ")
         name = spec.get("label") or spec.get("task") or drive_name(file.parent / spec.get("path", "session"))
+        both = "both task and path" if "path" in spec else "neither task nor path"
         if ("path" in spec) == ("task" in spec):
-            both = "both task and path" if "path" in spec else "neither task nor path"
             raise InputError(file, f"session {number}: found {both}, expected one of them")
+        if spec.get("library") and spec.get("mapped"):
+            raise InputError(file, f"session {number}: found both library and mapped, expected one of them")
         more = "".join(f", {value or 'unchanged'}" for value in chosen.values())
         yield _simulated_or_recorded(file, number, SessionSpec(**{**spec, "label": f"{name}{more}"}))
 

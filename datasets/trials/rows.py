@@ -68,11 +68,8 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "after_s": (_NUMBER, "robot time since then: where `localized_s` of a run without is censored"),
     "right_at_end": (_FLAG, "correct in at least 7 of the last 10 updates"),
     "wrong_confident": (_NUMBER, "share of updates converged on a wrong place"),
-    "succeeded_tenth": (
-        _FLAG,
-        "the thesis's success, since a kidnapping: deviation under 10 % of the arena",
-    ),
-    "succeeded_circle": (_FLAG, "the same: 90 % within 6 in"),
+    "succeeded_tenth": (_FLAG, "the thesis's success: deviation under 10 % of the arena"),
+    "succeeded_circle": (_FLAG, "the thesis's success: 90 % within 6 in"),
     "confidence_end": (_NUMBER, "share of weight near the estimate, at the last update"),
     "sd_end_m": (_NUMBER, "standard deviation of the cloud, at the last update"),
     "ess_share": (_NUMBER, "effective sample size over the number of particles, mean"),
@@ -86,11 +83,16 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "true_x_m": (_LIST, "true position at every update; NaN where it is not known"),
     "true_y_m": (_LIST, "the same"),
     "truth_rank": (_LIST, "rank of the reference nearest the truth among all, from 1; NaN: not known"),
+    "off_rad": (_LIST, "heading error at every update"),
+    "mapped": (_LIST, "share of a scan's beams from the true pose that end in mapped space, at every update"),
 }
 TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
 KEY = ("part", "session", "variant", "seed")
 # not in rows of earlier versions: null
-LATER = ("right_m", "true_x_m", "true_y_m", "truth_rank", "heading_error_median_rad", "after_m", "after_s")
+LATER = (
+    *("right_m", "true_x_m", "true_y_m", "truth_rank", "heading_error_median_rad", "after_m", "after_s"),
+    *("off_rad", "mapped"),
+)
 MEASURED = ("took_s", "host")  # what may differ between two computations of the same run
 Key = tuple[str, str, int, int]
 

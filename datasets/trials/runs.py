@@ -28,7 +28,7 @@ from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m
 from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
 from .tally import RunTally
-from .truths import TruthRanks
+from .truths import TruthRanks, mapped_shares
 
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
@@ -60,7 +60,7 @@ class Job:
     """Runs that share a drive."""
 
     spec: SessionSpec
-    seed: int  # of the drive; 0 for a recorded one
+    seed: int  # of the drive, or of the first of its runs
     asked: tuple[TrialRun, ...]
 
 
@@ -104,8 +104,9 @@ def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int
             continue
         rows |= {number: _failed(job.asked[number], job.spec, why) for number in stepper.numbers}
     oracle = oracle_m(drive.bench.library, [moment.truth for moment in moments])
+    mapped = mapped_shares(drive.bench.library.occupancy, moments)
     for stepper in steppers:
-        about_runs = truths.columns(stepper.localizer.sensor, moments)
+        about_runs = truths.columns(stepper.localizer.sensor, moments) | {"mapped": mapped}
         about_runs["right_m"] = stepper.localizer.radii.right_m
         about_runs |= _about_filter(job.asked[stepper.numbers[0]])
         for number, figures in zip(stepper.numbers, stepper.figures(moments), strict=True):
@@ -256,12 +257,13 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
 def _drives(
     users: Mapping[SessionSpec, Sequence[tuple[Part, str]]],
 ) -> Iterator[tuple[SessionSpec, Sequence[int]]]:
-    """Yield every drive with the seeds of its runs: a simulated one has one seed, a recorded one many."""
+    """Yield every drive with the seeds of its runs: a simulated one and a stretch have one seed."""
     count = {spec: max(part.seeds for part, _ in parts) for spec, parts in users.items()}
     for spec in users:
         if spec.path:
-            for first in range(0, count[spec], SEEDS_A_JOB):
-                yield spec, range(first, min(first + SEEDS_A_JOB, count[spec]))
+            alike = 1 if spec.stretch else SEEDS_A_JOB  # runs over one drive
+            for first in range(0, count[spec], alike):
+                yield spec, range(first, min(first + alike, count[spec]))
     simulated = [spec for spec in users if not spec.path]
     places = sorted({(spec.world, spec.tier, k) for spec in simulated for k in range(spec.arenas)})
     for world, tier, arena in places:

@@ -10,8 +10,11 @@ import numpy as np
 
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.sensor.model import SensorModel
+from maurice_mcl.values.occupancy import OccupancyMap
 from maurice_mcl.values.records import Comparison
 from maurice_mcl.values.session import Moment
+
+from .stretches import mapped_share
 
 
 @dataclass(slots=True)
@@ -32,6 +35,13 @@ class TruthRanks:
         places = [(np.nan, np.nan) if truth is None else truth[:2].tolist() for truth in truths]
         x, y = zip(*places, strict=True) if places else ((), ())
         return {"true_x_m": list(x), "true_y_m": list(y), "truth_rank": self.ranks.get(id(sensor), [])}
+
+
+def mapped_shares(occupancy: OccupancyMap | None, moments: Sequence[Moment]) -> list[float] | None:
+    """Return of every update's beams the share that ends where the map is known; None without a map."""
+    if occupancy is None:
+        return None
+    return [mapped_share(occupancy, moment.frame.scan, moment.truth) for moment in moments]
 
 
 def rank_of_truth(sensor: SensorModel, comparison: Comparison, moment: Moment) -> float:

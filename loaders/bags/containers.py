@@ -275,3 +275,32 @@ class _RosBag:
             if self._ros1:
                 return decode_ros1(data, kind, definition.data)
             return decode_cdr(data, kind, definition.data, definition.format.name.lower())
+
+
+# Which kind a file is, by content before name.
+
+
+ROS1_ANY = b"#ROSBAG V"  # of any version
+SQLITE_MAGIC = b"SQLite format 3\0"
+
+
+def looks_like_rosbag1(path: Path) -> bool:
+    """Return whether a file begins as ROS 1 bags do, or is named like one."""
+    return starts_with(path, ROS1_ANY) or (path.suffix == ".bag" and path.is_file())
+
+
+def looks_like_rosbag2(path: Path) -> bool:
+    """Return whether a folder is a ROS 2 bag, or a file is its database."""
+    if path.is_dir():
+        return is_bag_folder(path)
+    return path.name.endswith((".db3", *COMPRESSED)) or starts_with(path, SQLITE_MAGIC)
+
+
+def looks_like_mcap(path: Path) -> bool:
+    """Return whether a file begins as MCAP does, or is named like it."""
+    return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
+
+
+def looks_like_bag(path: Path) -> bool:
+    """Return whether a file or folder is a bag of any kind."""
+    return looks_like_rosbag1(path) or looks_like_rosbag2(path) or looks_like_mcap(path)

@@ -20,7 +20,14 @@ from ..formats.registry import Format
 from ..reading.options import ReadingOptions
 from ..reading.plane import Plane, Pose, forward_axis, leaning, planar, plane_of
 from ..reading.recording import OdometryPose, Record, TruthPose
-from .containers import COMPRESSED, is_bag_folder, is_mcap, open_mcap, open_ros1, open_ros2
+from .containers import (
+    looks_like_mcap,
+    looks_like_rosbag1,
+    looks_like_rosbag2,
+    open_mcap,
+    open_ros1,
+    open_ros2,
+)
 from .messages import (
     MESSAGE_ERRORS,
     TEXT,
@@ -52,7 +59,7 @@ from .readers import (
     read_bag,
 )
 from .scans import BASES, MOST_STATIC, ScanReader, add_links, frame_of, laser_of
-from .source import BagSource, OpenBag, Topic, starts_with
+from .source import BagSource, OpenBag, Topic
 from .topics import (
     PoseTopic,
     TopicChoice,
@@ -306,8 +313,6 @@ def _yaw(bag: BagSource, base: str, frame: str) -> float | None:
     return None if leaning(turned, axis) > STEEP_RAD else float(planar(place[:3, 3], turned, axis)[2])
 
 
-ROS1_ANY = b"#ROSBAG V"  # of any version
-SQLITE_MAGIC = b"SQLite format 3\0"
 BAGS: dict[str, OpenBag] = {"rosbag1": open_ros1, "rosbag2": open_ros2, "mcap": open_mcap}
 
 
@@ -326,28 +331,6 @@ def _format(name: str, what: str, looks_like: Callable[[Path], bool]) -> Format:
         in_space=True,
         readings=True,
     )
-
-
-def looks_like_rosbag1(path: Path) -> bool:
-    """Return whether a file begins as ROS 1 bags do, or is named like one."""
-    return starts_with(path, ROS1_ANY) or (path.suffix == ".bag" and path.is_file())
-
-
-def looks_like_rosbag2(path: Path) -> bool:
-    """Return whether a folder is a ROS 2 bag, or a file is its database."""
-    if path.is_dir():
-        return is_bag_folder(path)
-    return path.name.endswith((".db3", *COMPRESSED)) or starts_with(path, SQLITE_MAGIC)
-
-
-def looks_like_mcap(path: Path) -> bool:
-    """Return whether a file begins as MCAP does, or is named like it."""
-    return is_mcap(path) or (path.suffix == ".mcap" and path.is_file())
-
-
-def looks_like_bag(path: Path) -> bool:
-    """Return whether a file or folder is a bag of any kind."""
-    return looks_like_rosbag1(path) or looks_like_rosbag2(path) or looks_like_mcap(path)
 
 
 MCAP = "MCAP with ROS 2, ROS 1, JSON or protobuf messages, as ROS 2 and Foxglove write it"

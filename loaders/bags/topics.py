@@ -280,8 +280,9 @@ def _guess_in_words(
         ("odometry", "--reading odometry_topic=...", wishes.odometry, choice.odometry, POSES),
         ("truth", "--reading truth_topic=...", wishes.truth, choice.truth, POSES),
     )
-    lasers = bool(readable(topics, SCANS))  # of which nothing is said where there are none
-    guessed = [role for role in roles if role[2] is None and (lasers or role[-1] is not SCANS)]
+    lasers, cameras = (bool(readable(topics, kinds)) for kinds in (SCANS, PICTURES | VIDEOS))
+    silent = {"scans"} if not lasers else set() if cameras else {"pictures"}  # what there is none of
+    guessed = [role for role in roles if role[2] is None and role[0] not in silent]
     if not guessed:
         return "", ""
     chosen = [f"{what} {f'from {taken}' if taken else 'none'}" for what, _, _, taken, _ in guessed]

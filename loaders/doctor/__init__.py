@@ -3,5 +3,5 @@
 * `inspection`: counts, rates and gaps of a recording, as `inspect` shows them
 * `examination`: goes through a recording and reports errors, with the options that fix them
 * `findings`: errors as codes and numbers; `odometry`, `mast` (a camera off the robot's center), `pictures`,
-  `plausibility`: what computes them
+  `scans`, `plausibility`: what computes them
 """

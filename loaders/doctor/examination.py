@@ -22,13 +22,14 @@ from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import path_of
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.progress import Progress
+from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import MOST
 from ..formats.registry import Format, chosen, open_recording
 from ..reading.options import MADE_ODOMETRY, ReadingOptions, option_name
-from ..reading.recording import Motion, Note, OdometryPose, Picture, TruthPose
+from ..reading.recording import Motion, Note, OdometryPose, Picture, Scan, TruthPose
 from ..reading.time_alignment import offset_between
 from .findings import Evidence, Finding, RecordedDrive, RecordedOdometry, RecordedTruth
 from .odometry import comparable, compared_with_truth
@@ -46,6 +47,7 @@ from .plausibility import (
     time_unit,
     truth_apart,
 )
+from .scans import MOST_SCANS, RecordedScans, examine_scans, thinned
 
 MOST_RECORDS = 50_000  # records of one kind that are looked at: an hour and a half of odometry at 10 Hz
 
@@ -62,6 +64,7 @@ class Gathered:
     cut: bool  # whether only the beginning was looked at
     warnings: tuple[str, ...] = ()
     tilts: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # rad, m, of sources off the plane
+    scans: RecordedScans = field(default_factory=lambda: RecordedScans(np.zeros(0), ()))
 
 
 @dataclass(slots=True)
@@ -88,6 +91,7 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
     recording = open_recording(path, options, unchecked=True)
     info, notes = recording.info, ReadingNotes(keep_going=True)
     moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
+    scans = list[tuple[float, LaserScan]]()
     falls, part, last_s, cut = 0, 0, -math.inf, False
     for record in recording.records(notes):
         falls += record.t_s < last_s
@@ -100,6 +104,9 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
             truth.add(record.t_s, record.pose, part)
         elif isinstance(record, Picture):
             pictures.add(record.t_s, np.zeros(3))
+        elif isinstance(record, Scan):
+            if len(scans) < MOST_SCANS:
+                scans.append((record.t_s, thinned(record.scan)))
         elif isinstance(record, Note):
             part += is_kidnapping(record.text)
         if any(records.full for records in (moved, went, truth, pictures)):
@@ -115,7 +122,8 @@ def gather(path: Path, options: ReadingOptions) -> Gathered:
     )
     first = str(notes.problems[0]) if notes.problems else ""
     remarks = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
-    return Gathered(info, drive, falls, notes.count, first, cut, remarks, notes.tilts)
+    kept = RecordedScans(np.array([t_s for t_s, _ in scans]), tuple(scan for _, scan in scans))
+    return Gathered(info, drive, falls, notes.count, first, cut, remarks, notes.tilts, kept)
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:
@@ -215,9 +223,10 @@ class Examination:
     fixed: ReadingOptions  # what to read it with; as it was read where no option fixes anything
     display_units: str = "m"  # of the session: "m" or "in"
     fov_known: bool = False  # whether the camera's field of view is stated
+    scans: int = 0  # records
 
 
-# how far off the simulated Maurice's drives of docs/formats.md were, with the wheels 3.6 in
+# how far off the simulated Maurice's drives of docs/formats.md were
 FROM_TRUTH = "0.11 m off on simulated drives, where the wheels' is 0.09 m"
 FROM_PICTURES = "on 8 simulated drives 0.07 m off with landmarks; with channels 0.29 m, and 3 of them lost"
 
@@ -283,8 +292,13 @@ def examine(
         without.append(f"odometry: {made}")
     else:
         known += _about_odometry(drive, movement_s, checks, without)
+    if gathered.scans.size:
+        there = None if library is None else library.occupancy
+        more, asked = examine_scans(gathered.scans, drive, there)
+        known, checks = [*known, *more], [*checks, *asked]
+        without += ["the map: none was given"] if there is None else []
     if not len(drive.picture_t_s):
-        without.append("pictures: there are none")
+        without += [] if gathered.scans.size else ["pictures: there are none"]
     elif library is None or drive.truth.size < 2:
         lacking = "library was given" if library is None else "truth tells where they are from"
         without.append(f"pictures: no {lacking}")
@@ -305,14 +319,12 @@ def examine(
     counts = (drive.odometry.size, drive.truth.size, len(drive.picture_t_s))
     answers = (tuple(checks), tuple(without), tuple(findings))
     fixed = fixed_options(options, findings)
-    name, shown_in, fov_known = (
-        gathered.info.name,
-        gathered.info.display_units,
-        has_view(gathered.info, options),
-    )
-    return Examination(
+    info = gathered.info
+    name, shown_in, fov_known = info.name, info.display_units, has_view(info, options)
+    examination = Examination(
         path, name, *counts, gathered.cut, gathered.warnings, *answers, fixed, shown_in, fov_known
     )
+    return replace(examination, scans=gathered.scans.size)
 
 
 def _about_odometry(

@@ -15,7 +15,6 @@ from typing import Any
 from ..errors import InputError
 from ..files.text import expect_regular
 from ..reading.options import ReadingOptions
-from ..reading.picture_odometry import odometry_from_pictures
 from ..reading.plane import TURNED
 from ..reading.recording import Recording
 from ..reading.session import RecordedSession
@@ -77,9 +76,14 @@ class Format:
 @cache
 def formats() -> dict[str, Format]:
     """Return all formats by name, in the order in which they are asked."""
+    return {form.name: form for form in _in_order()}
+
+
+def _in_order() -> Iterator[Format]:
+    """Yield the formats; the module of one is imported only when those before it did not do."""
     package = __name__.rpartition(".")[0]
-    lists = (import_module(module, package).FORMATS for module in MODULES)
-    return {form.name: form for forms in lists for form in forms}
+    for module in MODULES:
+        yield from import_module(module, package).FORMATS
 
 
 def guess(path: Path) -> Format:
@@ -93,7 +97,7 @@ def guess(path: Path) -> Format:
 
 def _guess(path: Path) -> Format | None:
     _expect_there(path)
-    return next((form for form in formats().values() if form.looks_like(path)), None)
+    return next((form for form in _in_order() if form.looks_like(path)), None)
 
 
 def open_recording(
@@ -112,6 +116,8 @@ def open_recording(
         if options.odometry_from_truth:
             both = "found odometry_from_truth and odometry_from_pictures"
             raise InputError(path, f"{both}, expected one of them; leave one out")
+        from ..reading.picture_odometry import odometry_from_pictures
+
         return odometry_from_pictures(recording, options)
     if not options.odometry_from_truth:
         return recording
@@ -142,11 +148,12 @@ def chosen(path: Path, options: ReadingOptions) -> Format:
             return guess(path)
         form = _guess(path)  # a table whose columns have other names looks like nothing
         return formats()["table"] if form is None or form.bare else form
-    if options.format not in formats():
+    form = next((form for form in _in_order() if form.name == options.format), None)
+    if form is None:
         names = ", ".join(formats())
         raise InputError(path, f"there is no format {options.format!r}, expected one of {names}")
     _expect_there(path)
-    return formats()[options.format]
+    return form
 
 
 def _expect_there(path: Path) -> None:
@@ -204,6 +211,8 @@ def _describe_file(path: Path) -> str:
             return f"{what} (unpack it: `{command.format(quote(path.name))}`)"
     if begin[257:262] == b"ustar":
         return f"a tar archive (unpack it: `tar xf {quote(path.name)}`)"
+    if begin.startswith(b"RRF"):
+        return "a Rerun recording, which `maurice-replay open` shows"
     return f"a file that begins with {begin[:16]!r}{table_hint(path)}" if begin else "an empty file"
 
 

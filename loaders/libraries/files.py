@@ -204,15 +204,10 @@ def _parts(manifest: Mapping[str, Any]) -> list[str]:
 
 
 def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
-    import polars as pl
-
-    try:
-        data = (folder / "entries.parquet").read_bytes()  # a path could be a glob
-        entries = pl.read_parquet(io.BytesIO(data))
-        poses = entries.select("x_m", "y_m", "heading_rad").to_numpy().astype(np.float64)
-        names = entries["picture"].to_list()
-    except pl.exceptions.PolarsError as problem:
-        raise FieldError(str(problem)) from None
+    file = folder / "entries.parquet"
+    columns = json.loads(remembered("entries", [str(file)], lambda: _columns(file)))
+    poses = np.array(columns[:3], np.float64).T.copy()
+    names = columns[3]
     outside = next((name for name in names if name is not None and leads_outside(name)), None)
     if outside is not None:
         raise FieldError(f"found the picture {show(outside)}, expected one in the library's folder")
@@ -224,6 +219,17 @@ def _read_entries(folder: Path) -> tuple[F64, tuple[Path | None, ...]]:
     if np.abs(poses).max(initial=0.0) > MOST:
         raise FieldError(f"found a pose of {np.abs(poses).max():g}, expected {up_to()}")
     return poses, tuple(None if name is None else folder / name for name in names)
+
+
+def _columns(file: Path) -> str:
+    """Return x_m, y_m, heading_rad and the pictures of entries as JSON."""
+    import polars as pl  # slow to import
+
+    try:
+        entries = pl.read_parquet(io.BytesIO(file.read_bytes()))  # a path could be a glob
+        return json.dumps([entries[name].to_list() for name in ("x_m", "y_m", "heading_rad", "picture")])
+    except pl.exceptions.PolarsError as problem:
+        raise FieldError(str(problem)) from None
 
 
 def _pictures_in(folder: Path) -> set[str]:

@@ -19,8 +19,7 @@ from maurice_mcl.values.map import Arena, open_arena
 from maurice_mcl.values.progress import Progress
 from maurice_mcl.values.session import Camera
 
-from ..bags.maps import expected_map
-from ..bags.recording import looks_like_bag
+from ..bags.containers import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes
 from ..files.maps import check_span, read_map, read_occupancy
 from ..files.ros_maps import ENDINGS
@@ -192,6 +191,8 @@ def open_library(
     if path.suffix.lower() in ENDINGS:
         return map_library(read_occupancy(path), path.stem)
     if looks_like_bag(path):
+        from ..bags.maps import expected_map
+
         return map_library(expected_map(path), path.stem)
     path = survey_in(path)
     log = open_table(path) if is_table(path) else None

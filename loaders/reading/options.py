@@ -121,6 +121,9 @@ class ReadingOptions:
         float,
         Meaning("Direction of the camera relative to forward; headings become the camera's.", "correction"),
     ] = 0.0
+    scan_yaw_rad: Annotated[
+        float, Meaning("Turn of the laser on the robot, added to that of its mount.", "correction")
+    ] = 0.0
     max_dt_s: Annotated[
         float, Meaning("Most seconds between a picture or scan and its odometry.", "pictures", least=0.0)
     ] = MAX_DT_S

@@ -154,7 +154,8 @@ class RecordedSession(HasReadingNotes):
     @property
     def gate(self) -> Gate:
         """How far the robot goes before a picture or scan is used."""
-        return gate_of(self.options, scans=self.observed.name == SCANS)
+        scans = self.observed.name == SCANS and self.odometry is not None  # else no scan would be far enough
+        return gate_of(self.options, scans=scans)
 
     @cached_property
     def odometry(self) -> type[OdometryPose] | type[Motion] | None:

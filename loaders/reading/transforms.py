@@ -163,8 +163,8 @@ class Corrected(RecordingWrapper):
                 yield OdometryPose(record.t_s, wheels.pose(record.pose))
             elif isinstance(record, TruthPose):
                 yield TruthPose(record.t_s, self._truth(record.pose))
-            elif isinstance(record, Scan) and self.correction.camera_yaw_rad:
-                yield Scan(record.t_s, turned(record.scan, -self.correction.camera_yaw_rad))
+            elif isinstance(record, Scan):
+                yield replace(record, scan=self._scan(record.scan))
             else:
                 yield record
 
@@ -180,6 +180,11 @@ class Corrected(RecordingWrapper):
         """Whether no time is moved; else all are rounded, so that what comes at one time still does."""
         c = self.correction
         return not (c.picture_offset_s or c.odometry_offset_s or c.truth_offset_s)
+
+    def _scan(self, scan: LaserScan) -> LaserScan:
+        """Return a scan of the laser as it is mounted, seen with the camera's forward."""
+        mount = scan.mount + np.array([0.0, 0.0, self.correction.scan_yaw_rad])
+        return turned(replace(scan, mount=mount), -self.correction.camera_yaw_rad)
 
     def _truth(self, pose: F64) -> F64:
         c = self.correction

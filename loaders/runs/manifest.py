@@ -15,8 +15,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import polars as pl
-import scipy
 from numpy.typing import NDArray
 
 from maurice_mcl.reasons.causes import Failure
@@ -26,7 +24,7 @@ from maurice_mcl.values.radii import NAMES, USUAL, Radii
 
 from ..errors import FieldError, InputError
 from ..files.text import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole
-from ..files.writing import FolderKind, put
+from ..files.writing import FolderKind, check_target, put
 from ..formats.cmucam import ENDINGS as DUMPS
 from ..formats.donkeycar import looks_like_tub
 from ..formats.video import ENDINGS as VIDEOS
@@ -76,6 +74,16 @@ class RunManifest:
     recorded: bool = False  # another localizer's, as a bag holds it: no filter of ours ran
 
 
+def is_saved(path: Path) -> bool:
+    """Return whether a path looks like a saved run, a broken one as well."""
+    return (path / MANIFEST).is_file() and not looks_like_tub(path)
+
+
+def check_run_target(folder: Path, *, force: bool) -> None:
+    """Refuse a folder that no run may be written to; with `force` only a saved run is replaced."""
+    check_target(folder, *RUNS, force=force)
+
+
 def library_hash(library: Library, channels: Sequence[str]) -> str:
     """Return a SHA-256 of poses, walls and measurements: two libraries of one hash give the same run."""
     digest = sha256(repr(library.arena.bounds).encode())
@@ -96,8 +104,8 @@ def library_hash(library: Library, channels: Sequence[str]) -> str:
 def versions_now(sensors: Iterable[str] = ()) -> dict[str, str]:
     """Name what a run depends on beside its inputs; `sensors` are those of other packages."""
     named = {"maurice-replay": version("maurice-replay"), "python": platform.python_version()}
-    named |= {"numpy": np.__version__, "opencv": cv2.__version__, "scipy": scipy.__version__}
-    named |= {"polars": pl.__version__, "machine": platform.machine()}
+    named |= {"numpy": np.__version__, "opencv": cv2.__version__, "scipy": version("scipy")}
+    named |= {"polars": version("polars"), "machine": platform.machine()}
     return named | dict(map(package_of, sensors))
 
 

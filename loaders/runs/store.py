@@ -19,7 +19,6 @@ from maurice_mcl.values.map import Arena
 from ..config_files import read_config
 from ..errors import FieldError, InputError
 from ..files.text import expect_regular, items, read_json, show
-from ..formats.donkeycar import looks_like_tub
 from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
 from .checks import check_cloud, check_step, check_update, expect_files, step_rules
@@ -58,11 +57,6 @@ class SavedRun:
         if self.manifest.steps is not None and number != self.manifest.steps:
             fault = f"found {number} steps, expected the {self.manifest.steps} of its manifest"
             raise InputError(self.folder, f"{fault}; is a part missing?")
-
-
-def is_saved(path: Path) -> bool:
-    """Return whether a path looks like a saved run, a broken one as well."""
-    return (path / MANIFEST).is_file() and not looks_like_tub(path)
 
 
 def open_runs(path: Path) -> list[SavedRun]:

@@ -31,7 +31,7 @@ from maurice_mcl.values.records import (
 from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Frame, Moment
 
-from ..files.writing import check_target, new_folder, put
+from ..files.writing import new_folder, put
 from ..libraries.files import MANIFEST
 from ..session_log.header import arena_to_json
 from .manifest import (
@@ -116,11 +116,6 @@ def begin_comparison(folder: Path, labels: Sequence[str], *, force: bool = False
     with new_folder(folder, *RUNS, force=force) as begun:
         manifest = to_bytes({"format": COMPARISON, "version": VERSION, "runs": list(labels)})
         put(begun / MANIFEST, manifest)
-
-
-def check_run_target(folder: Path, *, force: bool) -> None:
-    """Refuse a folder that no run may be written to; with `force` only a saved run is replaced."""
-    check_target(folder, *RUNS, force=force)
 
 
 # One update as rows of the tables of a saved run, and back (docs/saved-runs.md).

@@ -6,6 +6,7 @@ names; what it writes is named by `to` or by an argument of its own. It knows no
 sentence that a person reads (`text/` does).
 
 replay, compare        runs of a filter; live sources
+drive/                 the simulated robot driven by keys, live
 diagnose, explain      why a run was lost; why a step came out as it did
 what_if, remedies      a saved run branched with a change; what would have helped. branch: where and how
 check/                 demands on many runs, for CI

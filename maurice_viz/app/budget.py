@@ -17,7 +17,7 @@ from maurice_mcl.values.library import Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of
-from ..running.open import make_runs, open_library_for, open_session
+from ..running.open import make_runs, open_library_for, open_session, read_as_amcl
 from ..running.run_spec import RunSpec
 
 MOST_DRIVES = 10  # of a folder of trials
@@ -56,7 +56,7 @@ def error_budget(
         if library is not None or spec != RunSpec() or options != ReadingOptions():
             raise OptionError(f"{source} holds trials: their filter is used, no option of a filter applies")
         return _of_trials(Path(source), listener)
-    session = open_session(source, options, listener)
+    session = open_session(source, read_as_amcl(options, [spec], listener), listener)
     asked = Path(library) if isinstance(library, str) else library
     references = open_library_for(session, asked, keep_going=options.keep_going, listener=listener)
     (run,) = make_runs(session, references, [spec], listener)

@@ -14,8 +14,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.manifest import library_hash
-from maurice_loaders.runs.store import SavedRun, is_saved
+from maurice_loaders.runs.manifest import is_saved, library_hash
+from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 from maurice_mcl.values.map import Arena
@@ -29,6 +29,7 @@ from ..running.open import (
     make_runs,
     open_library_for,
     open_session,
+    read_as_amcl,
     remark_skipped,
     unique_labels,
 )
@@ -265,6 +266,7 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
+    reading = read_as_amcl(reading, [spec], listener)
     sessions = [open_session(source, reading, listener) for source in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)

@@ -144,7 +144,7 @@ def _count(steps: Iterator[Converted], target: Path, listener: Listener) -> Conv
     done = Converted()
     try:
         for done in steps:
-            listener.progress(done.pictures, done.pictures, "convert")
+            listener.progress(done.pictures, 0, "convert")  # how many there will be is not known
     except ValueError as problem:  # a time that no log may hold, moved too far by the offset
         raise InputError(target, str(problem)) from None
     return done

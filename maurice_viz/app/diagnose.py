@@ -11,7 +11,7 @@ from typing import Any
 
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.runs.store import is_saved, open_runs
+from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
@@ -21,7 +21,7 @@ from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.output import walk_command
 from ..style import Scale, units_named
-from ..text.causes import say_evidence, say_failure
+from ..text.causes import say_evidence, say_failure, say_remedy
 from ..text.headline import headline
 from ..text.score_json import failure_json
 from ..text.verdict import off_map, say_verdict
@@ -32,6 +32,7 @@ IN_TIME = "No failure: it was localized again in time."
 FOUND = "No failure: it was localized after a search."
 NO_TRUTH = "There is no truth to judge by; what follows rests on the evidence alone."
 NONE_WITHOUT_TRUTH = "There is no truth to judge by, and no sign that it was lost."
+NO_SCAN_SIGNAL = "There is no truth to judge by: whether it was lost is not known."
 NOT_SAVED = "pictures are drawn of a saved run: replay the session with --save-run first"
 PICTURE = r"[^/]+-step-\d+-[\w-]+(?:-explained)?\.png"
 MARK = "diagnosis.json"
@@ -59,7 +60,8 @@ class RunDiagnosis:
         scale = Scale(units_named(self.display_units))
         lines = [f"{self.label}: {headline({self.label: self.verdict}, scale)}{off_map(self.verdict)}"]
         if not self.verdict.has_truth:
-            lines.append(NO_TRUTH if self.failures else NONE_WITHOUT_TRUTH)
+            none = NO_SCAN_SIGNAL if self.verdict.has_laser else NONE_WITHOUT_TRUTH
+            lines.append(NO_TRUTH if self.failures else none)
         if not self.failures and self.verdict.has_truth:
             lines.append(self._no_failure)
         for failure in self.failures:
@@ -67,6 +69,8 @@ class RunDiagnosis:
             lines += [f"  {line}" for line in say_evidence(failure, scale)]
             if failure.also:
                 lines.append(f"  also true: {', '.join(CAUSES[kind].title for kind in failure.also)}")
+            if remedy := say_remedy(failure, self.verdict.has_laser):
+                lines.append(f"  try: {remedy}")
             lines += [f"  see: {command}" for command in self.commands(failure)]
         return "\n".join(lines)
 
@@ -162,8 +166,7 @@ def diagnose(
         reading=reading,
         listener=listener,
     )
-    saved = is_saved(source)
-    recorded = {run.manifest.label for run in open_runs(source) if run.manifest.recorded} if saved else ()
+    saved, recorded = is_saved(source), _recorded(source)
     several = len(scores.runs) > 1
     return Diagnoses(
         scores.name,
@@ -178,6 +181,15 @@ def diagnose(
             for run in scores.runs
         ),
     )
+
+
+def _recorded(source: Path) -> set[str]:
+    """Return the labels of the runs of another localizer."""
+    if not is_saved(source):
+        return set()
+    from maurice_loaders.runs.store import open_runs  # loads polars, which a plain replay does without
+
+    return {run.manifest.label for run in open_runs(source) if run.manifest.recorded}
 
 
 def expect_drawable(source: Path, folder: Path, *, force: bool) -> None:

@@ -26,7 +26,7 @@ from ..running.saved import Opened, open_saved
 from ..style import Scale
 from ..text.explanation import GLOSSARY, say_step
 from ..text.explanation_table import to_json
-from ..text.scan import say_beams, scan_json
+from ..text.laser.scan import say_beams, scan_json
 from ..text.sensors import say_sensors
 from .convert import only_run
 from .snapshot import snapshot

@@ -6,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.errors import InputError, SourceError
-from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
 from maurice_loaders.live.source import Patience, is_live, live_source
 from maurice_loaders.reading.observations import gate_of
 from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.store import is_saved
-from maurice_loaders.runs.writer import check_run_target
+from maurice_loaders.runs.manifest import check_run_target, is_saved
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.library import Library
 
@@ -32,12 +30,13 @@ from ..running.open import (
     read_as_amcl,
 )
 from ..running.output import OutputOptions, output_of, show_recording
-from ..running.recorded import open_recorded, playback_of_recorded
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.run_spec import RunSpec, words_of
-from ..running.saved import open_saved, playback_of
-from ..running.saving import Inputs, filters_to_save, recorded_to_save, saving
+from ..running.saving import Inputs, filters_to_save, saving
 from ..scene import RunView, Scene
+
+if TYPE_CHECKING:
+    from maurice_loaders.live.session import LiveSession
 
 
 def replay(
@@ -125,6 +124,8 @@ def _replayed(
             raise OptionError(f"--as-recorded has the layouts {names}, found {output.layout!r}")
         if output.save_run is not None:
             check_run_target(output.save_run, force=output.force)
+        from ..running.recorded import open_recorded, playback_of_recorded, recorded_to_save
+
         recorded = open_recorded(path, reading)
         savers = None if output.save_run is None else saving(recorded_to_save(recorded, reading), output)
         named = output.named(["as recorded"])
@@ -140,6 +141,8 @@ def _replayed(
     if is_saved(path):
         if not plain or reading != ReadingOptions():
             raise OptionError("a saved run is replayed as it was: only options of the output apply to it")
+        from ..running.saved import open_saved, playback_of  # loads polars, which a plain replay does without
+
         return play(playback_of(open_saved(path, listener), listener), output, listener, report=report)
     return replay_session(path, library, [spec], output, reading, listener, report, alone=True)
 
@@ -252,6 +255,8 @@ def follow_source(
         what = reading.corrections[0] if reading.corrections else f"--reading {options[0]}=true"
         advice = "capture the drive with --capture DIR, then replay DIR/session.log so"
         raise OptionError(f"{what} needs a recording; {advice}")
+    from maurice_loaders.live.session import ListenOptions, LiveRecorder, LiveSession
+
     recorder = None if live.capture is None else LiveRecorder(live.capture, force=output.force)
     asked = (reading.min_distance_m, reading.min_angle_rad) != (None, None)
     gate = gate_of(reading, scans=False) if asked else None

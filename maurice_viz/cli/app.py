@@ -74,6 +74,7 @@ COMMANDS = {
             "map build", "convert", "Build a laser's map from scans with true poses.", _LIBRARY, "library"
         ),
         Listed("simulate", "simulate", "Simulate a drive and its survey.", _SIMULATE, "simulate"),
+        Listed("drive", "drive", "Drive the simulated robot yourself, live.", _SIMULATE, "simulate"),
         Listed("survey", "simulate", "Survey a simulated world.", _SIMULATE, "simulate"),
         Listed("calibrate motion", "calibrate", "Fit the motion parameters.", _SIMULATE, "calibrate"),
         Listed("calibrate noise", "calibrate", "Measure the camera's noise floor.", _SIMULATE, "calibrate"),

@@ -45,7 +45,7 @@ def motion(
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2)."""
+    """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2, 3.3)."""
     with listening() as listener:
         if plots is not None:
             expect_matplotlib(plots)
@@ -236,7 +236,7 @@ def _noise_table(floor: NoiseFloor, name: str) -> Table:
         values = f"{peak.first_value} to {peak.last_value}"
         numbers = (f"{peak.count:.2f}", _or_none(peak.sd), _or_none(peak.largest_bin_sd), values)
         table.add_row(peak.color, *numbers, f"{level:.1f}")
-    table.caption = "peaks are 256 x share of pixels, in bins of 8 values from 16"
+    table.caption = "peaks: of 256 pixels, how many are in one bin of 8 values (from 16)"
     return table
 
 

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING
 
 from maurice_loaders.files.text import read_json
 
-from .main import bound_threads
 from .shared.visible import visible
 
 if TYPE_CHECKING:
@@ -46,7 +45,6 @@ def main() -> None:
         sys.exit(2)
     if hasattr(select, "poll"):
         threading.Thread(target=_end_with_reader, daemon=True).start()
-    bound_threads()
     try:
         status = _import(path, recording_id)
     except KeyboardInterrupt:

@@ -10,13 +10,6 @@ from contextlib import suppress
 
 from .shared.errors import end_while_starting, status_of
 
-THREADS = (
-    "OPENBLAS_NUM_THREADS",
-    "OMP_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "OPENCV_FOR_THREADS_NUM",
-)
 # Python looks for garbage after so many new objects; importing makes many that stay.
 COLLECT_AFTER = (50_000, 20, 100)
 
@@ -24,7 +17,6 @@ COLLECT_AFTER = (50_000, 20, 100)
 def main() -> None:
     """Run `maurice-replay`; exit status 130 after Ctrl-C and 143 after SIGTERM."""
     end_while_starting()
-    bound_threads()
     gc.set_threshold(*COLLECT_AFTER)
     statuses: list[int] = []
     atexit.register(_end_now, statuses)  # the first one here, so the last one called
@@ -53,13 +45,3 @@ def _end_now(statuses: list[int]) -> None:
         sys.stderr.flush()
         for status in statuses:
             os._exit(status)
-
-
-def bound_threads() -> None:
-    """Let numpy and OpenCV use one thread an operation, unless the user set any of the variables.
-
-    Reading, comparing, filtering and drawing already run side by side, and their operations are small. The
-    libraries read the variables when they are imported.
-    """
-    if not any(name in os.environ for name in THREADS):
-        os.environ.update(dict.fromkeys(THREADS, "1"))

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from maurice_loaders.doctor.examination import Examination, fixed_options, odometry_advice
 from maurice_loaders.doctor.inspection import Inspection
-from maurice_loaders.runs.store import is_saved
+from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.scoring.events import KINDS, RunEvent
 
 from ..app.events import events
@@ -129,11 +129,19 @@ def _by_event(by_run: dict[str, Sequence[RunEvent]]) -> list[tuple[RunEvent, lis
     return sorted(labels.items(), key=lambda item: (item[0].step, order.index(item[0].kind)))
 
 
+OF_CAMERAS = (
+    "picture rate (Hz)",
+    "pictures",
+    "cameras",
+)  # rows that say nothing of a robot with a laser alone
+
+
 def _rows(contents: Inspection) -> list[tuple[str, str]]:
     events = ", ".join(dict.fromkeys(contents.events)) or "none"
     survey = "none named" if contents.survey is None else contents.survey
     units = units_named(contents.display_units)
-    return [
+    is_laser = bool(contents.scans) and not contents.pictures
+    rows = [
         ("file", contents.path),
         ("records", ", ".join(f"{count} {kind}" for kind, count in contents.records.items()) or "none"),
         ("duration (s)", f"{contents.duration_s:.1f}"),
@@ -145,7 +153,7 @@ def _rows(contents: Inspection) -> list[tuple[str, str]]:
         (f"distance by odometry ({units.name})", _length(contents.distance_odometry_m, units)),
         (f"distance by truth ({units.name})", _length(contents.distance_truth_m, units)),
         (
-            f"{'scans used' if contents.scans and not contents.pictures else 'pictures'} with truth",
+            f"{'scans used' if is_laser else 'pictures'} with truth",
             "-" if contents.truth_share is None else f"{contents.truth_share:.0%}",
         ),
         ("kinds of events", events),
@@ -156,6 +164,7 @@ def _rows(contents: Inspection) -> list[tuple[str, str]]:
         ("map", "yes" if contents.has_map else "no"),
         ("problems", str(contents.problem_count)),
     ]
+    return [row for row in rows if not (is_laser and row[0] in OF_CAMERAS)]
 
 
 def _scans(contents: Inspection) -> str:
@@ -227,6 +236,7 @@ def _json(examination: Examination, options: Options) -> dict[str, object]:
         "odometry": examination.odometry,
         "truth": examination.truth,
         "pictures": examination.pictures,
+        "scans": examination.scans,
         "only_the_beginning": examination.cut,
         "said": list(examination.remarks),
         "checks": list(examination.checks),
@@ -254,6 +264,7 @@ def _lines(examination: Examination, options: Options, beside: Sequence[str] = (
     `beside` are further words, such as the library, that are added after the options of each fix.
     """
     counts = f"{examination.odometry} odometry, {examination.truth} truth, {examination.pictures} pictures"
+    counts += f", {examination.scans} scans" if examination.scans else ""
     yield f"{examination.name}: {counts}{', of its beginning' if examination.cut else ''}"
     yield f"checked: {', '.join(examination.checks)}"
     if examination.not_asked:

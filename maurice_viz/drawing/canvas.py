@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import unicodedata
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.arrays import F64, U8, Bool
 from maurice_mcl.values.map import Arena, Region
 from maurice_mcl.values.occupancy import OccupancyMap
 
@@ -16,6 +17,7 @@ from ..style import EMPTY, GROUND, OBSTACLE, PALE, RGB, WALL, Scale
 
 FONT = cv2.FONT_HERSHEY_DUPLEX
 EDGE_GAIN = 3
+AROUND_M = 0.5  # shown around the known part of a grid
 THINNEST = 0.2  # share of a pixel that occupied cells take: then it shows them
 JPEG_QUALITY = 90  # 60 microseconds for 176 x 144; a lower one is hardly faster and visible
 
@@ -73,7 +75,7 @@ def jpeg(image: U8, quality: int = JPEG_QUALITY) -> bytes:
 
 
 def png(image: U8) -> bytes:
-    """Encode a drawing (H, W, 3) RGB without loss."""
+    """Encode a drawing (H, W, 3) RGB or (H, W) gray without loss."""
     return _encoded(".png", image, [])
 
 
@@ -116,14 +118,32 @@ class Extent:
         return self.bottom - self.top
 
 
+@lru_cache(maxsize=8)
+def known_part(grid: OccupancyMap) -> OccupancyMap:
+    """Return the part of an occupancy map that somebody has seen, and a little around it: what is shown."""
+    around = round(AROUND_M / grid.cell_m)
+    known = [np.flatnonzero((~grid.unknown).any(axis=axis)) for axis in (1, 0)]
+    if not known[0].size:
+        return grid
+    rows, columns = (slice(max(at[0] - around, 0), at[-1] + around + 1) for at in known)
+    corner = grid.corner + grid.cell_m * np.array([columns.start, rows.start])
+    return OccupancyMap(grid.cells[rows, columns], grid.cell_m, corner)
+
+
+def shown_bounds(arena: Arena) -> tuple[float, float, float, float]:
+    """Return x_min, y_min, x_max, y_max in meters of what maps show."""
+    return arena.bounds if arena.occupancy is None else known_part(arena.occupancy).bounds
+
+
 def long_side(arena: Arena, scale: Scale) -> float:
-    """Return the longer side of the arena in display units."""
-    return max(scale.length(max(arena.size_m)), scale.units.fine)
+    """Return the longer side of what is shown of the arena in display units."""
+    x_min, y_min, x_max, y_max = shown_bounds(arena)
+    return max(scale.length(max(x_max - x_min, y_max - y_min)), scale.units.fine)
 
 
 def arena_extent(arena: Arena, scale: Scale) -> Extent:
     """Return the rectangle of the arena itself."""
-    x_min, y_min, x_max, y_max = arena.bounds
+    x_min, y_min, x_max, y_max = shown_bounds(arena)
     corners = scale.screen(np.array([[x_min, y_max], [x_max, y_min]]))
     (left, top), (right, bottom) = corners.tolist()
     return Extent(left, right, top, bottom)
@@ -158,7 +178,7 @@ def draw_ground(arena: Arena, scale: Scale, *, named: bool = True) -> Canvas:
     text_px = MAP_TEXT_SHARE * long_side(arena, scale) / unit_per_px
     _fill_arena(canvas, arena, scale)
     if arena.occupancy is not None:
-        _fill_cells(canvas, arena.occupancy, scale)
+        _fill_cells(canvas, known_part(arena.occupancy), scale)
     for number, floor in enumerate(arena.floors):
         _fill_floor(canvas, _pixels(canvas, floor.polygon, scale), floor.name, number)
     for obstacle in arena.obstacles:
@@ -175,7 +195,7 @@ def _pixels(canvas: Canvas, xy_m: F64, scale: Scale) -> F64:
 
 
 def _fill_arena(canvas: Canvas, arena: Arena, scale: Scale) -> None:
-    x_min, y_min, x_max, y_max = arena.bounds
+    x_min, y_min, x_max, y_max = shown_bounds(arena)
     corners = _pixels(canvas, np.array([[x_min, y_min], [x_max, y_max]]), scale).round().astype(int)
     (left, bottom), (right, top) = corners.tolist()
     canvas.image[top:bottom, left:right] = EMPTY
@@ -186,15 +206,21 @@ def _fill_cells(canvas: Canvas, occupancy: OccupancyMap, scale: Scale) -> None:
     x_min, y_min, x_max, y_max = occupancy.bounds
     left, top, right, bottom = _pixels(canvas, np.array([[x_min, y_max], [x_max, y_min]]), scale).ravel()
     size = max(round(right - left), 1), max(round(bottom - top), 1)
+    free, occupied = cells_in(occupancy, size)
+    column, row = round(left), round(top)
+    part = canvas.image[row : row + size[1], column : column + size[0]]
+    shown = slice(len(part)), slice(part.shape[1])
+    part[:] = np.where(free[shown][..., None], EMPTY, GROUND)
+    part[occupied[shown]] = WALL
+
+
+def cells_in(occupancy: OccupancyMap, size: tuple[int, int]) -> tuple[Bool, Bool]:
+    """Return which pixels of a drawing of this width and height, (H, W) each, are free and occupied."""
     free, occupied = (
         cv2.resize(np.flipud(cells).astype(np.float32), size, interpolation=cv2.INTER_AREA)
         for cells in (occupancy.free, occupancy.occupied)
     )
-    column, row = round(left), round(top)
-    part = canvas.image[row : row + size[1], column : column + size[0]]
-    shown = slice(len(part)), slice(part.shape[1])
-    part[:] = np.where((free > 0.5)[shown][..., None], EMPTY, GROUND)
-    part[(occupied > THINNEST)[shown]] = WALL
+    return np.asarray(free > 0.5), np.asarray(occupied > THINNEST)
 
 
 def _fill_floor(canvas: Canvas, polygon: F64, name: str, number: int) -> None:
@@ -265,8 +291,8 @@ def ticks(low: float, high: float, smallest: float) -> list[float]:
 
 
 def _ruler(canvas: Canvas, arena: Arena, scale: Scale, text_px: float) -> None:
-    x_min, y_min, x_max, y_max = (scale.length(v) for v in arena.bounds)
-    low = _pixels(canvas, np.array([arena.bounds[:2]]), scale)[0]
+    x_min, y_min, x_max, y_max = (scale.length(v) for v in shown_bounds(arena))
+    low = _pixels(canvas, np.array([shown_bounds(arena)[:2]]), scale)[0]
     px = 1 / canvas.unit_per_px
     across = ticks(x_min, x_max, scale.units.grid)
     for x in across:

@@ -23,7 +23,7 @@ from .canvas import text_size
 from .indexed import IndexedColors, write
 
 WIDTH_PX, HEIGHT_PX, CAPTION_PX = 400, 300, 34
-TEXT_PX, PAD_PX = 15.0, 10
+TEXT_PX, PAD_PX, GAP_PX = 15.0, 10, 14
 MIDDLE = np.array([WIDTH_PX / 2, HEIGHT_PX / 2])  # where the robot is
 REACHES_M = (1.0, 1.5, 2.0, 3.0, 4.5, 6.0, 9.0, 13.0, 20.0, 30.0)  # shown ahead: few
 SHOWN_SHARE = 0.9  # of the beams that hit something end within it
@@ -186,8 +186,10 @@ def _cut_out(there: OccupancyMap, pose: F64, reach_m: float) -> U8:
 def _dots(image: U8, places: I32, ink: int, radius: int) -> None:
     """Draw squares around pixels (K, 2); those out of the picture are left out."""
     far, size = radius - 1, np.array([WIDTH_PX, HEIGHT_PX])
-    for x, y in places[((places >= far) & (places < size - far)).all(axis=1)].tolist():
-        image[y - far : y + radius, x - far : x + radius] = ink
+    x, y = places[((places >= far) & (places < size - far)).all(axis=1)].T
+    for right in range(-far, radius):
+        for down in range(-far, radius):
+            image[y + down, x + right] = ink
 
 
 def _robot(image: U8, ink: int) -> None:
@@ -207,8 +209,9 @@ def _finished(image: U8, reach_m: float, scale: Scale, said: Sequence[tuple[str,
     ink = _INKS[style.PALE]
     image[bottom - 3 : bottom, PAD_PX : PAD_PX + round(length * unit_px)] = ink + _FULL
     write(image, f"{length:g} {scale.units.name}", PAD_PX, bottom - 8, TEXT_PX, ink)
-    left = 2.0
+    left, wide = 2.0, sum(text_size(text, TEXT_PX)[0] + GAP_PX for text, _ in said)
+    height_px = TEXT_PX * min(1.0, WIDTH_PX / wide)
     for text, color in said:
-        write(image, text, left, HEIGHT_PX + CAPTION_PX - 10, TEXT_PX, _INKS[color])
-        left += text_size(text, TEXT_PX)[0] + 14
+        write(image, text, left, HEIGHT_PX + CAPTION_PX - 10, height_px, _INKS[color])
+        left += (text_size(text, TEXT_PX)[0] + GAP_PX) * height_px / TEXT_PX
     return SCANS.png(image)

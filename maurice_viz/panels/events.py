@@ -55,7 +55,7 @@ def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDo
 
 
 # First words of what else a log says that have marks of their own.
-LOG_WORDS = ("bump", "slip", BRANCH, kinds.PARTED)
+LOG_WORDS = ("bump", "slip", BRANCH, kinds.PARTED, "teleoperation", "wandering", "collision")
 LINE_COLORS: Mapping[str, RGB] = {
     name: FRESH if kind.tone == kinds.ACTS else LOST if kind.tone == kinds.GRAVE else PALE
     for name, kind in KINDS.items()
@@ -117,6 +117,8 @@ NAMES_SHARE = 0.085  # of the width: the names of the lanes
 SCREEN_PX = 1280 * (1 - NAMES_SHARE)  # width of the lanes on a small screen
 LETTER_PX, AROUND_PX = 6.4, 8  # of a word, and around it
 LANE_PX, ABOVE_PX = 23, 48  # of a lane, and of time axis and path above the lanes
+
+BEFORE_THE_END = 1  # steps of a run that the viewer may leave out at the right
 
 MOST_NAMES = 64  # of what begins in the lanes; a denser drive has no room for words
 TONES: Mapping[str, RGB] = {  # of what was noticed in a run; what happened to the robot is pale
@@ -209,7 +211,8 @@ class Lanes:
         """Tell what names mean, with words only where there is room for them in a run of so many steps."""
         step_px = SCREEN_PX / max(steps, 1)
         for changes in self._changes:
-            ends = [*(change.step for change in changes[1:]), steps + 1][: len(changes)]
+            end_of_last = steps - BEFORE_THE_END if steps > BEFORE_THE_END else steps + 1
+            ends = [*(change.step for change in changes[1:]), end_of_last][: len(changes)]
             has_word = False  # whether the event before shows its word itself
             for change, end in zip(changes, ends, strict=True):
                 look = change.look.within((end - change.step) * step_px)

@@ -251,9 +251,15 @@ class LikelihoodMaps:
     """Tables to draw with: pixels to places, and entries sorted by place; of a library with entries."""
 
     def __init__(self, library: Library, nearest: NearestReference, scale: Scale) -> None:
-        grid = nearest.grid
-        step = max(1, -(-max(grid.shape) // MAP_PX))
-        cells = nearest.place_of_cell[:-1].reshape(grid.shape)[step // 2 :: step, step // 2 :: step]
+        grid, corner = nearest.grid, nearest.grid.corner
+        places = nearest.place_of_cell[:-1].reshape(grid.shape)
+        if library.is_map:  # where it is free alone: a map may be much larger than what is known of it
+            places = np.where(grid.free, places, -1)
+            rows, columns = (np.flatnonzero(grid.free.any(axis=axis)) for axis in (1, 0))
+            places = places[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            corner = corner + grid.cell_m * np.array([columns[0], rows[0]])
+        step = max(1, -(-max(places.shape) // MAP_PX))
+        cells = places[step // 2 :: step, step // 2 :: step]
         self.place_of_pixel = np.ascontiguousarray(cells[::-1])  # (H, W), -1 outside; row 0 on top
         place = np.zeros(library.size, np.int32)  # of each entry
         for number, row in enumerate(nearest.entry_of[:-1]):
@@ -262,7 +268,7 @@ class LikelihoodMaps:
         starts = np.searchsorted(place[self.entries], np.arange(len(nearest.places)))
         self.first = starts.astype(np.int32)  # (P,) where each place's entries begin
         size_m = step * grid.cell_m
-        corner_m = np.array([[grid.corner[0], grid.corner[1] + len(cells) * size_m]])
+        corner_m = np.array([[corner[0], corner[1] + len(cells) * size_m]])
         self.left_top: list[float] = scale.screen(corner_m)[0].tolist()  # of the first pixel, as drawn
         self.unit_per_px = scale.length(size_m)
 

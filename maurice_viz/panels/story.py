@@ -24,10 +24,10 @@ from ..text.score_json import failure_json
 from ..text.tour import tour_pages, words
 from ..text.verdict import NOTHING_YET
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
-from .traces import LINE_WIDTH, POSITION_ERROR, SPREAD
+from .traces import POSITION_ERROR, SPREAD
 from .views import MAP, Overrides, labeled, plane_view
 
-EVERY = 10  # updates between two verdicts on a live drive
+EVERY = 5  # updates between two verdicts on a live drive
 UNSEEN = (0, 0, 0, 0)  # of a line that only keeps the axis of a live drive above the limit
 FAINT = 0.8  # width of lines that are beside the point
 ABOVE = 1.1  # times the largest error, or the first label: where the axis ends
@@ -63,19 +63,24 @@ class VerdictDrawing:
 
     def __init__(self, rec: rr.RecordingStream, runs: Sequence[RunView], scene: Scene) -> None:
         self._rec, self._scale, self._live = rec, scene.scale, scene.live
+        self._every = EVERY if any(run.localizer is not None for run in runs) else 1
         self._words = words(runs, scene.has_truth)
         self._times_s: dict[int, float] = {}  # of each step
         rec.log(TOUR, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
         self._log(NOTHING_YET if scene.live else AT_THE_END)
 
     def see(self, moment: Moment, verdicts: Callable[[], Mapping[str, RunVerdict]]) -> None:
-        """Take the next update; log the verdict of a live drive now and then: deciding it costs much."""
+        """Take the next update; log the verdict of a live drive now and then: deciding it costs much.
+
+        Without a localizer, by which causes are told, it costs little and is always logged.
+        """
         if not self._times_s:
             set_phase(self._rec, moment, Phase.PREDICT)
             self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(self._words)))
         self._times_s[moment.frame.step] = moment.frame.time_s
-        if self._live and len(self._times_s) % EVERY == 1:  # from the first step
-            self._decide(verdicts())
+        count = len(self._times_s)
+        if self._live and (count == 1 or count % self._every == 0):
+            self._decide(verdicts(), f"Up to step {moment.frame.step}: ")
 
     def end(self, verdicts: Mapping[str, RunVerdict]) -> None:
         """Log the verdict, the step to look at, and where to look at each moment of the tour."""
@@ -84,10 +89,11 @@ class VerdictDrawing:
             set_place(self._rec, step, self._times_s.get(step, 0.0), Phase.PREDICT)
             self._rec.log(TOUR, rr.TextDocument.from_fields(text=font_safe(page)))
 
-    def _decide(self, verdicts: Mapping[str, RunVerdict]) -> None:
-        """Log the verdict so far."""
+    def _decide(self, verdicts: Mapping[str, RunVerdict], so_far: str = "") -> None:
+        """Log the verdict, which may be one so far."""
         step = decisive_step(verdicts)
-        self._log(f"{headline(verdicts, self._scale)} Look at **step {step}.**")
+        look = f" Look at **step {step}.**" if len(self._times_s) > 1 else ""
+        self._log(f"{so_far}{headline(verdicts, self._scale)}{look}")
         failures = {
             label: [failure_json(failure, self._scale) for failure in verdict.failures]
             for label, verdict in verdicts.items()
@@ -135,21 +141,22 @@ def story_map(runs: Sequence[RunView], scene: Scene) -> rrb.Spatial2DView:
 
 @dataclass(frozen=True, slots=True)
 class ErrorAxis:
-    """The axis of the position error, from zero, in display units."""
+    """The axis of the position error, or of the spread, from zero, in display units."""
 
     top: float
     last_label: float
 
 
 def error_axis(runs: Sequence[RunView], scene: Scene) -> ErrorAxis | None:
-    """Return the axis that has room for the largest error; None where that is not known yet.
+    """Return the axis that has room for the largest value; None where that is not known yet.
 
     The viewer labels steps of a power of ten, where they are far enough apart. An axis that ended below the
     first of them would have no label but zero, so it ends above it.
     """
-    if scene.ending is None or not scene.has_truth:
+    if scene.ending is None:
         return None
-    most = ABOVE * scene.scale.length(max(scene.ending.most_m, runs[0].radii.lost_m))
+    lost_m = runs[0].radii.lost_m if scene.has_truth else 0.0
+    most = ABOVE * scene.scale.length(max(scene.ending.most_m, lost_m)) or 1.0
     step = float(10.0 ** np.ceil(np.log10(LABELS_APART * most)))
     top = max(most, ABOVE * step)
     return ErrorAxis(top, step * float(np.floor(top / step)))
@@ -157,16 +164,12 @@ def error_axis(runs: Sequence[RunView], scene: Scene) -> ErrorAxis | None:
 
 def errors_plot(runs: Sequence[RunView], scene: Scene) -> rrb.TimeSeriesView:
     """Plot the position error of all runs, and where they count as lost; without truth the spread."""
-    contents, styles, axis = list[str](), Overrides(), error_axis(runs, scene)
-    for run in runs:
-        path = run.paths.trace(POSITION_ERROR if scene.has_truth else SPREAD)
-        styles[path] = rr.SeriesLines.from_fields(colors=[run.color], widths=[LINE_WIDTH])
-        contents.append(path)
+    axis, quantity = error_axis(runs, scene), POSITION_ERROR if scene.has_truth else SPREAD
+    contents = [run.paths.trace(quantity) for run in runs]
     return rrb.TimeSeriesView(
         name="Position error" if scene.has_truth else "Spread of the cloud",
         origin="/",
         contents=[*contents, *([LIMITS] if scene.has_truth else [])],
-        overrides=styles,
         axis_y=None if axis is None else rrb.ScalarAxis(range=(0.0, axis.top)),
         plot_legend=rrb.PlotLegend(visible=False),
         background=rrb.archetypes.PlotBackground(show_grid=False),

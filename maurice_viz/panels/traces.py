@@ -34,6 +34,7 @@ TRUTH_RANK = "truth_rank"
 EVIDENCE = "evidence"  # several lines in one entity: of all channels together, and of each alone
 LINE_WIDTH = 1.75
 LIMIT_WIDTH = 0.8
+POINT_SIZE = 5.0  # of a run of one step
 MOST_LETTERS = 25  # of a title that is not cut where three plots are side by side
 MARKS: tuple[tuple[str, RGB, float], ...] = (  # vertical lines in all plots
     ("lost, carried", LOST, LINE_WIDTH),
@@ -125,7 +126,9 @@ class TracesPanel(Panel):
             self._log(rec, KNOWS, update.knows)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
-            rec.log(self._paths.trace(EVIDENCE), scalars(nats))
+            own = dict(zip(record.sighting.comparison.channels, record.channel_evidence, strict=True))
+            lines = [own.get(channel, np.nan) for channel in self._run.channels]  # or another preset's
+            rec.log(self._paths.trace(EVIDENCE), scalars(np.array([record.calibrated_evidence, *lines])))
             self._note(EVIDENCE, *nats)
         self._draw_rank(rec, update)
         frame = update.moment.frame
@@ -141,6 +144,10 @@ class TracesPanel(Panel):
             most, least = self._most[EVIDENCE], self._least[EVIDENCE]
             rec.log(top_path(self._paths, EVIDENCE), scalars(most + ABOVE_EVIDENCE * (most - least)))
         self._draw_limit(rec)
+        if len(self._ends) == 1:  # a line of one point draws nothing
+            point = rr.SeriesPoints(colors=[self._run.color], markers=["circle"], marker_sizes=[POINT_SIZE])
+            for quantity in QUANTITIES:
+                rec.log(self._paths.trace(quantity), point, static=True)
         for quantity, (low, high) in self._extents().items():
             self._events.draw(rec, self._paths.trace(quantity), low, high)
 

@@ -98,16 +98,8 @@ def plot_of_runs(
     band: str | None = None,
 ) -> rrb.TimeSeriesView:
     """Plot one quantity of several runs, each in its own color, over a band of each."""
-    contents, styles = list[str](), Overrides()
-    for run in runs:
-        path = run.paths.trace(quantity)
-        styles[path] = rr.SeriesLines.from_fields(colors=[run.color])
-        contents.append(path)
-        if band is not None:
-            band_path = run.paths.trace(band)
-            styles[band_path] = rr.Measurements.from_fields(colors=[run.color])
-            contents.append(band_path)
-    return plot(name, contents, top, styles)
+    quantities = [quantity] if band is None else [quantity, band]
+    return plot(name, [run.paths.trace(each) for run in runs for each in quantities], top)
 
 
 def untitled(screen: rrb.Vertical, but: Sequence[rrb.View] = ()) -> rrb.Vertical:

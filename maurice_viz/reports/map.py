@@ -11,7 +11,7 @@ import numpy as np
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
 
-from ..drawing.canvas import ticks
+from ..drawing.canvas import cells_in, known_part, png, shown_bounds, ticks
 from ..panels.world import clipped
 from ..running.saved_steps import Track
 from ..style import Scale
@@ -19,6 +19,7 @@ from .charts import DASHES, Axes
 
 JUMP_OF_MOTION = 3.0  # a step this many times as long as the measured motion is a jump
 MAX_POINTS = 3000
+FINER = 1.5  # pixels of an occupancy map in one of the drawing: it may be enlarged
 LETTER_PX = 7.2  # average width
 KNOWN_FLOORS = ("wood", "carpet")
 
@@ -36,9 +37,9 @@ class DrawnFloor:
     @property
     def axes(self) -> Axes:
         """The map's box, in meters."""
-        x_min, y_min, x_max, y_max = self.arena.bounds
-        longest_m = max(max(self.arena.size_m), 1e-9)
-        width, height = (side_m * self.long_side / longest_m for side_m in self.arena.size_m)
+        x_min, y_min, x_max, y_max = shown_bounds(self.arena)
+        sides_m = x_max - x_min, y_max - y_min
+        width, height = (side_m * self.long_side / max(*sides_m, 1e-9) for side_m in sides_m)
         left, _, top, _ = self.margins
         return Axes((x_min, x_max), (y_min, y_max), left, top, width, height)
 
@@ -58,11 +59,23 @@ class DrawnFloor:
         walls = clipped(self.arena.walls, self.arena.bounds)
         return [self.axes.at(wall.reshape(2, 2)).tolist() for wall in walls]
 
+    @property
+    def cells(self) -> list[tuple[str, bytes]]:
+        """What is free and what is occupied of an occupancy map, each with a PNG that is white there."""
+        if self.arena.occupancy is None:
+            return []
+        size = max(round(FINER * self.axes.width), 1), max(round(FINER * self.axes.height), 1)
+        free, occupied = cells_in(known_part(self.arena.occupancy), size)
+        return [
+            (kind, png(where.astype(np.uint8) * 255))
+            for kind, where in (("free", free), ("occupied", occupied))
+        ]
+
     def ticks(self, axis: int) -> list[tuple[float, str]]:
         """Return position and label of each tick along x (0) or y (1)."""
         axes = self.axes
         start, length = (axes.left, axes.width) if axis == 0 else (axes.bottom, -axes.height)
-        low, high = (self.scale.length(self.arena.bounds[k]) for k in (axis, axis + 2))
+        low, high = (self.scale.length(shown_bounds(self.arena)[k]) for k in (axis, axis + 2))
         values = ticks(low, high, self.scale.units.grid)
         return [(start + (value - low) / (high - low or 1.0) * length, f"{value:g}") for value in values]
 

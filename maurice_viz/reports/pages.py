@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -27,7 +28,7 @@ def templates() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"px": px, "jpeg_url": _jpeg_url}
+    environment.filters |= {"px": px, "jpeg_url": _url("jpeg"), "png_url": _url("png")}
     ramp = [_hex((c >> 24, c >> 16 & 255, c >> 8 & 255)) for c in LUT[::51].tolist()]
     environment.globals |= {"dashes": DASHES, "light": _colors(DARKER), "dark": _colors(1.0), "ramp": ramp}
     return environment
@@ -42,5 +43,5 @@ def _hex(color: RGB, brightness: float = 1.0) -> str:
     return "#" + "".join(f"{round(part * brightness):02x}" for part in color)
 
 
-def _jpeg_url(jpeg: bytes) -> str:
-    return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode('ascii')}"
+def _url(kind: str) -> Callable[[bytes], str]:
+    return lambda data: f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"

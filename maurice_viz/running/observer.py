@@ -12,6 +12,7 @@ import rerun as rr
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment
 
@@ -122,11 +123,13 @@ class SceneObserver:
         scene: Scene,
         detail: Detail = Detail.FULL,
     ) -> None:
+        self._rec, self._live = rec, scene.live
         self._runs = {run.label: RerunObserver(rec, run, scene, detail) for run in runs}
+        self._has_truth = scene.has_truth
         self._comparison: ComparisonDrawing | None = None
         if len(runs) > 1:
             self._comparison = ComparisonDrawing(rec, runs, scene)
-        self.most_m = 0.0  # the largest position error so far
+        self.most_m = 0.0  # the largest position error so far; without truth the largest spread
         self._lanes, self._verdict = LanesDrawing(rec, runs, scene), VerdictDrawing(rec, runs, scene)
 
     def see(
@@ -138,13 +141,19 @@ class SceneObserver:
         """Log one update of every run, how it compares with the first, and for a live drive the verdict."""
         for moment, record in steps.values():
             if moment.truth is not None:
-                off_m = float(np.hypot(*(record.estimate.pose[:2] - moment.truth[:2])))
-                self.most_m = max(self.most_m, off_m)
+                self._see_length(record.estimate.pose[:2] - moment.truth[:2])
+            elif not self._has_truth:
+                self._see_length(record.mean_estimate.sd_m)
         self._lanes.see([observer.see(*steps[label]) for label, observer in self._runs.items()])
         if self._comparison is not None:
             self._comparison.see(steps)
         moment, _ = next(iter(steps.values()))
         self._verdict.see(moment, verdicts)
+        if self._live:
+            self._rec.flush(timeout_sec=0)  # on its way at once, without waiting for viewers
+
+    def _see_length(self, offset_m: F64 | tuple[float, float]) -> None:
+        self.most_m = max(self.most_m, float(np.hypot(*offset_m)))
 
     def end(self, results: Sequence[RunResult]) -> None:
         """Log what is known only in the end, by the results so far; none: there was no update."""

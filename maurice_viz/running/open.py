@@ -10,8 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from maurice_loaders.bags.maps import map_in
-from maurice_loaders.bags.recording import looks_like_bag
+from maurice_loaders.bags.containers import looks_like_bag
 from maurice_loaders.config_files import motion_file, to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import chosen
@@ -19,7 +18,7 @@ from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession, first_truth
-from maurice_loaders.runs.store import is_saved, open_runs
+from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.library.drive_score import DrivePicture
@@ -102,6 +101,11 @@ def read_as_amcl(reading: ReadingOptions, specs: Sequence[RunSpec], listener: Li
     return reading
 
 
+MAP_PICTURES = (".pgm", ".png")
+NO_MAP = (
+    "found no map that goes with its scans; name one with --map map.yaml. "
+    "If you have none, make one from a drive with true poses: maurice-replay map build DRIVE -o MAP"
+)
 NONE_YET = (
     "If you have none, make one from a drive with true poses: "
     "maurice-replay library build DRIVE -o LIBRARY --every 0.4m,45deg"
@@ -127,6 +131,8 @@ def open_session(
     if not path.exists():
         raise InputError(path, "there is no such file or folder; check the path")
     if is_saved(path):
+        from maurice_loaders.runs.store import open_runs  # loads polars, which a plain replay does without
+
         session_path = open_runs(path)[0].manifest.session.path
         raise InputError(path, f"found a saved run, expected a recording; its session is {session_path}")
     form = chosen(path, reading)
@@ -142,6 +148,8 @@ def library_of(session: RecordedSession, asked: Path | Library | None) -> Path |
     """Return the library that was asked for, or the header names, or the bag itself where it holds a map."""
     if asked is not None or session.info.survey is not None or not looks_like_bag(session.path):
         return asked or session.info.survey
+    from maurice_loaders.bags.maps import map_in
+
     has_map = session.observed.scans and map_in(session.path) is not None
     return session.path if has_map else None
 
@@ -154,11 +162,15 @@ def open_library_for(
     if isinstance(path, Library):
         return path
     if path is None:
-        raise InputError(
-            session.path, f"found no library that goes with it; name one with --library. {NONE_YET}"
+        is_laser = bool(session.observed.scans)
+        missing = (
+            NO_MAP if is_laser else f"found no library that goes with it; name one with --library. {NONE_YET}"
         )
+        raise InputError(session.path, missing)
     if not path.exists():
-        raise InputError(path, "found no such library or survey; name one with --library")
+        raise InputError(path, "found no such library, survey or map; name one with --library or --map")
+    if path.suffix.lower() in MAP_PICTURES:
+        raise InputError(path, "found a picture, expected the map.yaml that goes with it")
     return library_at(path, listener, keep_going=keep_going)
 
 

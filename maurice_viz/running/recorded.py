@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from maurice_loaders.bags.localizer import STAND_INS, Nearest, Overview, RecordedLocalizer, RecordedUpdate
 from maurice_loaders.bags.recording import BAGS
+from maurice_loaders.config_files import configuration_of, to_toml
 from maurice_loaders.errors import InputError, PictureError, ReadingNotes
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import PLACEHOLDER
+from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_mcl.filter.estimate import heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.library import Library
@@ -33,6 +36,7 @@ from ..listener import SILENT, Listener
 from ..scene import RunView, Scene
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen, without_heirs
+from .saving import ToSave
 
 MOST_RUNS = 4  # recorded localizers side by side
 AFTER_RESAMPLING = (
@@ -258,3 +262,40 @@ def _remark(recorded: AsRecorded, listener: Listener) -> None:
         listener.warning(
             f"skipped {recorded.findings.count} broken messages, the first: {recorded.findings.problems[0]}"
         )
+
+
+def recorded_to_save(recorded: Sequence[AsRecorded], reading: ReadingOptions) -> list[ToSave]:
+    """Return what is to be written of recorded localizers; the settings that they ran with are not known."""
+    scene = scene_of_recorded(recorded)
+    path, library = recorded[0].localizer.path, scene.library
+    form = chosen(path, reading)
+
+    def to_save(run: AsRecorded) -> ToSave:
+        text = to_toml(configuration_of(None, None, {}, {"particles": run.overview.most_particles}))
+
+        def manifest(folder: Path) -> RunManifest:
+            bag = source_of(path, folder, form.beside(path))
+            return RunManifest(
+                label=run.label,
+                seed=0,
+                start=None,
+                channels=(),
+                origin_m=tuple(library.origin.tolist()),
+                name=scene.info.name,
+                display_units=scene.info.display_units,
+                pictures=scene.updates,
+                has_truth=scene.has_truth,
+                keep_going=reading.keep_going,
+                session=bag,
+                library=bag,
+                library_content=library_hash(library, ()),
+                configuration_sha256=sha256(text.encode()).hexdigest(),
+                versions=versions_now(),
+                radii=run.radii,
+                reading=replace(reading, format=form.name),
+                recorded=True,
+            )
+
+        return ToSave(run.label, manifest, text, library.arena)
+
+    return [to_save(run) for run in recorded]

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.writer import RunWriter
 from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.comparison import Step
 
@@ -30,6 +29,8 @@ from .open import once, remark_skipped
 from .output import OutputOptions, drawing
 
 if TYPE_CHECKING:
+    from maurice_loaders.runs.writer import RunWriter
+
     from .observer import SceneObserver
 
 COMPLETE_SO_FAR = "the recording and the scores are complete up to that point"

@@ -8,21 +8,22 @@ from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from maurice_loaders.config_files import configuration_of, to_toml
 from maurice_loaders.files.writing import discard
 from maurice_loaders.formats.registry import chosen
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
-from maurice_loaders.runs.writer import RunWriter, begin_comparison
 from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values.map import Arena
 
 from ..errors import SinkError
 from ..playback import FilterRun
 from .output import OutputOptions
-from .recorded import AsRecorded, scene_of_recorded
+
+if TYPE_CHECKING:
+    from maurice_loaders.runs.writer import RunWriter
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +67,8 @@ def saving(runs: Sequence[ToSave], output: OutputOptions) -> Iterator[Mapping[st
 
 def _writers(runs: Sequence[ToSave], target: Path, force: bool) -> dict[str, RunWriter]:
     """Return a writer a run: one run is the folder itself, several are folders below it."""
+    from maurice_loaders.runs.writer import RunWriter, begin_comparison  # loads polars
+
     folders = {runs[0].label: target}
     if len(runs) > 1:
         begin_comparison(target, [run.label for run in runs], force=force)
@@ -128,43 +131,6 @@ def manifest_of(run: FilterRun, inputs: Inputs, folder: Path) -> RunManifest:
         reading=replace(reading, format=form.name),
         table=None if reading.table is None else source_of(reading.table, folder),
     )
-
-
-def recorded_to_save(recorded: Sequence[AsRecorded], reading: ReadingOptions) -> list[ToSave]:
-    """Return what is to be written of recorded localizers; the settings that they ran with are not known."""
-    scene = scene_of_recorded(recorded)
-    path, library = recorded[0].localizer.path, scene.library
-    form = chosen(path, reading)
-
-    def to_save(run: AsRecorded) -> ToSave:
-        text = to_toml(configuration_of(None, None, {}, {"particles": run.overview.most_particles}))
-
-        def manifest(folder: Path) -> RunManifest:
-            bag = source_of(path, folder, form.beside(path))
-            return RunManifest(
-                label=run.label,
-                seed=0,
-                start=None,
-                channels=(),
-                origin_m=tuple(library.origin.tolist()),
-                name=scene.info.name,
-                display_units=scene.info.display_units,
-                pictures=scene.updates,
-                has_truth=scene.has_truth,
-                keep_going=reading.keep_going,
-                session=bag,
-                library=bag,
-                library_content=library_hash(library, ()),
-                configuration_sha256=sha256(text.encode()).hexdigest(),
-                versions=versions_now(),
-                radii=run.radii,
-                reading=replace(reading, format=form.name),
-                recorded=True,
-            )
-
-        return ToSave(run.label, manifest, text, library.arena)
-
-    return [to_save(run) for run in recorded]
 
 
 def _full(target: Path, problem: OSError, steps: int) -> SinkError:

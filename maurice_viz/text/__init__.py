@@ -7,11 +7,11 @@ phases             what one phase of a step did, in two sentences
 verdict, headline  what happened to one run, or to several: with all numbers, and in two lines
 comparison         who is closer at a step and why, and over the drive
 causes             causes of failures and incidents as clauses, and the evidence that decided
+laser              what a scan says of a pose, and why a robot with a laser was lost
 tour               where to look, moment by moment
 what_if            what a branch changed, which remedies help, which part of a filter costs most
 explanation        why the best reference wins, in sentences
 explanation_table  the figures of all references as Markdown and as JSON
-scan               what a scan says of a pose, beam by beam
 sensors            what pose sensors read
 places             whether a library can tell its places apart
 summary            the scores of runs as a table, how several differ, and the names of trials

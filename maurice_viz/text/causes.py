@@ -44,6 +44,7 @@ from maurice_mcl.scoring.events import (
 
 from ..style import Scale
 from .explanation import planes_of
+from .laser import causes as laser_causes
 
 NAMES: Mapping[str, str] = {  # of evidence; others are their own names without a unit
     "told": "known from",
@@ -93,6 +94,7 @@ NAMES: Mapping[str, str] = {  # of evidence; others are their own names without 
     "best_nats": "evidence of the best reference",
     "usual_best_nats": "usual evidence of the best reference",
     "confused": "share of the library's own pictures that are confused",
+    **laser_causes.NAMES,
 }
 STEPS = {"worst_step", "held_until", "came", "died", "last"}  # of evidence, whose values are steps
 UNEXPLAINED = "not explained by anything that is looked for"
@@ -117,7 +119,7 @@ def with_failures(
 
 def say_cause(failure: Failure, scale: Scale) -> str:
     """Return the cause as a clause: "the robot was carried 2.13 m at step 18, unseen by its odometry"."""
-    clause = CLAUSES.get(failure.kind)
+    clause = (laser_causes.CLAUSES if failure.has_laser else CLAUSES).get(failure.kind)
     text = UNEXPLAINED if clause is None else clause(failure, failure.evidence, scale)
     return text if failure.truth_known else f"{text}{WITHOUT_TRUTH}"
 
@@ -127,6 +129,11 @@ def say_failure(failure: Failure, scale: Scale) -> str:
     episode = failure.episode
     when = ", ".join(filter(None, [episode.account, episode.ending]))
     return f"{when[:1].upper()}{when[1:]}: {say_cause(failure, scale)}."
+
+
+def say_remedy(failure: Failure, has_laser: bool) -> str:
+    """Return what the owner of a robot with a laser can do, by AMCL's names; empty where nothing is known."""
+    return laser_causes.REMEDIES.get(failure.kind, "") if has_laser else ""
 
 
 def say_evidence(failure: Failure, scale: Scale) -> list[str]:

@@ -183,7 +183,7 @@ def _winner(step: StepExplanation, scale: Scale) -> str:
     parts = ", ".join(f"{c.channel} {c.loses:.1f}" for c in by[:MOST_CHANNELS] if c.loses >= LEAST_NATS)
     among = f"Of {winner.entries} references entry {winner.entry}"
     among = among if winner.entries > 1 else "The only reference"
-    cost = f": it loses {-winner.log_likelihood:.1f} nats{f' ({parts})' if parts and len(by) > 1 else ''}"
+    cost = f": it loses {-winner.log_likelihood:z.1f} nats{f' ({parts})' if parts and len(by) > 1 else ''}"
     lies = explained.from_truth if explained else None
     lies_at = "" if lies is None else f" It is {say_offset(lies, scale)} from the truth."
     return f"{among} at {scale.say_pose(winner.pose)} matches the picture best{cost}.{lies_at}"
@@ -247,12 +247,12 @@ def _weighed(step: StepExplanation) -> str:
         weight, entry = explained.weighed, explained.entry
         if weight is None or entry is None or explained.who == WINNER:
             continue
-        of = f"its nearest reference alone: {entry.log_likelihood:.1f}"
+        of = f"its nearest reference alone: {entry.log_likelihood:z.1f}"
         if explained.sensed:
             sensors.update(dict.fromkeys(explained.sensed))
             each = {**explained.sensed, "references": weight - sum(explained.sensed.values())}
-            of = ", ".join(f"{name} {nats:.1f}" for name, nats in each.items())
-        parts.append(f"on {REFERENCES[explained.who].place} gets {weight:.1f} nats ({of})")
+            of = ", ".join(f"{name} {nats:z.1f}" for name, nats in each.items())
+        parts.append(f"on {REFERENCES[explained.who].place} gets {weight:z.1f} nats ({of})")
     if not parts:
         return ""
     start = "Particles are weighted by the references around them, including virtual ones"

@@ -114,6 +114,13 @@ WHAT: Mapping[str, Text] = {
     "turn-gain": "turns have to be multiplied by {gain:.2f}, and the motion model does so by {expected:.2f}",
     "odometry-delay": lambda v: f"odometry is {abs(v['delay_s']):.2g} s too {_late(v)} for the truth",
     "picture-delay": _picture_delay,
+    "scan-yaw": "the laser is turned by {yaw_deg:+.0f} deg from where the recording has it on the robot",
+    "scan-mirrored": "the scans are mirrored: the laser is upside down, or its beams are counted clockwise",
+    "scan-delay": lambda v: f"scans are stamped {abs(v['delay_s']):.2g} s too {_late(v)} for the odometry",
+    "odometry-is-truth": "odometry repeats the truth: it was made from it, and has no errors to localize by",
+    "max-range": "beams that hit nothing read {range_m:.4g} m, as if they had hit something there",
+    "map-scale": "the scans fit the map if its cells are {cell_m:.4g} m: {scale:g} times as large",
+    "map-place": "the scans fit nowhere on the map better than by chance: it is of another place",
     "camera-yaw": (
         "the camera looks {yaw_deg:+d} deg ({low_deg:+.0f} to {high_deg:+.0f}) off where the library's "
         "pictures look at the same heading"
@@ -164,6 +171,13 @@ FIX: Mapping[str, Text] = {
         f"--reading truth_offset_s={v['delay_s']:g} if pictures go with the odometry"
     ),
     "picture-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the pictures')}",
+    "scan-yaw": "correct the transform from base_link to the laser by {yaw_deg:+.0f} deg",
+    "scan-mirrored": "turn the roll of the laser's transform by 180 deg, or negate angle_increment",
+    "scan-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the scans')}",
+    "odometry-is-truth": "take wheel odometry; --reading odometry_from_truth=true makes some with noise",
+    "max-range": "--set sensor.laser.laser_max_range={range_m:.4g}, or a range_max below it in the scans",
+    "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
+    "map-place": "give the map.yaml of this drive; `map build` makes one from scans with truth",
     "camera-yaw": "survey with the same mounting, or `maurice-replay library build SURVEY --yaw {yaw_deg}`",
 }
 
@@ -230,6 +244,16 @@ EVIDENCE: Mapping[str, Text] = {
     "explained": (
         "so the true poses explain {pictures} pictures better by {nats:.2f} nats each "
         "({sigmas:.0f} standard errors)"
+    ),
+    "scan-pairs": lambda v: (
+        f"in {v['pairs']} pairs of scans walls are {_length(v, v['before'])} apart, "
+        f"and {_length(v, v['after'])} if this is so"
+    ),
+    "equal-steps": "{share:.0%} of {steps} steps are those of the truth, to 2 mm",
+    "capped": "{share:.0%} of the beams read that range, the longest of all; the reach is {reach:.4g} m",
+    "fit-anywhere": (
+        "where each of {scans} scans fits best {off:.0%} of its beams disagree, "
+        "and as many of mirrored ones, by chance: {chance:.0%}"
     ),
     "slow": lambda v: (
         f"the robot would go at {_speed(v, v['m_s'])} and turn at {v['rad_s']:.2g} rad/s; in {v['unit']} "

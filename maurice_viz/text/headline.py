@@ -16,6 +16,8 @@ from ..style import Scale
 from .verdict import NOTHING_YET, off_at
 
 TWO_LINES = 210  # letters
+MOSTLY = 0.5  # share of the steps from which a run is said to have done so
+FEW = 5  # steps, below which nothing can be said of a run but where it is
 NO_TRUTH = " No truth is known to judge by."
 
 
@@ -35,6 +37,8 @@ def headline(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
     runs = list(verdicts.values())
     if not any(run.updates for run in runs):
         return NOTHING_YET
+    if max(run.updates for run in runs) < FEW:
+        return _too_few(verdicts, scale)
     groups: dict[str, list[tuple[str, Outcome]]] = {}
     for label, verdict in verdicts.items():
         outcome = _outcome(verdict, scale)
@@ -47,6 +51,19 @@ def headline(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
         if len(text) <= TWO_LINES:
             break
     return text
+
+
+def _too_few(verdicts: Mapping[str, RunVerdict], scale: Scale) -> str:
+    """Return where runs of a few steps are: "After 1 step: `a` is 63.5 in off. Too early to say more."."""
+    names = {label: f"`{label}`" if len(verdicts) > 1 else "the filter" for label in verdicts}
+    off = [f"{names[label]} is {off_at(run.end, scale)}" for label, run in verdicts.items() if run.has_truth]
+    steps = max(run.updates for run in verdicts.values())
+    after = f"After {steps} step{'s' * (steps > 1)}"
+    return (
+        f"{after}: {_joined(off)}. Too early to say more."
+        if off
+        else f"{after} it is too early to say anything."
+    )
 
 
 def _sentence(group: Sequence[tuple[str, Outcome]], details: int) -> str:
@@ -136,4 +153,6 @@ def _without_truth(verdict: RunVerdict) -> Outcome:
         why = "" if failure.kind == UNKNOWN else f": {failure.title}"
         return Outcome("{was} probably lost", str(failure.episode.first), "from step ", why)
     share = f"{verdict.converged_share:.0%}"
+    if verdict.converged_share < MOSTLY:
+        return Outcome("did not keep the dots together", share, "together at ", " of the steps")
     return Outcome("kept the dots together", share, "at ", " of the steps")

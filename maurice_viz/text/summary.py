@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from maurice_datasets.trials.rows import SCHEMA
 from maurice_mcl.scoring.comparison import (
     ComparisonResult,
     ErrorDifference,
@@ -33,7 +32,7 @@ def score_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
 
 
 def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, list[str]]]:
-    """Return the five rows that say most."""
+    """Return the five rows that say most; where no run is judged by a truth, what is known without one."""
     unit = units.name
     rows: list[tuple[str, Cell]] = [
         (f"error, mean ({unit})", lambda r: _length(r.score.position_error_mean_m, units)),
@@ -42,6 +41,14 @@ def short_rows(results: Sequence[RunResult], units: Units) -> list[tuple[str, li
         ("lost", _lost),
         ("why", _why),
     ]
+    if not any(result.verdict.has_truth for result in results):
+        rows = [
+            ("steps", lambda r: str(r.score.updates)),
+            ("dots together", lambda r: f"{r.verdict.converged_share:.0%}"),
+            ("knows where it is", _known),
+            ("probably lost", _probably_lost),
+            ("why", _why),
+        ]
     return [(name, [cell(result) for result in results]) for name, cell in rows]
 
 
@@ -230,6 +237,10 @@ def metric_title(metric: str) -> tuple[str, float]:
     for ending, (unit, factor) in METRIC_UNITS.items():
         if metric.endswith(ending):
             return f"{metric.removesuffix(ending).replace('_', ' ')} ({unit})", factor
+    from maurice_datasets.trials.rows import (
+        SCHEMA,  # loads polars and the simulation, which a replay does without
+    )
+
     flag = str(SCHEMA[metric][0]) == "Boolean"
     return f"{metric.replace('_', ' ')}{' (%)' if flag else ''}", 100.0 if flag else 1.0
 

@@ -73,10 +73,11 @@ def tour_pages(
     through the step.
     """
     names = [_name(moment, len(verdicts) > 1) for moment in tour]
+    has_truth = any(verdict.has_truth for verdict in verdicts.values())
     pages = []
     for number, (moment, name) in enumerate(zip(tour, names, strict=True)):
         title = f"**{number + 1} of {len(tour)} · step {moment.step}: {name}.**"
-        look = _look(moment, scale)
+        look = _look(moment, scale, has_truth)
         if number + 1 < len(tour):
             look = f"{look} Next: **step {tour[number + 1].step}**, {names[number + 1]}."
         walk = f"Phase by phase: `maurice-replay open FILE --step {moment.step} --phase weight`"
@@ -95,7 +96,7 @@ def _name(moment: TourMoment, several: bool) -> str:
     return f"`{moment.label}` {name}" if several and moment.label else name
 
 
-def _look(moment: TourMoment, scale: Scale) -> str:
+def _look(moment: TourMoment, scale: Scale, has_truth: bool) -> str:
     """Return where to look at a moment, and what is seen there."""
     fact = moment.fact
     if isinstance(fact, Incident):
@@ -116,7 +117,8 @@ def _look(moment: TourMoment, scale: Scale) -> str:
     if moment.kind == FOUND:
         return "The dots are together, at the white disk. The lane turns dark green."
     if moment.kind == ENDS:
-        return "The plot at the bottom has how far off the estimate was at each step."
+        what = "far off the estimate was" if has_truth else "spread out the dots were"
+        return f"The plot at the bottom has how {what} at each step."
     return "The plot at the bottom has the largest error of the drive here."
 
 
@@ -130,6 +132,6 @@ def _two_places(fact: Ambiguity, scale: Scale) -> str:
 def _episode(moment: TourMoment, episode: Episode) -> str:
     if moment.kind == LOST:
         account = f"{episode.account[:1].upper()}{episode.account[1:]}"
-        return f"{account}. In the plot at the bottom, above the red line is too far off."
+        return f"{account}. In the plot at the bottom, what is above the red line is too far off."
     after = f", after {episode.fresh} were drawn anew" if episode.fresh else ""
     return f"The dots are at the white disk again{after}. The lane turns dark green."

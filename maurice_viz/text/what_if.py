@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
-
-from maurice_datasets.trials.budget import ErrorBudget
+from typing import TYPE_CHECKING, Any
 
 from ..style import Scale, units_named
+
+if TYPE_CHECKING:
+    from maurice_datasets.trials.budget import ErrorBudget
 
 BRANCH = "branch"  # first word of what a branched run adds to its log
 
@@ -47,7 +48,7 @@ def _ends(after: Mapping[str, Mapping[str, Any]], scale: Scale) -> str:
     return f"Since then {now} off on average (was {then}), localized at {share} of the steps (was {before})."
 
 
-HOLM = "p < 0.05 after Holm"  # for the number of remedies
+HOLM = "p < 0.05"  # adjusted by Holm for the number of remedies
 USUAL_SHARE = 0.8  # of the seeds, in which a run has to be localized at the end to be usually right
 
 

@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -31,7 +32,9 @@ from .open_viewers import (
     viewer_binary,
     wait_until_listening,
 )
-from .web import WebViewer
+
+if TYPE_CHECKING:
+    from .web import WebViewer
 
 APPLICATION = "maurice-replay"
 FLUSH_S = 60.0

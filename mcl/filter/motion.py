@@ -38,16 +38,10 @@ class MotionModel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FloorDrift:
-    """How the heading drifts on one floor while driving straight, counter-clockwise.
+    """How the heading drifts on one floor while driving straight, in proportion to the distance."""
 
-    In proportion to the distance, and by so much a straight, however long it is: the second is how the thesis
-    adds it (3.2).
-    """
-
-    bias_rad_per_m: float = 0.0  # mean drift
+    bias_rad_per_m: float = 0.0  # mean drift, counter-clockwise; backward clockwise
     sd_rad_per_m: float = 0.0  # its standard deviation from movement to movement
-    bias_rad: float = 0.0  # the same, a straight
-    sd_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +84,8 @@ def _floors(value: Any) -> dict[str, FloorDrift]:
 
 
 def _drift(floor: str, spec: Any) -> FloorDrift:
-    names = [f.name for f in fields(FloorDrift)]
-    if not isinstance(spec, Mapping) or set(spec) - set(names):
-        wanted = f"{', '.join(names[:-1])} and {names[-1]}"
+    if not isinstance(spec, Mapping) or set(spec) - {"bias_rad_per_m", "sd_rad_per_m"}:
+        wanted = "bias_rad_per_m and sd_rad_per_m"
         raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
     return FloorDrift(
         **{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()}
@@ -114,7 +107,8 @@ class MauriceMotion:
     """The thesis's model: noise once per movement, the drift of a straight applied when it is over.
 
     A turn gets the gain and the measured residual, a straight the encoders' error and the floor's drift. A
-    movement that is both is a turn followed by a straight.
+    movement that is both is a turn followed by a straight. Backward a straight falls short as well, and
+    drifts to the other side: the robot goes back on the arc that it came by.
     """
 
     parameters: MauriceParameters
@@ -132,13 +126,13 @@ class MauriceMotion:
             return _poses(poses[:, 0], poses[:, 1], wrap(heading))
         length = noise[:, 0] * np.float32(p.straight_sd_m) + np.float32(way + p.straight_bias_m)
         course = heading + np.float32(np.arctan2(left, forward))
-        drift = self._drift(poses[:, :2], origin, way, noise[:, 1])
+        drift = self._drift(poses[:, :2], origin, way if forward >= 0 else -way, noise[:, 1])
         moved = (poses[:, 0] + length * np.cos(course), poses[:, 1] + length * np.sin(course))
         return _poses(*moved, wrap(heading + drift))
 
     def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
-        """Return the drift (N,) in radians over a distance, by the floor on which each particle starts."""
-        bias, sd = (self._per_m * way_m + self._per_straight).astype(np.float32)
+        """Return the drift (N,) in radians over a way, below 0 backward, by the floor under each particle."""
+        bias, sd = (self._per_m * way_m).astype(np.float32)
         if len(bias) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)
         floor = self._floor_of.take(self.grid.cells_of(xy, origin))
@@ -150,17 +144,9 @@ class MauriceMotion:
     @cached_property
     def _per_m(self) -> F64:
         """Bias and sd (2, floors) of the drift in radians per meter."""
-        return np.array([[f.bias_rad_per_m, f.sd_rad_per_m] for f in self._drifts]).T
-
-    @cached_property
-    def _per_straight(self) -> F64:
-        """Bias and sd (2, floors) of the drift in radians per straight."""
-        return np.array([[f.bias_rad, f.sd_rad] for f in self._drifts]).T
-
-    @property
-    def _drifts(self) -> list[FloorDrift]:
         others = self.parameters.drift.get("", FloorDrift())
-        return [self.parameters.drift.get(name) or others for name in self.grid.floors]
+        known = [self.parameters.drift.get(name) or others for name in self.grid.floors]
+        return np.array([[f.bias_rad_per_m for f in known], [f.sd_rad_per_m for f in known]])
 
     @cached_property
     def _floor_of(self) -> NDArray[np.intp]:
@@ -229,10 +215,10 @@ class OdometryMotion:
 class OmniParameters:
     """Noise of AMCL's model for robots that drive in any direction, as variances."""
 
-    turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (AMCL's alpha 4)
+    turn_from_turn: float = 0.02  # rad^2 of turn per rad^2 of turn (Nav2's alpha 1; ROS 1's 4)
     turn_from_way: float = 0.02  # rad^2 of turn per m^2 driven (alpha 2)
     way_from_way: float = 0.02  # m^2 along the way per m^2 driven (alpha 3)
-    way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (alpha 1)
+    way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (4; 1)
     side_from_way: float = 0.02  # m^2 across the way per m^2 driven (alpha 5)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Motion constants from trials: what was measured, and what the robot really did (thesis 3.2).
+"""Motion constants from trials: what was measured, and what the robot really did (thesis 3.2, 3.3).
 
 A robot turns until its encoders show the commanded angle, so the scatter is in the actual turn: actual = gain
 * measured + bias + noise. Least squares of *actual on measured*, through the origin, gives a header's
@@ -46,7 +46,7 @@ class Straights:
     """Straight movements."""
 
     measured_m: F64  # (n,) by the encoders; negative backward
-    actual_m: F64  # (n,) by the truth
+    actual_m: F64  # (n,) by the truth; negative backward
     drift_rad: F64  # (n,) how much the heading changed meanwhile, counter-clockwise; nan: unknown
     floors: tuple[str | None, ...]  # (n,) "" where no map names one; None where a way crosses several
 
@@ -83,7 +83,7 @@ class TurnFit:
 
 @dataclass(frozen=True, slots=True)
 class StraightFit:
-    """Straight movements (thesis 3.2, figures 9 and 11)."""
+    """Straight movements (thesis 3.3, figures 9 and 11)."""
 
     count: int
     error: Spread  # m, actual - measured, a movement
@@ -93,7 +93,7 @@ class StraightFit:
 
 @dataclass(frozen=True, slots=True)
 class DriftFit:
-    """How the heading drifts on one floor (thesis 3.2, figure 10)."""
+    """How the heading drifts on one floor (thesis 3.3, figure 10)."""
 
     floor: str
     rate: Spread  # rad per meter really driven, counter-clockwise
@@ -182,10 +182,13 @@ def fit_drifts(straights: Straights) -> tuple[DriftFit, ...]:
 
 
 def drift_rates(straights: Straights, floor: str) -> F64:
-    """Return the drift (k,) in rad per meter of every straight on a floor whose drift is known."""
+    """Return the drift (k,) in rad per meter of every straight on a floor whose drift is known.
+
+    Backward the robot turns to the other side: what makes it drift, unequal wheels, bends its path alike.
+    """
     on = np.array([name == floor for name in straights.floors], bool)
     on &= np.isfinite(straights.drift_rad) & (straights.actual_m != 0)
-    return np.asarray(straights.drift_rad[on] / np.abs(straights.actual_m[on]))
+    return np.asarray(straights.drift_rad[on] / straights.actual_m[on])
 
 
 def unwrapped(measured_rad: F64, turned_rad: F64) -> F64:
@@ -234,6 +237,11 @@ class _Part:
     measured: float  # m or rad
     course_rad: float = 0.0  # of a straight, from the robot's forward
 
+    @property
+    def sign(self) -> int:
+        """1, or -1 of a straight that goes backward."""
+        return -1 if abs(self.course_rad) > math.pi / 2 else 1
+
 
 def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
     """Return what each movement of the segments did."""
@@ -253,7 +261,7 @@ def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
         if turn is not None:
             turns.append((turn.measured, turned))
         if straight is not None:
-            straights.append((straight.measured, _length(segment), drift))
+            straights.append((straight.sign * straight.measured, straight.sign * _length(segment), drift))
             floors.append(floor_of(segment.before[:2], segment.after[:2]))
     measured, turned_rad = np.array(turns, np.float64).reshape(-1, 2).T
     way, went, drift_rad = np.array(straights, np.float64).reshape(-1, 3).T

@@ -74,6 +74,7 @@ class LinearMaurice:
     """The thesis's model: turns with gain, bias and noise, straights with bias and noise, drift by floor.
 
     Drift is even along a straight, as in `calibrate motion`: it bends the path as a turn in its middle would.
+    Backward it goes to the other side.
     """
 
     floors: tuple[str, ...]
@@ -103,9 +104,10 @@ class LinearMaurice:
             turns.append((pose, turn, noisy))
             pose = pose + np.array([0, 0, means[0] * turn + (means[1] if noisy else 0.0)])
             if way >= least.straight_from_m:
-                drifted, course = means[3 + floor] * way, pose[2] + math.atan2(left, forward)
+                drives = way if forward >= 0 else -way
+                drifted, course = means[3 + floor] * drives, pose[2] + math.atan2(left, forward)
                 along = np.array([math.cos(course + drifted / 2), math.sin(course + drifted / 2), 0.0])
-                ways.append((pose + along * (way + means[2]) / 2, way, along))
+                ways.append((pose + along * (way + means[2]) / 2, drives, along))
                 pose = pose + along * (way + means[2]) + np.array([0.0, 0.0, drifted])
         biases, parts = np.zeros((3, 3 + count)), np.zeros((2 + count, 3, 3))
         for at, turn, noisy in turns:
@@ -113,8 +115,8 @@ class LinearMaurice:
             biases[:, 0] += change * turn
             biases[:, 1] += change * noisy
             parts[0] += np.outer(change, change) * noisy
-        for middle, way, along in ways:
-            change = turning(pose, middle) * way
+        for middle, drives, along in ways:
+            change = turning(pose, middle) * drives
             biases[:, 2] += along
             biases[:, 3 + floor] += change
             parts[1] += np.outer(along, along)

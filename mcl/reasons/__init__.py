@@ -4,7 +4,8 @@
 - `causes`: the one table of causes of failures, and of the incidents that belong to them
 - `incidents`: what befell the robot or its camera during a drive
 - `evidence`, `surroundings`: the few numbers of each step, and what the library says of a place
-- `story`: one episode with its evidence; `drive_rules`, `picture_rules`, `particle_rules` judge it
+- `story`: one episode with its evidence; `drive_rules`, `picture_rules`, `laser_rules`,
+  `particle_rules` judge it
 - `diagnosis`: one cause for each time a run was lost; `suspicion`: the same without truth
 - `verdict`: what happened to a run, and the step to look at; `tour`: the steps to look at, in order
 - `second_opinion`: a filter of its own that doubts a run, without the truth

@@ -17,6 +17,8 @@ MOTION, KIDNAPPED, LEFT_MAP = "motion", "kidnapped", "left_map"
 OUT_OF_PLANE = "out_of_plane"
 LIBRARY_GAP, LIGHTING, VIEW = "library_gap", "lighting", "changed_view"
 NUMERIC, DATA, UNKNOWN = "numeric", "data", "unknown"
+START, MOUNT, WRONG_MAP = "wrong_start", "mount", "wrong_map"
+UNSEEN, FLAT = "unseen_walls", "flat_sensor"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,12 +36,17 @@ CAUSES: Mapping[str, CauseKind] = {
     OUT_OF_PLANE: CauseKind("tilted", "the robot pitched or rolled, which a pose in the plane cannot follow"),
     MOTION: CauseKind("odometry misled", "the robot moved in a way that the motion model excludes"),
     NUMERIC: CauseKind("no weight left", "all weights were zero, or all but one"),
+    MOUNT: CauseKind("laser turned", "the laser is mounted otherwise than the recording says"),
+    WRONG_MAP: CauseKind("wrong map", "the scans fit nowhere on the map better than by chance"),
+    UNSEEN: CauseKind("walls not seen", "beams pass through walls of the map, or come back from nothing"),
     LIBRARY_GAP: CauseKind("no reference near", "no reference is near the true place"),
     LIGHTING: CauseKind("the light changed", "the light is not that of the references"),
     VIEW: CauseKind(
         "the view changed", "something is in view that the references do not show, or the map changed"
     ),
     SENSOR: CauseKind("pictures fit elsewhere", "the pictures fit wrong places better than the true one"),
+    START: CauseKind("wrong start", "the filter began where the robot was not"),
+    FLAT: CauseKind("sensor too flat", "the model of the laser says less than the motion noise takes away"),
     RESAMPLING: CauseKind(
         "chance in resampling", "particles at the true place had weight, and were not copied, by chance"
     ),
@@ -78,6 +85,8 @@ INCIDENTS: Mapping[str, IncidentKind] = {
 }
 BEFALLING = frozenset(kind.cause for kind in INCIDENTS.values())  # causes that an incident tells of
 
+OF_LASER: Mapping[str, str] = {VIEW: "the map changed", AMBIGUITY: "scans fit elsewhere"}  # titles
+
 Value = float | str
 TOO_DARK = 0.2  # of the expected brightness, at most: nothing can be seen
 
@@ -94,7 +103,14 @@ class Failure:
     also: tuple[str, ...] = ()  # further causes that had a part in it, the likelier first
 
     @property
+    def has_laser(self) -> bool:
+        """Whether it is said of the scans of a laser."""
+        return "scans" in self.evidence
+
+    @property
     def title(self) -> str:
         """The cause in a word or two."""
+        if self.has_laser and self.kind in OF_LASER:
+            return OF_LASER[self.kind]
         is_dark = self.kind == LIGHTING and float(self.evidence.get("brightness", 1.0)) <= TOO_DARK
         return "too dark" if is_dark else CAUSES[self.kind].title

@@ -16,7 +16,7 @@ from ..scoring.metrics import LOST_FOR
 from ..values.arrays import F64, U8
 from ..values.records import StepRecord
 from ..values.session import Moment
-from .causes import LIBRARY_GAP, LIGHTING, MOTION, UNKNOWN, VIEW, Failure
+from .causes import LIBRARY_GAP, LIGHTING, MOTION, MOUNT, UNKNOWN, UNSEEN, VIEW, WRONG_MAP, Failure
 from .drive_rules import (
     beyond_motion,
     carried,
@@ -27,6 +27,7 @@ from .drive_rules import (
     stuck_pictures,
 )
 from .evidence import EvidenceFinder, UpdateEvidence
+from .laser_rules import ABOUT_FILTER, ABOUT_SCANS, BEFORE_MOTION
 from .particle_rules import no_particle, unlucky, weights_vanish
 from .picture_rules import ambiguity, library_gap, lighting, unlike_references
 from .story import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, Story
@@ -39,17 +40,21 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
     carried,
     off_map,
     out_of_plane,
+    *BEFORE_MOTION,
     beyond_motion,
     weights_vanish,
+    *ABOUT_SCANS,
     library_gap,
     lighting,
     unlike_references,
     slipped_as_told,
+    *ABOUT_FILTER,
     unlucky,
     ambiguity,
     no_particle,
 )
-AGAINST_TRUTH = (LIBRARY_GAP, LIGHTING, VIEW)  # causes by which pictures speak against the true place
+# causes by which pictures or scans speak against the true place
+AGAINST_TRUTH = (LIBRARY_GAP, LIGHTING, VIEW, MOUNT, WRONG_MAP, UNSEEN)
 MOST_PICTURES = 64  # that are kept; of older ones the light is measured at once
 
 
@@ -174,6 +179,11 @@ class DiagnosisBuilder:
             failures = tuple(map(decide, self.stories())) if judged else suspected(self._updates, doubts)
             self._known = len(self._updates), failures
         return failures
+
+    @property
+    def has_laser(self) -> bool:
+        """Whether the run has a laser, and a map in place of references."""
+        return self._finder.scans is not None
 
     @property
     def _updates(self) -> list[UpdateEvidence]:

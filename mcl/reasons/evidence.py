@@ -13,6 +13,8 @@ from ..scoring.episodes import EpisodeFinder
 from ..scoring.lost_signal import evidence_by_channels
 from ..scoring.metrics import StepScore
 from ..scoring.near_truth import NearTruth, near_truth
+from ..sensor.laser.fit import ScanFit, ScanFits
+from ..sensor.laser.sensor import LASER
 from ..values.arrays import F32, F64
 from ..values.geometry import INCH_M, wrap
 from ..values.records import StepRecord
@@ -22,6 +24,7 @@ from .surroundings import LightFit, PlaceFit, Surroundings, layout_fit, mean_lev
 
 MOVED_LEAST = 0.01  # m or rad, from which on the next picture must differ
 DRAWS, KEPT = 200, 32  # particles that stand for the model; movements with noise of their own
+TOGETHER = (0.1, 0.1, float(np.radians(2)))  # m, m, rad: standard deviations of a cloud that found itself
 TRUTH_M, TRUTH_RAD = INCH_M, float(np.radians(2))  # accuracy of a true pose
 
 
@@ -32,6 +35,7 @@ class Surprise:
     forward: float
     left: float
     turn: float
+    growth: float = 0.0  # nats by which the movement widens a cloud that had found itself
 
     @property
     def largest(self) -> float:
@@ -68,7 +72,8 @@ def surprise(model: MotionModel, origin: F64, before: F64, after: F64, motions: 
     turned = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     sd = np.sqrt((spread @ turned.T).var(axis=0) + np.square([TRUTH_M, TRUTH_M, TRUTH_RAD]))
     forward, left, turn = (turned @ off / sd).tolist()
-    return Surprise(forward, left, turn)
+    growth = float(np.log1p(spread.var(axis=0) / np.square(TOGETHER)).sum() / 2)
+    return Surprise(forward, left, turn, growth)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +111,8 @@ class UpdateEvidence:
     fit: PlaceFit | None = None  # of the picture at the truth
     alike: float | None = None  # correlation of how light its 12 x 9 parts are with those of the references
     light: LightFit | None = None  # of the picture, brightened or darkened
+    began_together: bool = False  # whether it is the first, and its cloud was together before the picture
+    scan: ScanFit | None = None  # of a robot that has a laser, and a map in place of references
     elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
 
     @property
@@ -125,6 +132,7 @@ class EvidenceFinder:
 
     localizer: Localizer | None = None
     surroundings: Surroundings | None = None
+    scans: ScanFits | None = None  # over a map in place of references
     _before: Moment | None = None
     _floor: str = ""  # that the log told last
     _tilt_deg: float | None = None
@@ -134,6 +142,9 @@ class EvidenceFinder:
         before, self._before = self._before, moment
         if self.localizer is not None and self.surroundings is None:
             self.surroundings = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
+            library = self.localizer.library
+            if library.is_map and library.occupancy is not None:
+                self.scans = ScanFits(library.occupancy, library.poses)
         frame, truth = moment.frame, moment.truth
         floor, self._floor = self._floor, _floor_after(moment.events, self._floor)
         self._tilt_deg = _tilt_after(moment.events, self._tilt_deg)
@@ -175,14 +186,38 @@ class EvidenceFinder:
         surroundings = self.surroundings
         if surroundings is None or evidence.broken:
             return evidence
+        surprising = None if last is None else self._surprise(last, truth, moment.frame.motions)
+        if self.scans is not None:
+            sd_m = float(np.hypot(*record.predicted.poses[:, :2].std(axis=0)))
+            together = before is None and sd_m < record.estimate.radii.cluster_m
+            scan = self._scan(evidence, record, truth)
+            return replace(evidence, surprise=surprising, scan=scan, began_together=together)
         return replace(
             evidence,
             outside=surroundings.is_outside(truth),
-            surprise=None if last is None else self._surprise(last, truth, moment.frame.motions),
+            surprise=surprising,
             reference_m=surroundings.to_reference_m(truth),
             fit=surroundings.fit(record.sighting.comparison, truth, record.estimate.pose),
             alike=layout_fit(surroundings, moment.frame.image, truth),
         )
+
+    def _scan(self, evidence: UpdateEvidence, record: StepRecord, truth: F64) -> ScanFit | None:
+        """Return how the scan fits; None where there is none, or it says nothing."""
+        scan, sensed = record.frame.scan, record.sighting.comparison.sensed
+        laser = next((part for part in sensed if part.name == LASER), None)
+        if self.scans is None or scan is None:
+            return None
+        reading = self.scans.read(scan)
+        if reading is None or laser is None:
+            return self.scans.unanswered(scan, truth)
+
+        def own(poses: F64) -> F32:
+            origin = poses[0, :2].copy()
+            relative = (poses - np.append(origin, 0.0)).astype(np.float32)
+            return laser.sensor.log_likelihood(laser.reading, relative, origin)
+
+        is_off = evidence.score.correct is False
+        return self.scans.fit(reading, truth, record.estimate.pose, own, is_off)
 
     def _surprise(self, before: F64, after: F64, motions: F64) -> Surprise | None:
         localizer = self.localizer

@@ -68,6 +68,7 @@ class RunVerdict:
 
     updates: int = 0
     has_truth: bool = False
+    has_laser: bool = False  # whether it ran on a map in place of references
     localized: int | None = None  # first step at which the run was localized; None: never, or truth not known
     first: int = 0  # step of the first update
     last: int = 0  # and of the last one
@@ -299,6 +300,7 @@ class VerdictBuilder:
         return replace(
             self._verdict,
             has_truth=self._verdict.end is not None,
+            has_laser=self._diagnosis.has_laser,
             error_mean_m=self._sum_m / self._scored if self._scored else None,
             converged_share=self._converged / count,
             in_obstacles=self._obstacles.stays,

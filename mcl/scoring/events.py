@@ -41,7 +41,7 @@ STATES: Mapping[str, str] = {
     LOST: "too far off at four steps in a row, and still so",
     CONVERGED: "truth not known: at least 90 % of the weight near the estimate",
     SPREAD: "truth not known: less than that",
-    PROBABLY_LOST: "truth not known: pictures fit elsewhere, whatever the cloud says",
+    PROBABLY_LOST: "truth not known: what it sees fits elsewhere, whatever the cloud says",
 }
 
 
@@ -186,7 +186,9 @@ KINDS: Mapping[str, EventKind] = {
     ALL_WEIGHTS_ZERO: EventKind(_ZERO, GRAVE, word="all zero", in_plots=True),
     RECOVERED: EventKind("localized again after it was lost or kidnapped", GOOD),
     LOCALIZED: EventKind("converged and correct at 4 of 5 steps, for the first time", GOOD),
-    MODE_SWITCH: EventKind("another mode has become the heaviest: the estimate jumps", DOUBTFUL),
+    MODE_SWITCH: EventKind(
+        "another mode has become the heaviest: the estimate jumps", DOUBTFUL, word="estimate jumps"
+    ),
     BEYOND_THREE_SIGMA: EventKind(
         "the truth lies more than three standard deviations from the estimate", DOUBTFUL, word="3 sigma"
     ),
@@ -227,8 +229,8 @@ def joined(events: Sequence[RunEvent]) -> list[RunEvent]:
             continue
         first = lines[begun[event.kind]]
         fresh = first.fresh + event.fresh
-        drawn = f"{fresh} fresh in all" if fresh else "so"
-        text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}: {drawn}"
+        drawn = f": {fresh} fresh in all" if fresh else ""
+        text = f"{first.text.split(UNTIL)[0]}{UNTIL}{event.step}{drawn}"
         lines[begun[event.kind]] = replace(first, text=text, last=event.step, fresh=fresh)
     return lines
 
@@ -355,7 +357,7 @@ def logged(texts: tuple[str, ...]) -> Iterator[tuple[str, str]]:
 def _doubts(signal: LostSignal) -> str:
     knows = signal.knows or 0.0
     chance = f"{knows:.0%}" if knows >= LEAST_CHANCE else f"under {LEAST_CHANCE:.0%}"
-    return f"without truth: right with a probability of {chance}, pictures fit elsewhere"
+    return f"without truth: right with a probability of {chance}, what it sees fits elsewhere"
 
 
 LEAST_CHANCE = 0.01  # a smaller probability is written as below it

@@ -92,6 +92,21 @@ def probability(weights: Mapping[str, float], features: Mapping[str, float], mor
     return 1 / (1 + math.exp(-(log_odds + more)))
 
 
+# Without channels: nats a beam of a laser at the estimate, on intel's first 450 scans. 99 % of 467 estimates
+# within 0.45 m of the truth are worth -0.5 or more, 93 % of 433 beyond 0.9 m less.
+FIT_NATS, FIT_SD_NATS = -0.5, 0.1
+
+
+def fit_of(record: StepRecord) -> float | None:
+    """Return how well a pose sensor's reading fits the estimate; None where none can tell."""
+    for part in record.sighting.comparison.sensed:
+        fits = getattr(part.sensor, "fits", None)
+        if fits is not None:
+            fit: float | None = fits(part.reading, record.estimate.pose)
+            return fit
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class SignalSummary:
     """What the lost signal said of one run."""
@@ -128,7 +143,13 @@ class LostSignal:
         if record.opinion is not None:
             return self._judge(record.opinion.not_lost, record.opinion.alarm_below)
         numbers = BeliefNumbers.of(record)
-        return None if numbers is None else self.see(numbers)
+        if numbers is not None:
+            return self.see(numbers)
+        fit = fit_of(record)
+        if fit is None:
+            return None
+        self._gain = fit if self._gain is None else (1 - RATE) * self._gain + RATE * fit
+        return self._judge(1 / (1 + math.exp((FIT_NATS - self._gain) / FIT_SD_NATS)), PROBABLY_LOST_BELOW)
 
     def see(self, now: BeliefNumbers) -> float:
         """Process the numbers of the next update."""

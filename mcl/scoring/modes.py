@@ -106,7 +106,9 @@ class Ancestry:
     _past: deque[_Generation] = field(default_factory=deque)
 
     def see(self, record: StepRecord) -> None:
-        """Process the next update."""
+        """Process the next update. Of another number of particles nobody knows their ancestors."""
+        if self._past and self._size() != len(record.weighted.poses):
+            self._past.clear()
         self._past.append(_Generation(record.weighted.poses, record.weighted.origin, record.parents))
         if len(self._past) > self.depth:
             self._past.popleft()

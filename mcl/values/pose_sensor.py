@@ -174,7 +174,8 @@ class PoseSensor(Protocol):
     `weighs_references`, false for one that need not say how well a library's references agree. One that
     proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
     not find the proposal again, and `explains(reading, poses, weights, origin)`: true where a cloud explains
-    the reading, so that nothing is proposed.
+    the reading, so that nothing is proposed. `fits(reading, pose)` is how well a reading fits an estimate:
+    without channels the lost signal reads it.
 
         >>> import numpy as np, maurice_mcl as mcl
         >>> class Beacon:

@@ -29,7 +29,8 @@ from random import Random
 import cv2
 from rerun.chunk import RrdReader
 
-from maurice_loaders.runs.store import is_saved, open_runs
+from maurice_loaders.runs.manifest import is_saved
+from maurice_loaders.runs.store import open_runs
 from maurice_viz.viewer.snapshot import software_driver
 
 sys.path.append(str(Path(__file__).parents[1]))  # where the helpers are, and a folder maurice_viz of tests

@@ -10,7 +10,9 @@ import pytest
 
 from helpers.trials import write_trials
 from maurice_loaders.calibration_trials import (
+    AlignedDrive,
     covered_pictures,
+    cut,
     floor_between,
     mishaps,
     read_trials,
@@ -210,3 +212,14 @@ def test_of_several_logs_survey_log_is_taken_or_one_must_be_named(tmp_path: Path
         levels(tmp_path / "s")
     (tmp_path / "s" / "two.log").rename(tmp_path / "s" / "survey.log")
     assert levels(tmp_path / "s") == [20]
+
+
+def test_a_drive_there_and_back_has_one_drift() -> None:
+    """Backward, lengths are negative and the heading changes the other way: the same radians per meter."""
+    ahead = np.concatenate([np.linspace(0, 1, 21), np.linspace(1, 0, 21)[1:]])
+    odometry = np.column_stack([ahead, np.zeros((41, 2))])
+    curved = np.column_stack([np.sin(0.2 * ahead) / 0.2, (1 - np.cos(0.2 * ahead)) / 0.2, 0.2 * ahead])
+    straights = cut(AlignedDrive(odometry, curved)).straights
+    assert straights.measured_m == pytest.approx([1, -1])
+    assert straights.actual_m == pytest.approx([1, -1], rel=0.01)
+    assert straights.drift_rad / straights.actual_m == pytest.approx([0.2, 0.2], rel=0.01)

@@ -23,11 +23,12 @@ from maurice_mcl.errors import InputError
 PACKAGES: tuple[ModuleType, ...] = (maurice_mcl, maurice_loaders, maurice_datasets, maurice_viz)
 BAD = {"long": "x" * 5000, "deep": "/".join(["y" * 100] * 60), "nul": "a\0b", "half": "a\ud800b"}
 NOT_HERE = {"maurice_viz.show"}  # its widget is an extra
-NOT_MADE = {  # they take values that are not made here: rows of trials, a plan, options of reading
+NOT_MADE = {  # they take values that are not made here: rows of trials, a plan, options of reading, keys
     "maurice_datasets.grouped",
     "maurice_datasets.paired",
     "maurice_datasets.run_plan",
     "maurice_loaders.write_reading",
+    "maurice_viz.drive",
 }
 
 

@@ -16,7 +16,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_loaders.runs.store import SavedRun, is_saved
+from maurice_loaders.runs.manifest import is_saved
+from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.filter.batch import compared_once, run_batch
 from maurice_mcl.scoring.demands import (
@@ -35,7 +36,7 @@ from maurice_mcl.values.session import Moment
 from ...errors import OptionError
 from ...listener import Listener
 from ...playback import FilterRun
-from ...running.open import make_runs, open_library_for, open_session, remark_skipped
+from ...running.open import make_runs, open_library_for, open_session, read_as_amcl, remark_skipped
 from ...running.run_spec import RunSpec
 from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from ...style import Scale, scale_for
@@ -146,6 +147,7 @@ def check_drive(
         saved = only_run(Path(source))
         if saved.manifest.recorded:
             return replace(_check_recorded(saved, asked, taken, listener), took_s=time.perf_counter() - began)
+    asked = replace(asked, reading=read_as_amcl(asked.reading, [asked.spec], listener))
     session = open_session(source, asked.reading, listener)
     keep_going = asked.reading.keep_going
     library = open_library_for(session, asked.library, keep_going=keep_going, listener=listener)

@@ -100,8 +100,16 @@ class ConsoleListener:
                 MofNCompleteColumn(),
                 RateColumn(),
             )
-            times = (TimeElapsedColumn(), TimeRemainingColumn(compact=True), TextColumn("left", markup=False))
-            self._bar = Progress(*columns, *times, console=notes, transient=True, redirect_stdout=False)
+            times: list[ProgressColumn] = [TimeElapsedColumn()]
+            times += [TimeRemainingColumn(compact=True), TextColumn("left", markup=False)] if total else []
+            self._bar = Progress(
+                *columns,
+                *times,
+                console=notes,
+                transient=True,
+                redirect_stdout=False,
+                redirect_stderr=False,  # the stream marks what steers a terminal, as bars do
+            )
             self._bar.start()
             self._bar.add_task(what, total=None)
             self._what = what

@@ -15,7 +15,7 @@ from ...drawing.scan import draw_ranges, draw_scan_on_map
 from ...entities import Phase, RunPaths
 from ...scene import RunView, Scene
 from ...style import RANK, TRUTH
-from ...text.scan import scan_table, scan_words
+from ...text.laser.scan import scan_table, scan_words
 from ..camera import named_view
 from ..panel import MARKDOWN, Panel, StepUpdate, set_phase
 from ..references import likelihood_views

@@ -24,7 +24,8 @@ from ..camera import draw_name, named_view
 from ..panel import Panel, StepUpdate, set_phase
 
 SEES = "the laser sees"
-TURNS, OF_SIDE = 32, 12**-0.5  # headings; standard deviation of what is anywhere on a side of length 1
+TURNS, OF_SIDE = 24, 12**-0.5  # headings; standard deviation of what is anywhere on a side of length 1
+SEARCHED = 200  # of the best places
 NO_SCAN, TOO_FEW = "no scan at this step", "too few beams hit something"
 
 
@@ -82,11 +83,23 @@ class PlacesOnMap:
         nearest = np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]
         side_m = float(np.median(nearest)) if len(places) > 1 else 0.0
         self._spread = PoseSpread(min(OF_SIDE * side_m, MOST_APART.position_m), OF_SIDE * 2 * np.pi / TURNS)
+        along, turned = np.linspace(-0.4, 0.4, 5) * side_m, np.linspace(-1 / 3, 1 / 3, 3) * 2 * np.pi / TURNS
+        self._around = np.stack(np.meshgrid(along, along, turned), axis=-1).reshape(-1, 3).astype(np.float32)
+        self._fine = PoseSpread(self._spread.position_m / 5, self._spread.heading_rad / 3)
 
     def nats(self, laser: Laser, reading: LaserReading) -> F32:
-        """Return the nats (L,) of a scan at each entry's place in its best heading."""
-        nats = laser.log_likelihood(reading, self._poses, self._origin, self._spread)
-        return np.asarray(nats.reshape(-1, TURNS).max(axis=1)[self._place.ravel()], np.float32)
+        """Return the nats (L,) of a scan around each entry's place in its best heading.
+
+        Places are far apart for a laser: the best of them are searched more closely.
+        """
+        nats = laser.log_likelihood(reading, self._poses, self._origin, self._spread).reshape(-1, TURNS)
+        best = nats.max(axis=1)
+        closer = np.argsort(best)[-SEARCHED:]
+        poses = self._poses.reshape(-1, TURNS, 3)[closer, nats[closer].argmax(axis=1)]
+        around = (poses[:, None] + self._around).reshape(-1, 3)
+        fine = laser.log_likelihood(reading, around, self._origin, self._fine)
+        best[closer] = np.maximum(best[closer], fine.reshape(len(closer), -1).max(axis=1))
+        return np.asarray(best[self._place.ravel()], np.float32)
 
 
 def seen_path(paths: RunPaths) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -161,16 +163,25 @@ def _too_few(count: int) -> NoLandmarks:
 def _keypoints(
     used: NDArray[np.intp], read: Callable[[int], U8 | None], progress: NamedProgress
 ) -> tuple[list[Keypoints], tuple[int, int] | None]:
-    """Return the keypoints of some references, none where its picture is missing or of another size."""
-    keypoints, size, none = [], None, keypoints_of(np.zeros((8, 8, 3), np.uint8))
-    for done, number in enumerate(used.tolist(), 1):
+    """Return the keypoints of some references, none where its picture is missing or of another size.
+
+    Pictures are looked at on all cores, as OpenCV lets other threads run; the answer does not depend on it.
+    """
+
+    def look(number: int) -> tuple[Keypoints, tuple[int, int] | None]:
         image = read(number)
-        if image is not None and size is None:
-            size = image.shape[0], image.shape[1]
-        fits = image is not None and image.shape[:2] == size
-        keypoints.append(keypoints_of(image) if fits and image is not None else none)
-        progress(done, len(used), "landmarks")
-    return keypoints, size
+        return (none, None) if image is None else (keypoints_of(image), (image.shape[0], image.shape[1]))
+
+    none, pictures = keypoints_of(np.zeros((8, 8, 3), np.uint8)), []
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        for done, picture in enumerate(pool.map(look, used.tolist()), 1):
+            pictures.append(picture)
+            progress(done, len(used), "landmarks")
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for the others
+    size = next((each for _, each in pictures if each is not None), None)
+    return [points if each == size else none for points, each in pictures], size
 
 
 def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]) -> _Matched:

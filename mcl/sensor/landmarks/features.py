@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, cast
 
 import cv2
@@ -26,11 +26,16 @@ class Keypoints:
     descriptors: F32  # (K, 128) of length one: their product is a cosine
 
 
-@lru_cache(maxsize=1)
+_OF_THREAD = threading.local()  # a detector each: OpenCV does not say that threads may share one
+
+
 def _sift() -> Any:
-    # the stubs of OpenCV lack enable_precise_upscale
-    sift: Any = cast(Any, cv2).SIFT_create
-    return sift(nfeatures=MOST_KEYPOINTS, contrastThreshold=SIFT_CONTRAST, enable_precise_upscale=True)
+    if not hasattr(_OF_THREAD, "sift"):
+        sift: Any = cast(Any, cv2).SIFT_create  # the stubs of OpenCV lack enable_precise_upscale
+        _OF_THREAD.sift = sift(
+            nfeatures=MOST_KEYPOINTS, contrastThreshold=SIFT_CONTRAST, enable_precise_upscale=True
+        )
+    return _OF_THREAD.sift
 
 
 def keypoints_of(image: U8) -> Keypoints:

@@ -23,12 +23,14 @@ from .reading import LaserReading
 # average 0.7 to 1.1 times what the likelihood says.
 SIGMA_M = 0.1
 OUTLIER = 0.1  # worth of a beam that ends nowhere near what the map has, relative to the best
+SCAN_OUTLIER_NATS = 24.0  # a pose costs no more: a scan may show what the map does not have
 UNKNOWN_NATS = -0.5  # of a beam that ends where nobody has been: neither right nor wrong
 INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them count no more than these
 
 # A cloud explains a scan where its best poses fit so well, of the beams that end where the map is known. At
 # the true pose 99 of 100 scans of those logs are worth -0.34 a beam or more; of random poses 1 in 500 is.
 EXPLAINED_NATS, BEST_SHARE = -0.45, 0.03
+FITS_NATS = -0.3  # a beam, at a pose that is proposed: where nobody has been, some other place fits a little
 LEAST_KNOWN = 0.5  # share of the beams: where most end in unknown space, the map cannot tell another place
 THROUGH_M, MOST_THROUGH = 0.4, 0.25  # behind a wall by more than noise; share of the beams
 TOGETHER_M = 2.0  # standard deviation of a cloud's places
@@ -110,6 +112,12 @@ def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, 
     return lookup.sums(reading.ends, poses, origin) * _share(reading)
 
 
+def bounded(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
+    """Return the nats (N,) of `calibrated` as a filter takes them: no single scan rules a pose out."""
+    nats = calibrated(there, reading, poses, origin, spread_m)
+    return np.asarray(np.logaddexp(nats, np.float32(-SCAN_OUTLIER_NATS)), np.float32)
+
+
 def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
     """Return whether a cloud (N, 3) is where the scan may be from; weights are (N,).
 
@@ -126,11 +134,31 @@ def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, 
     if together and float(weights @ unknown) > (1 - LEAST_KNOWN) * beams:
         pose = (poses[weights.argmax()] + [*origin, 0.0]).astype(np.float64)
         return float(there.through_walls(reading, pose).sum()) < MOST_THROUGH * beams
-    worth = (total - np.float32(UNKNOWN_NATS) * unknown) / np.maximum(beams - unknown, 1)
-    worth[unknown > (1 - LEAST_KNOWN) * beams] = UNKNOWN_NATS  # the few others may agree by chance
+    worth = _worth_known(total, unknown, beams)
     best = np.argsort(-worth)
     share = np.cumsum(weights[best])
     return float(worth[best[np.searchsorted(share, BEST_SHARE)]]) > EXPLAINED_NATS
+
+
+def _worth_known(total: F32, unknown: F32, beams: int) -> F32:
+    """Return the nats (N,) a beam of those that end where the map is known, from the sums of all beams."""
+    worth = (total - np.float32(UNKNOWN_NATS) * unknown) / np.maximum(beams - unknown, 1)
+    worth[unknown > (1 - LEAST_KNOWN) * beams] = UNKNOWN_NATS  # the few others may agree by chance
+    return np.asarray(worth, np.float32)
+
+
+def fitting(there: LaserMap, reading: LaserReading, poses: F64) -> Bool:
+    """Return at which poses (N, 3) in the map's frame the scan fits so well that the robot may be there."""
+    return np.asarray(worth_at(there, reading, poses) > FITS_NATS)
+
+
+def worth_at(there: LaserMap, reading: LaserReading, poses: F64) -> F32:
+    """Return the nats (N,) a beam at poses (N, 3) in the map's frame, of beams that end where it is known."""
+    origin = poses[0, :2].copy()
+    local = (poses - [*origin, 0.0]).astype(np.float32)
+    total = there.field("calibrated", SIGMA_M, 0.0).sums(reading.ends, local, origin)
+    unknown = there.unknown.sums(reading.ends, local, origin)
+    return _worth_known(total, unknown, len(reading.ends))
 
 
 def nats_of_beams(there: LaserMap, reading: LaserReading, ends: F64) -> F32:
@@ -178,7 +206,7 @@ def beam(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread
 
 Model = Callable[[LaserMap, LaserReading, F32, F64, float], F32]
 MODELS: Mapping[str, Model] = {
-    "calibrated": calibrated,
+    "calibrated": bounded,
     "likelihood_field": likelihood_field,
     "likelihood_field_prob": likelihood_field_prob,
     "beam": beam,

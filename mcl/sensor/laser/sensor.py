@@ -18,7 +18,7 @@ from ...values.session import Frame
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
 from .matching import Matcher
-from .models import MODELS, LaserMap, explained
+from .models import MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, worth_at
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
@@ -64,12 +64,24 @@ class Laser:
         return np.minimum(nats, np.float32(0))
 
     def propose(self, reading: LaserReading) -> PoseProposal | None:
-        """Return where on the map the scan fits best."""
-        return self._matcher.propose(reading.ends, reading.scan.mount)
+        """Return where on the map the scan fits well; None where it does so nowhere."""
+        proposal = self._matcher.propose(reading.ends, reading.scan.mount)
+        if proposal is None:
+            return None
+        fits = fitting(self._map, reading, proposal.poses)
+        weights = proposal.weights[fits]
+        if not len(weights):
+            return None
+        return PoseProposal(proposal.poses[fits], proposal.covariances[fits], weights / weights.sum())
 
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
         """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
         return explained(self._map, reading, poses, weights, origin)
+
+    def fits(self, reading: LaserReading, pose: F64) -> float | None:
+        """Return the nats a beam at a pose (3,) in the map's frame; None where most end in unknown space."""
+        worth = worth_at(self._map, reading, pose[None])
+        return None if worth[0] == UNKNOWN_NATS else float(worth[0])
 
     def shown(self, reading: LaserReading, poses: Mapping[str, F64]) -> Shown:
         """Return the scan on the map, which beams disagree with the estimate and how, and how many agree."""

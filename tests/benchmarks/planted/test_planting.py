@@ -12,6 +12,7 @@ import pytest
 from benchmarks.studies.planted import drives
 from benchmarks.studies.planted.drives import drive, frozen, gap, odometry_changed, plain_drive
 from benchmarks.studies.planted.harm import is_harm, localizer_of, outcome_of, steps_of
+from benchmarks.studies.planted.laser_ways import LASER_WAYS
 from benchmarks.studies.planted.places import SETS, Ground, ground_of, part_of, twin_of
 from benchmarks.studies.planted.planting import Planted, planting_of
 from benchmarks.studies.planted.ways import HEALTHY, SEEING, WAYS, Planting
@@ -42,7 +43,7 @@ def run(kind: str, planting: Planting) -> Planted:
 
 def test_every_kind_of_cause_is_planted_and_no_seed_is_in_both_sets() -> None:
     flat = {OUT_OF_PLANE}  # which the simulated robot cannot leave
-    assert {*WAYS} == {*CAUSES} - {UNKNOWN} - flat | {HEALTHY}
+    assert {*WAYS} | {*LASER_WAYS} == {*CAUSES} - {UNKNOWN} - flat | {HEALTHY}
     assert SETS["unseen"].first in TEST
     assert SETS["develop"].first in FITTING
     assert not {*SETS["unseen"].places} & {*SETS["develop"].places}

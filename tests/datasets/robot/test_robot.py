@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from maurice_datasets.robot.drive import DriveUpdate
 from maurice_datasets.robot.motion import Chassis, Luck, draw_luck, draw_slip, drive_by, turn_by
+from maurice_datasets.robot.segments import timed
 from maurice_mcl.values.geometry import INCH_M, wrap
 from maurice_mcl.values.map import Arena, Region
 
@@ -54,6 +57,30 @@ def test_a_straight_falls_short_once_a_movement_as_in_figure_11(told_in):
     assert mean_and_sd(np.array(length) / INCH_M - told_in) == normal(-0.6978, 0.6356, len(moves))
     assert {float(m.measured[0]) for m in moves} == {told_in * INCH_M}
     assert all(m.measured[2] == 0 for m in moves)
+
+
+@pytest.mark.parametrize("luck", lucks()[:5])
+def test_backward_keeps_to_the_arc_that_it_came_by(luck):
+    """There and back by the same way is where it began: drift is of the path, whichever way it is gone."""
+    exact = replace(CHASSIS, straight_bias_m=0.0, straight_sd_m=0.0)
+    there = drive_by(START, 0.8, luck, plain("carpet"), exact)
+    back = drive_by(there.path[-1], -0.8, luck, plain("carpet"), exact)
+    assert back.measured.tolist() == [-0.8, 0.0, 0.0]
+    assert back.encoders_m.mean() == pytest.approx(-0.8)
+    assert back.path == pytest.approx(there.path[::-1], abs=1e-9)
+
+
+def test_backward_falls_short_and_bumps_as_forward():
+    reverse = [drive_by(START, -0.5, luck, plain("wood"), CHASSIS) for luck in lucks()[:1000]]
+    length = np.array([np.linalg.norm(np.diff(m.path[:, :2], axis=0), axis=1).sum() for m in reverse])
+    assert mean_and_sd((length - 0.5) / INCH_M) == normal(-0.6978, 0.6356, len(reverse))
+    wall = Arena((-1, -1, 1, 1), np.array([[-0.5, -1.0, -0.5, 1.0]]))
+    ahead = np.array([0.0, 0.0, 0.0])
+    moved = drive_by(ahead, -0.9, NO_LUCK, wall, CHASSIS)
+    assert moved.bumped
+    assert -0.5 < moved.path[-1, 0] - CHASSIS.radius_m <= -0.5 + 0.02
+    assert -0.5 < moved.measured[0] < -0.3
+    assert timed(0.0, DriveUpdate(turn_by(ahead, 0.0, NO_LUCK, CHASSIS), moved, "test"), wall).t_s > 5.0
 
 
 @pytest.mark.slow

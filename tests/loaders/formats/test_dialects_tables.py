@@ -19,8 +19,7 @@ from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.formats.registry import guess, open_recording, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import Motion, OdometryPose, Picture, Scan, TruthPose
-from maurice_loaders.runs.manifest import source_hash
-from maurice_loaders.runs.store import is_saved
+from maurice_loaders.runs.manifest import is_saved, source_hash
 
 # CARMEN
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -55,6 +58,27 @@ def printed_by(*words: object) -> str:
 def test_marks_stand_for_all_that_steers():
     assert visible(HOSTILE) == "a␛]0;owned␇b\ufffd31mc\ufffdd\ufffde␡f␈g"
     assert visible("\udcff é\t\n") == "\ufffd é\t\n"
+
+
+BAR = """
+from maurice_viz.cli.shared.console import TO_CONSOLE, note
+from maurice_viz.cli.shared.visible import visible_output
+with visible_output():
+    TO_CONSOLE.progress(1, 2, "replay")
+    note("a\\x1b]0;owned")
+    TO_CONSOLE.end()
+"""
+
+
+def test_a_progress_bar_steers_the_terminal_and_a_remark_beside_it_does_not():
+    ours, its = pty.openpty()
+    subprocess.run([sys.executable, "-c", BAR], stdout=its, stderr=its, check=True)
+    os.close(its)
+    printed = os.read(ours, 65536).decode()
+    assert "replay" in printed
+    assert "␍" not in printed
+    assert "␛[" not in printed
+    assert "a␛]0;owned" in printed
 
 
 def test_sentences_break_between_words_and_commands_do_not():

@@ -9,6 +9,7 @@ from rerun.components import TensorDataBatch
 
 from helpers import viz_fakes as fakes
 from maurice_mcl.values.map import Arena
+from maurice_mcl.values.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.canvas import (
@@ -18,8 +19,11 @@ from maurice_viz.drawing.canvas import (
     MOST_TICKS,
     ascii_of,
     blank,
+    cells_in,
     draw_ground,
+    known_part,
     put_text,
+    shown_bounds,
     text_size,
     ticks,
 )
@@ -150,3 +154,27 @@ def test_words_of_the_story_and_of_explanations_can_be_read():
     assert keys.TEXT_PX / keys.ROWS_PX * MAP_PX >= CAPITALS_PX
     assert MAP_TEXT_SHARE / (1 + MAP_MARGINS["left"] + MAP_MARGINS["right"]) * MAP_PX >= CAPITALS_PX
     assert 0.85 * TEXT_SHARE * CHART_PX >= CAPITALS_PX
+
+
+def test_an_occupancy_map_keeps_walls_that_are_thinner_than_a_pixel():
+    cells = np.zeros((2000, 1000), np.uint8)
+    cells[1500:] = UNKNOWN
+    cells[:, 500] = OCCUPIED
+    free, occupied = cells_in(OccupancyMap(cells, 0.05, np.zeros(2)), (250, 500))
+    assert free.shape == occupied.shape == (500, 250)
+    assert occupied[:, 125].all()
+    assert not free[:120].any()  # the top of a drawing is the highest y
+    assert free[130:, :120].all()
+
+
+def test_of_a_large_grid_the_part_is_shown_that_is_known():
+    cells = np.full((4000, 4000), UNKNOWN, np.uint8)
+    cells[3000:3200, 1000:1400] = 0
+    grid = OccupancyMap(cells, 0.05, np.array([-10.0, 0.0]))
+    arena = Arena(grid.bounds, np.zeros((0, 4)), occupancy=grid)
+    low, high = np.array([-10 + 50.0, 150.0]), np.array([-10 + 70.0, 160.0])
+    np.testing.assert_allclose(shown_bounds(arena), [*(low - 0.5), *(high + 0.5)])
+    nothing = OccupancyMap(np.full((10, 10), UNKNOWN, np.uint8), 0.05, np.zeros(2))
+    assert known_part(nothing) is nothing
+    bare = Arena((0.0, 0.0, 3.0, 2.0), np.zeros((0, 4)))
+    assert shown_bounds(bare) == bare.bounds

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from maurice_mcl.sensor.laser.parameters import LaserParameters
+from maurice_mcl.sensor.laser.rays import Rays
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_mcl.values.scan import LaserScan
@@ -29,7 +30,7 @@ def room(wide=6.0, high=4.0, cell_m=0.05):
 def scan_from(there, pose, change=lambda ranges: ranges, beams=120):
     laser = Laser(there, LaserParameters(laser_likelihood_max_dist=1.0))
     angles = -np.pi + 2 * np.pi / beams * np.arange(beams)
-    ranges = laser._rays.cast(np.array([pose]), angles, 10.0)[0]
+    ranges = Rays.of(there).cast(np.array([pose]), angles, 10.0)[0]
     return laser, LaserScan(change(ranges.copy()), -np.pi, 2 * np.pi / beams, 0.1, 10.0)
 
 

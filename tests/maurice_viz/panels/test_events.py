@@ -73,7 +73,7 @@ def lane_of(path: Path, lane: int, entity: str = OWN) -> list[tuple[int | None, 
 
 
 def test_lanes_stand_in_the_order_of_the_runs_under_their_names(tmp_path):
-    lost, found = [("lost", [])] * 3, [("searching", []), ("localized", []), ("localized", [])]
+    lost, found = [("lost", [])] * 4, [("searching", []), *[("localized", [])] * 3]
     path = drawn(tmp_path / "a.rrd", lost, found)
     assert heads_of(path) == ["log", "blended", "color"]
     assert lane_of(path, 1, SHARED) == [(1, "lost")]
@@ -141,7 +141,7 @@ def test_where_a_run_was_lost_its_lane_says_why(tmp_path):
 
 def test_the_log_says_how_far_a_robot_was_carried(tmp_path):
     steps: list[Step] = [("localized", []), ("localized", [("kidnapped", "the robot was carried away")])]
-    steps += [("localized", [])] * 2 + [("localized", [("session", "bump")])] * 2
+    steps += [("localized", [])] + [("localized", [("session", "bump")])] * 3
     path = drawn(tmp_path / "a.rrd", steps)
     words = [word for _, word in lane_of(path, LOG)]
     assert words[1].startswith("kidnapped: carried ")

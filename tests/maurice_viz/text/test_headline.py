@@ -44,7 +44,7 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         ),
         (replace(GOOD, odometry_alone=ALONE), ["worse than odometry alone", "without the camera"]),
         (
-            RunVerdict(updates=1, first=1, last=1, has_truth=True, end=NEAR),  # too short to be localized
+            RunVerdict(updates=5, first=1, last=5, has_truth=True, end=NEAR),  # too short to be scored
             ["The filter was right at every step (2.0 in off at the end)"],
         ),
         (
@@ -52,7 +52,7 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
             ["The filter kept the dots together (at 50% of the steps). No truth is known"],
         ),
         (
-            RunVerdict(updates=3, has_truth=True, end=OFF, off=3),
+            RunVerdict(updates=5, has_truth=True, end=OFF, off=5),
             ["never localized", "78.7 in off at the end"],
         ),
         (
@@ -111,6 +111,16 @@ def test_runs_that_did_the_same_are_told_together():
         "`b` and `c` found themselves again (at step 63 and 70)."
     )
     assert headline({"a": back, "b": GOOD}, INCHES).startswith("`a` found itself again")  # of other drives
+
+
+@pytest.mark.parametrize("updates", [1, 4])
+def test_a_few_steps_are_too_few_to_judge_by(updates):
+    lost = replace(wrong(STAYS), updates=updates)
+    text = headline({"a": lost, "b": replace(lost, end=NEAR)}, INCHES)
+    expect = [f"After {updates} step", "`a` is 78.7 in off", "`b` is ", "Too early"]
+    assert all(fact in text for fact in expect)
+    assert "stayed lost" not in text
+    assert headline({"a": replace(lost, has_truth=False)}, INCHES).endswith("too early to say anything.")
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])

@@ -16,6 +16,7 @@ from maurice_mcl.fitting.motion import (
     Trials,
     Turns,
     calibrate,
+    drift_rates,
     fit_drifts,
     fit_straights,
     fit_turns,
@@ -258,8 +259,10 @@ def test_movements_are_told_apart():
     ]
     trials = trials_of(legs, lambda a, b: "")
     assert trials.turns.actual_rad == pytest.approx([1.0, 0.6])
-    assert trials.straights.actual_m == pytest.approx([0.4, 0.4], rel=1e-3)
+    assert trials.straights.actual_m == pytest.approx([0.4, -0.4], rel=1e-3)
+    assert trials.straights.measured_m == pytest.approx([0.5, -0.5])
     assert trials.straights.drift_rad == pytest.approx([0.1, 0.1])
+    assert drift_rates(trials.straights, "") == pytest.approx([0.25, -0.25], rel=1e-3)
     leg = MotionSegment(START, (np.array([0.5, 0.0, 1.0]),), arc(turn(START, 0.7), 0.5, 0.0))
     trials = trials_of([leg], lambda a, b: "")
     assert trials.turns.actual_rad == pytest.approx([0.7])

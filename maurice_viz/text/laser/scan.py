@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from maurice_mcl.sensor.laser.beams import JUDGMENTS, BeamJudgment
 from maurice_mcl.values.pose_sensor import PoseProposal
 
-from ..style import Scale
+from ...style import Scale
 
 BEAMS = {
     "agrees": "agree with the map",

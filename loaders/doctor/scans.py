@@ -1,0 +1,253 @@
+"""Scans against each other along the drive, and against a map: mount, clock, reach, and whose map it is.
+
+Two scans taken near each other see the same walls. How far the points of one are from those of the other,
+once moved as odometry or truth say, tells how the laser is mounted and when it measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from maurice_mcl.sensor.laser.fit import OFF_NATS, YAWS
+from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, Matcher
+from maurice_mcl.values.arrays import F64
+from maurice_mcl.values.geometry import motion_between, path_of, wrap_angle
+from maurice_mcl.values.occupancy import OccupancyMap
+from maurice_mcl.values.scan import LaserScan
+
+from .findings import Evidence, Finding, RecordedDrive, motions_of
+
+BEAMS, MOST_SCANS = 180, 20_000  # that are kept: of one scan, and of a recording
+PAIRS, LATE_PAIRS = 60, 120  # of scans, spread over the drive: for the mount, and for the clock
+WAY_M, TURN_RAD = (0.3, 1.2), (0.25, 0.9)  # between the two of a pair
+FAR_M = 0.3  # from the nearest point: farther counts no more
+FEWEST_PAIRS = 8
+CLEAR_T = 4.0  # standard errors by which another mount or clock fits better
+CLEAR_SHARE, LATE_SHARE = 0.8, 0.9  # of the distance that is left then, for a mount and for a clock
+LEAST_YAW_DEG, LEAST_OFFSET_S = 8, 0.08
+OFFSETS_S = np.arange(-20, 21) * 0.05
+EQUAL_M, EQUAL_RAD, EQUAL_SHARE = 2e-3, 2e-3, 0.9  # odometry and truth that are one
+CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
+MATCHED = 8  # scans that are searched on a map
+FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
+SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RecordedScans:
+    """Scans as they were recorded, thinned to `BEAMS` beams, in order."""
+
+    t_s: F64  # (S,)
+    scans: tuple[LaserScan, ...]
+
+    @property
+    def size(self) -> int:
+        """The number of scans S."""
+        return len(self.scans)
+
+
+def thinned(scan: LaserScan) -> LaserScan:
+    """Keep every n-th beam."""
+    stride = -(-scan.size // BEAMS)
+    return replace(scan, ranges_m=scan.ranges_m[::stride].copy(), step_rad=scan.step_rad * stride)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pair:
+    first: int  # numbers of scans
+    second: int
+    motion: F64  # (3,) of the robot between them
+
+
+def examine_scans(
+    scans: RecordedScans, drive: RecordedDrive, occupancy: OccupancyMap | None
+) -> tuple[list[Finding], list[str]]:
+    """Return what is wrong with scans, and what could be asked."""
+    findings, checks = [*_truth_is_odometry(drive), *_capped(scans)], [f"{scans.size} scans"]
+    paths = [path for path in (_truth_path(drive), _odometry_path(drive)) if path is not None]
+    pairs = _pairs(scans, *paths[0]) if paths else []
+    mirrored = False
+    if len(pairs) >= FEWEST_PAIRS:
+        checks[0] += f", {len(pairs)} pairs of them against each other"
+        mount = _mounts(scans, pairs)
+        findings += mount
+        mirrored = any(finding.code == "scan-mirrored" for finding in mount)
+        findings += [] if mount else _late(scans, *paths[-1])
+    if occupancy is not None:
+        checks.append(f"{min(scans.size, MATCHED)} scans against the map")
+        findings += _about_map(scans, occupancy, mirrored)
+    return findings, checks
+
+
+Path = tuple[F64, F64]  # times (K,) and poses (K, 3)
+
+
+def _truth_path(drive: RecordedDrive) -> Path | None:
+    truth = drive.truth
+    return (truth.t_s, truth.poses) if truth.size >= FEWEST_PAIRS and not truth.part.any() else None
+
+
+def _odometry_path(drive: RecordedDrive) -> Path | None:
+    odometry = drive.odometry
+    if odometry.size < FEWEST_PAIRS or (np.diff(odometry.t_s) < 0).any():
+        return None
+    poses = odometry.values if odometry.poses else path_of(motions_of(odometry, drive.turn_gain))
+    return odometry.t_s, poses
+
+
+def _at(times: F64, t_s: F64, poses: F64) -> F64:
+    """Return the poses (S, 3) at some times."""
+    turns = np.unwrap(poses[:, 2])
+    return np.column_stack([np.interp(times, t_s, column) for column in (poses[:, 0], poses[:, 1], turns)])
+
+
+def _pairs(scans: RecordedScans, t_s: F64, poses: F64, most: int = PAIRS) -> list[_Pair]:
+    """Return pairs of scans between which the robot drove or turned somewhat, spread over the drive."""
+    if (np.diff(t_s) < 0).any():
+        return []
+    known = (scans.t_s >= t_s[0]) & (scans.t_s <= t_s[-1])
+    places = _at(scans.t_s, t_s, poses)
+    pairs, last = list[_Pair](), 0
+    for k in np.flatnonzero(known):
+        motion = motion_between(places[last], places[k])
+        way_m, turn_rad = float(np.hypot(*motion[:2])), abs(float(wrap_angle(float(motion[2]))))
+        if way_m < WAY_M[0] and turn_rad < TURN_RAD[0]:
+            continue
+        if way_m < WAY_M[1] and turn_rad < TURN_RAD[1] and known[last]:
+            pairs.append(_Pair(last, int(k), motion))
+        last = int(k)
+    chosen = np.linspace(0, len(pairs) - 1, min(len(pairs), most)).round().astype(int)
+    return [pairs[k] for k in dict.fromkeys(chosen.tolist())]
+
+
+def _apart(
+    scans: RecordedScans, pair: _Pair, yaw_rad: float = 0.0, sign: int = 1, motion: F64 | None = None
+) -> float:
+    """Return how far the points of a pair's second scan are from the first's, on average, in meters."""
+    points = [_points(scans.scans[k], yaw_rad, sign) for k in (pair.first, pair.second)]
+    if min(map(len, points)) < 10:
+        return FAR_M
+    x, y, turn = pair.motion if motion is None else motion
+    c, s = np.cos(turn), np.sin(turn)
+    moved = points[1] @ np.array([[c, s], [-s, c]]) + [x, y]
+    away = cKDTree(points[0]).query(moved, distance_upper_bound=FAR_M)[0]
+    return float(np.minimum(away, FAR_M).mean())
+
+
+def _points(scan: LaserScan, yaw_rad: float, sign: int) -> F64:
+    x, y, heading = scan.mount
+    mount = np.array([x, y, heading + yaw_rad])
+    return replace(scan, mount=mount, start_rad=sign * scan.start_rad, step_rad=sign * scan.step_rad).points()
+
+
+def _mounts(scans: RecordedScans, pairs: list[_Pair]) -> list[Finding]:
+    """Return how the laser would have to be mounted, if that is another way than the recording says."""
+    usual = np.array([_apart(scans, pair) for pair in pairs])
+    some = pairs[:: max(len(pairs) // 30, 1)]
+    tried = {
+        (sign, float(yaw)): np.mean([_apart(scans, pair, float(yaw), sign) for pair in some])
+        for sign in (1, -1)
+        for yaw in YAWS[::2]
+    }
+    sign, coarse = min(tried, key=lambda key: tried[key])
+    near = coarse + np.radians(np.arange(-8, 9, 2))
+    totals = [np.array([_apart(scans, pair, yaw, sign) for pair in pairs]) for yaw in near]
+    best = int(np.argmin([total.mean() for total in totals]))
+    yaw_deg = float(round(np.degrees(wrap_angle(float(near[best])))))
+    if not _is_clear(usual, totals[best]) or (sign == 1 and abs(yaw_deg) < LEAST_YAW_DEG):
+        return []
+    seen = Evidence("scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": totals[best].mean()})
+    if sign < 0:
+        return [Finding("scan-mirrored", (seen,), {"yaw_deg": yaw_deg})]
+    return [Finding("scan-yaw", (seen,), {"yaw_deg": yaw_deg}, {"scan_yaw_rad": float(np.radians(yaw_deg))})]
+
+
+def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
+    """Return by how much the scans' clock is off the odometry's."""
+    pairs, totals = _pairs(scans, t_s, poses, LATE_PAIRS), []
+    if len(pairs) < FEWEST_PAIRS:
+        return []
+    for offset in OFFSETS_S:
+        places = _at(scans.t_s + offset, t_s, poses)
+        motions = [motion_between(places[pair.first], places[pair.second]) for pair in pairs]
+        totals.append(np.array([_apart(scans, p, motion=m) for p, m in zip(pairs, motions, strict=True)]))
+    usual, best = totals[len(OFFSETS_S) // 2], int(np.argmin([total.mean() for total in totals]))
+    offset_s = float(round(OFFSETS_S[best], 3))
+    if abs(offset_s) < LEAST_OFFSET_S or not _is_clear(usual, totals[best], LATE_SHARE):
+        return []
+    seen = Evidence("scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": totals[best].mean()})
+    return [Finding("scan-delay", (seen,), {"delay_s": -offset_s}, {"picture_offset_s": offset_s})]
+
+
+def _is_clear(usual: F64, better: F64, share: float = CLEAR_SHARE) -> bool:
+    gain = usual - better
+    error = max(float(gain.std() / np.sqrt(len(gain))), 1e-9)
+    return bool(gain.mean() > CLEAR_T * error and better.mean() < share * usual.mean())
+
+
+def _truth_is_odometry(drive: RecordedDrive) -> list[Finding]:
+    """Return a finding where odometry repeats the truth: it was made from it."""
+    path = _odometry_path(drive)
+    if path is None or drive.truth.size < FEWEST_PAIRS:
+        return []
+    t_s, poses = path
+    chosen = drive.truth.t_s[(drive.truth.t_s >= t_s[0]) & (drive.truth.t_s <= t_s[-1])]
+    if len(chosen) < FEWEST_PAIRS:
+        return []
+    told, true = _at(chosen, t_s, poses), _at(chosen, drive.truth.t_s, drive.truth.poses)
+    off = np.array([motion_between(a, b) for a, b in pairwise(told)])
+    off -= np.array([motion_between(a, b) for a, b in pairwise(true)])
+    moved = np.hypot(*np.diff(true[:, :2], axis=0).T) > 0.01
+    equal = (np.hypot(*off[:, :2].T) < EQUAL_M) & (np.abs(wrap_angle(off[:, 2])) < EQUAL_RAD)
+    if moved.sum() < FEWEST_PAIRS or equal[moved].mean() < EQUAL_SHARE:
+        return []
+    seen = Evidence("equal-steps", {"share": float(equal[moved].mean()), "steps": int(moved.sum())})
+    return [Finding("odometry-is-truth", (seen,))]
+
+
+def _capped(scans: RecordedScans) -> list[Finding]:
+    """Return a finding where beams that hit nothing read as a range below the laser's reach."""
+    ranges = np.concatenate([scan.ranges_m[scan.hits] for scan in scans.scans[:: max(scans.size // 500, 1)]])
+    if not len(ranges):
+        return []
+    most = float(ranges.max())
+    share = float((ranges > most - 1e-3).mean())
+    if share < CAPPED_SHARE:
+        return []
+    seen = Evidence("capped", {"share": share, "range": most, "reach": float(scans.scans[0].max_m)})
+    return [Finding("max-range", (seen,), {"range_m": most})]
+
+
+def _about_map(scans: RecordedScans, occupancy: OccupancyMap, mirrored: bool) -> list[Finding]:
+    """Return a finding where scans fit nowhere on the map better than mirrored ones, which fit by chance."""
+    chosen = np.linspace(0, scans.size - 1, min(scans.size, MATCHED)).round().astype(int)
+    some = [scans.scans[k] for k in dict.fromkeys(chosen.tolist())]
+    signs = (-1, 1) if mirrored else (1, -1)
+    own, chance = (_best_off(some, occupancy, sign) for sign in signs)
+    if np.isnan(own) or own <= FITS_OFF or own < CHANCE * chance:
+        return []
+    seen = Evidence("fit-anywhere", {"scans": len(some), "off": own, "chance": chance})
+    scaled = {scale: _best_off(some, _scaled(occupancy, scale), signs[0]) for scale in SCALES}
+    scale = min(scaled, key=lambda name: scaled[name])
+    if scaled[scale] <= FITS_OFF and scaled[scale] < CHANCE * own:
+        return [Finding("map-scale", (seen,), {"scale": scale, "cell_m": occupancy.cell_m * scale})]
+    return [Finding("map-place", (seen,))]
+
+
+def _scaled(occupancy: OccupancyMap, scale: float) -> OccupancyMap:
+    return replace(occupancy, cell_m=occupancy.cell_m * scale)
+
+
+def _best_off(scans: list[LaserScan], occupancy: OccupancyMap, sign: int) -> float:
+    """Return the share of the beams that disagree where each scan fits best, in the median."""
+    matcher, shares = Matcher(occupancy), []
+    for scan in scans:
+        points = _points(scan, 0.0, sign)
+        matches = matcher.search(points, scan.mount)
+        if matches is not None:
+            shares.append(-float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points))))
+    return float(np.median(shares)) if shares else float("nan")

@@ -1,0 +1,122 @@
+"""Causes in words where a robot has a laser, and what its owner can do: with AMCL's names of parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from maurice_mcl.reasons.causes import (
+    AMBIGUITY,
+    FLAT,
+    KIDNAPPED,
+    LEFT_MAP,
+    MOTION,
+    MOUNT,
+    NUMERIC,
+    PROPOSAL,
+    RESAMPLING,
+    START,
+    UNSEEN,
+    VIEW,
+    WRONG_MAP,
+    Failure,
+)
+
+from ...style import Scale
+
+NAMES: Mapping[str, str] = {  # of evidence
+    "scans": "scans that say so",
+    "unknown_beams": "share of the beams that end where nobody has mapped",
+    "unseen_beams": "share of the beams that pass through walls, or miss them",
+    "short_beams": "share of the beams that end short of the wall",
+    "short_m": "short of the wall by",
+    "off_beams": "share of the beams that disagree with the map at the truth",
+    "skill": "fit at the truth (1: perfect, 0: as anywhere)",
+    "yaw_deg": "the laser would have to be turned by (deg)",
+    "beams": "its beams would have to be counted",
+    "turned_nats": "then a scan has",
+    "scan_nats": "as it is it has",
+    "start_off_m": "the first pose was off by",
+    "says_nats": "the model of the laser says of a scan at most",
+    "needs_nats": "the motion noise between scans takes away",
+    "own_nats": "truth before the estimate, by that model",
+    "ahead_nats": "truth before the estimate, by a calibrated model",
+    "between_m": "way between scans",
+    "apart_m": "the other place is away by",
+    "corridor": "all between fits as well",
+}
+REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
+    KIDNAPPED: "recovery_alpha_slow 0.001, recovery_alpha_fast 0.1; or --preset laser, which asks the scan",
+    LEFT_MAP: "map that part, too, and load the larger map.yaml",
+    MOTION: "larger alpha1 to alpha4 (calibrate drive fits them); look at the wheels",
+    NUMERIC: "likelihoods that are less sharp: a larger sigma_hit or z_rand, fewer max_beams",
+    MOUNT: "correct the transform from base_link to the laser; doctor gives the option",
+    WRONG_MAP: "the map.yaml of this place; its resolution and origin",
+    UNSEEN: "laser_max_range below what it sees, laser_model_type likelihood_field_prob with do_beamskip; "
+    "draw glass walls into the map",
+    VIEW: "laser_model_type likelihood_field_prob with do_beamskip, a larger z_rand, or a new map",
+    START: "set_initial_pose with the right initial_pose, or a global start and more max_particles",
+    FLAT: "laser_model_type likelihood_field_prob, a smaller update_min_d, or smaller alpha1 to alpha4",
+    AMBIGUITY: "a known initial_pose; in a corridor better odometry and a smaller alpha3",
+    PROPOSAL: "more max_particles, a known initial_pose, or --preset laser, which asks the scan",
+    RESAMPLING: "more min_particles, resample_interval 2",
+}
+Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
+
+
+def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    beams = f"{e['unknown_beams']:.0%} of the beams end where nobody has mapped"
+    return f"the robot left the mapped part at step {failure.first} ({beams})"
+
+
+def _mount(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    mirrored = ["upside down"] if "beams" in e else []
+    turned = [f"turned by {e['yaw_deg']:+.0f} deg"] if e["yaw_deg"] or not mirrored else []
+    nats = f"{e['scan_nats']:.0f} nats a scan as it is, {e['turned_nats']:.0f} then"
+    return f"the scans fit the true places once the laser is {' and '.join(mirrored + turned)} ({nats})"
+
+
+def _wrong_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the true places"
+    return f"{off}, as many as anywhere: it is another map, or its resolution or origin is wrong"
+
+
+def _unseen(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    beams = f"{e['unseen_beams']:.0%} of the beams pass through walls of the map or come back from nothing"
+    return f"{beams} from step {failure.first} on: glass, dark surfaces, or a short reach"
+
+
+def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    by = f" by {scale.say(e['short_m'])}" if "short_m" in e else ""
+    short = f"{e['short_beams']:.0%} end short of the wall{by}"
+    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the true places"
+    return f"{off} from step {failure.first} on ({short}): something stands in view, or was moved"
+
+
+def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    where = f"{e['scans']} scans fit {scale.say(e['apart_m'])} from the true place as well"
+    if "corridor" in e:
+        return f"{where}, and all between: along a corridor only odometry tells"
+    return f"{where}, at {scale.say(e['rival_x_m'])}, {scale.say(e['rival_y_m'])}"
+
+
+def _start(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    return f"the filter began {scale.say(e['start_off_m'])} from the true place, and sure of it"
+
+
+def _flat(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    says = f"the model of the laser says at most {e['says_nats']:.1f} nats a scan"
+    apart = f"with scans {scale.say(e['between_m'])} apart the motion noise needs {e['needs_nats']:.1f}"
+    return f"{says}, and {apart}"
+
+
+CLAUSES: Mapping[str, Clause] = {
+    LEFT_MAP: _left_map,
+    MOUNT: _mount,
+    WRONG_MAP: _wrong_map,
+    UNSEEN: _unseen,
+    VIEW: _view,
+    AMBIGUITY: _ambiguity,
+    START: _start,
+    FLAT: _flat,
+}  # of failures whose evidence is of scans

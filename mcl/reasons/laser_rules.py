@@ -1,0 +1,178 @@
+"""Rules about scans: whether they fit the map at the truth, what keeps them from it, where else they fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from ..sensor.laser.fit import OFF_SHARE, ScanFit
+from .causes import AMBIGUITY, FLAT, LEFT_MAP, MOUNT, START, UNSEEN, VIEW, WRONG_MAP, Failure, Value
+from .evidence import UpdateEvidence
+from .story import Story
+
+LEAST_UPDATES = 2  # at which something holds
+MOST_SHARE = 0.5  # of the updates looked at
+WORSE_NATS = 5.0  # by which the place of the estimate is ahead: the scan speaks against the truth
+UNKNOWN_SHARE = 0.4  # of the beams end where nobody has mapped
+MOUNT_SCANS, MOUNT_RAD = 4, float(np.radians(10))
+MOUNT_SHARE = 0.5  # of the nats that scans lack, that another mount gives
+CHANCE_SKILL = 0.35  # a scan that fits the truth no better than this fits it by chance
+UNSEEN_SHARE = 0.2  # of the beams pass through walls, or hit nothing where the map has one
+ALIKE_NATS = 5.0  # places whose nats differ by less fit as well
+TELLING_NATS = 10.0  # by which the calibrated model puts the truth before the estimate ...
+FLAT_NATS = 4.0  # ... and the run's own does not
+
+
+def left_mapped(story: Story) -> Failure | None:
+    """Many beams end where nobody has mapped."""
+    known = story.where(story.pictures, lambda u: u.scan is not None)
+    out = [update for update in known if _share(update, "unknown") >= UNKNOWN_SHARE]
+    if len(out) < max(MOST_SHARE * len(known), LEAST_UPDATES):
+        return None
+    share = _median(_share(update, "unknown") for update in out)
+    return story.failure(LEFT_MAP, out[0].step, unknown_beams=share, scans=len(out))
+
+
+def wrong_mount(story: Story) -> Failure | None:
+    """The scans fit the truth once the laser is turned on the robot, or its beams are counted backward."""
+    bad = _bad(story)
+    fits = [fit for update in bad if (fit := update.scan) is not None and fit.mounting is not None]
+    if len(fits) < MOUNT_SCANS:
+        return None
+    mounting = fits[-1].mounting
+    assert mounting is not None
+    turned = abs(mounting.yaw_rad) >= MOUNT_RAD or mounting.mirrored
+    if not turned or mounting.nats < (1 - MOUNT_SHARE) * mounting.as_it_is:
+        return None
+    words: dict[str, Value] = {"beams": "clockwise"} if mounting.mirrored else {}
+    yaw = float(np.degrees(mounting.yaw_rad))
+    nats = {"turned_nats": mounting.nats, "scan_nats": mounting.as_it_is}
+    return story.failure(MOUNT, _since(bad, story), yaw_deg=yaw, **nats, **words, scans=len(fits))
+
+
+def wrong_map(story: Story) -> Failure | None:
+    """The scans fit the truth no better than any place of the map, and never did."""
+    bad = _bad(story)
+    first = _since(bad, story) if bad else 0
+    before = [update for update in story.updates if update.step < first and update.scan is not None]
+    skill = _median(fit.skill for fit in _fits(bad))
+    if not bad or len(before) > LEAST_UPDATES or skill > CHANCE_SKILL:
+        return None
+    return story.failure(WRONG_MAP, first, skill=skill, **_off(bad), scans=len(bad))
+
+
+def walls_unseen(story: Story) -> Failure | None:
+    """Beams pass through what the map has, or come back from nothing where it has a wall."""
+    known = story.where(story.pictures, lambda u: u.scan is not None)
+    through = [update for update in known if _unseen(update) >= UNSEEN_SHARE]
+    if len(through) < max(MOST_SHARE * len(known), LEAST_UPDATES):
+        return None
+    unseen = _median(_unseen(update) for update in through)
+    if unseen < _median(_share(update, "short") for update in through):
+        return None
+    return story.failure(UNSEEN, through[0].step, unseen_beams=unseen, **_off(through), scans=len(through))
+
+
+def scene_changed(story: Story) -> Failure | None:
+    """Something stands where the map has nothing, or the map is another one there."""
+    bad = _bad(story)
+    if not bad:
+        return None
+    short_m = _median(fit.short_m for fit in _fits(bad) if np.isfinite(fit.short_m))
+    short = {"short_beams": _median(_share(u, "short") for u in bad)}
+    words = short | ({"short_m": short_m} if np.isfinite(short_m) else {})
+    return story.failure(VIEW, _since(bad, story), **words, **_off(bad), scans=len(bad))
+
+
+def wrong_start(story: Story) -> Failure | None:
+    """The run began together, at a place where the robot was not."""
+    first = story.updates[0]
+    off_m = first.score.position_error_m
+    if story.since > 0 or off_m is None or not first.began_together or not first.score.lost:
+        return None
+    if any(update.share_near >= MOST_SHARE for update in story.updates[: story.lost + 1]):
+        return None
+    return story.failure(START, first.step, start_off_m=off_m, particles=first.size)
+
+
+def too_flat(story: Story) -> Failure | None:
+    """The run's own model of the laser hardly tells the truth from where the filter was."""
+    wrong = [update for update in _wrong(story) if update.scan and update.scan.off < OFF_SHARE]
+    fits = _fits(wrong)
+    if len(fits) < LEAST_UPDATES:
+        return None
+    ahead, own = _median(fit.ahead for fit in fits), _median(fit.own_ahead for fit in fits)
+    growth = _median(u.surprise.growth for u in story.updates if u.surprise is not None)
+    moved_m = _median(u.moved_m for u in story.updates if u.moved_m is not None)
+    says = _median(fit.own_says for fit in fits)
+    if ahead < TELLING_NATS or not 0 <= own <= FLAT_NATS or says > max(growth, FLAT_NATS):
+        return None
+    numbers = {"says_nats": says, "needs_nats": growth, "ahead_nats": ahead, "own_nats": own}
+    return story.failure(FLAT, wrong[0].step, **numbers, between_m=moved_m, scans=len(fits))
+
+
+def fits_elsewhere(story: Story) -> Failure | None:
+    """The scans fit the truth, and where the filter was about as well."""
+    wrong = _wrong(story)
+    fits = [fit for fit in _fits(wrong) if fit.off < OFF_SHARE]
+    if len(fits) < max(MOST_SHARE * len(wrong), LEAST_UPDATES):
+        return None
+    ahead = _median(fit.ahead for fit in fits)
+    if ahead > ALIKE_NATS:
+        return None
+    x, y = fits[0].rival
+    where = {"rival_x_m": x, "rival_y_m": y, "apart_m": _median(fit.apart_m for fit in fits)}
+    along = {"corridor": "yes"} if _median(fit.between for fit in fits) <= ALIKE_NATS else {}
+    return story.failure(AMBIGUITY, wrong[0].step, ahead_nats=ahead, **where, **along, scans=len(fits))
+
+
+BEFORE_MOTION: tuple[Callable[[Story], Failure | None], ...] = (left_mapped,)
+ABOUT_SCANS = (wrong_mount, wrong_map, walls_unseen, scene_changed)
+ABOUT_FILTER = (wrong_start, fits_elsewhere, too_flat)
+
+
+def _wrong(story: Story) -> list[UpdateEvidence]:
+    lost = range(story.lost, story.end + 1)
+    return story.where(lost, lambda u: u.score.correct is False and u.scan is not None)
+
+
+def _is_bad(update: UpdateEvidence) -> bool:
+    fit = update.scan
+    return fit is not None and (fit.off >= OFF_SHARE or fit.ahead < -WORSE_NATS)
+
+
+def _bad(story: Story) -> list[UpdateEvidence]:
+    """Return the updates around the loss whose scan does not fit the truth; none where they are few."""
+    known = story.where(story.pictures, lambda u: u.scan is not None)
+    bad = [update for update in known if _is_bad(update) and update.scan and update.scan.off >= OFF_SHARE]
+    return bad if len(bad) >= max(MOST_SHARE * len(known), 1) else []
+
+
+def _since(bad: list[UpdateEvidence], story: Story) -> int:
+    """Return the first step of the bad scans in a row that these begin with."""
+    k = next(k for k in story.pictures if story.updates[k] is bad[0])
+    while k > 0 and _is_bad(story.updates[k - 1]):
+        k -= 1
+    return story.updates[k].step
+
+
+def _off(bad: list[UpdateEvidence]) -> dict[str, Value]:
+    return {"off_beams": _median(fit.off for fit in _fits(bad))}
+
+
+def _unseen(update: UpdateEvidence) -> float:
+    return _share(update, "beyond") + _share(update, "unseen")
+
+
+def _share(update: UpdateEvidence, judgment: str) -> float:
+    return update.scan.shares.get(judgment, 0.0) if update.scan is not None else 0.0
+
+
+def _fits(updates: Iterable[UpdateEvidence]) -> list[ScanFit]:
+    return [update.scan for update in updates if update.scan is not None]
+
+
+def _median(values: Iterable[float]) -> float:
+    known = list(values)
+    return float(np.median(known)) if known else float("nan")

@@ -1,0 +1,131 @@
+"""What is wrong with scans, planted in a simulated drive and in real logs; healthy ones are left alone."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from maurice_datasets.sessions import write_simulation
+from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.tasks import TASKS
+from maurice_loaders.doctor.examination import Examination, examine
+from maurice_loaders.libraries.store import open_library
+from maurice_loaders.reading.options import ReadingOptions
+from maurice_mcl.sensor.map_places import map_library
+from maurice_mcl.values.library import Library
+
+LOGS = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "logs"
+USUAL = ReadingOptions()
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Library]:
+    folder = tmp_path_factory.mktemp("scans") / "s"
+    plan = SimulationPlan(TASKS["tracking"], world="office", arena_seed=2, seed=3, updates=60, laser=True)
+    written = write_simulation(folder, plan)
+    return written.session, open_library(written.survey)
+
+
+def broken(log: Path, to: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    lines = []
+    for line in log.read_text(encoding="utf-8").splitlines():
+        record = json.loads(line) if line.startswith("{") else {}
+        if "scan" in record:
+            change(record["scan"])
+            line = json.dumps(record)
+        lines.append(line)
+    to.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return to
+
+
+def codes(found: Examination) -> list[str]:
+    return [finding.code for finding in found.findings]
+
+
+def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library]) -> None:
+    found = examine(drive[0], USUAL, drive[1])
+    assert codes(found) == []
+    assert found.scans == 60
+    assert any("scans against the map" in check for check in found.checks)
+
+
+@pytest.mark.parametrize("yaw_deg", [20, -90, 180])
+def test_a_laser_turned_on_the_robot_is_found_and_put_right(
+    drive: tuple[Path, Library], tmp_path: Path, yaw_deg: float
+) -> None:
+    def turned(scan: dict[str, Any]) -> None:
+        scan["start_rad"] += np.radians(yaw_deg)
+
+    log = broken(drive[0], tmp_path / "turned.log", turned)
+    found = examine(log, USUAL, None)
+    assert codes(found) == ["scan-yaw"]
+    fixed = np.degrees(found.fixed.scan_yaw_rad)
+    assert abs((fixed + yaw_deg + 180) % 360 - 180) <= 4
+    assert codes(examine(log, found.fixed, drive[1])) == []
+
+
+def test_scans_that_are_mirrored_are_found(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    def mirrored(scan: dict[str, Any]) -> None:
+        scan["start_rad"], scan["step_rad"] = -scan["start_rad"], -scan["step_rad"]
+
+    assert codes(examine(broken(drive[0], tmp_path / "m.log", mirrored), USUAL, None)) == ["scan-mirrored"]
+
+
+def test_a_reach_that_is_taken_for_a_hit_is_found(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    def capped(scan: dict[str, Any]) -> None:
+        far = [5.5 if r == "inf" or (r is not None and r > 2.5) else r for r in scan["ranges_m"]]
+        scan["ranges_m"] = far
+
+    found = examine(broken(drive[0], tmp_path / "c.log", capped), USUAL, None)
+    assert codes(found)[0] == "max-range"
+    assert found.findings[0].numbers["range_m"] == 5.5
+
+
+def test_a_map_of_another_scale_or_place_is_found(drive: tuple[Path, Library]) -> None:
+    log, library = drive
+    grid = library.occupancy
+    assert grid is not None
+    found = examine(log, USUAL, map_library(replace(grid, cell_m=grid.cell_m * 1.25), "scaled"))
+    assert codes(found) == ["map-scale"]
+    assert found.findings[0].numbers["scale"] == 0.8
+    cells = np.random.default_rng(1).permutation(grid.cells.reshape(-1)).reshape(grid.cells.shape)
+    assert codes(examine(log, USUAL, map_library(replace(grid, cells=cells), "noise"))) == ["map-place"]
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"), [("intel", []), ("aces", []), ("freiburg-079", []), ("orebro", ["odometry-is-truth"])]
+)
+def test_real_logs_are_clean_but_for_what_is_wrong(name: str, wrong: list[str]) -> None:
+    log = LOGS / "carmen" / f"{name}-corrected.log.gz"
+    if not log.exists():
+        pytest.skip(f"no log at {log}")
+    assert codes(examine(log, USUAL, None)) == wrong
+
+
+def test_a_clock_that_is_off_is_found_in_a_real_log() -> None:
+    """Its own clock is a tenth of a second off, which is no finding: what is told is the sum of both."""
+    log = LOGS / "carmen" / "freiburg-079-corrected.log.gz"
+    if not log.exists():
+        pytest.skip(f"no log at {log}")
+    late = [examine(log, ReadingOptions(picture_offset_s=offset_s), None) for offset_s in (0.3, -0.4)]
+    assert [codes(found) for found in late] == [["scan-delay"]] * 2
+    after, before = (found.findings[0].numbers["delay_s"] for found in late)
+    assert after - before == pytest.approx(0.7, abs=0.1)
+
+
+@pytest.mark.parametrize("yaw_deg", [-90, 90])
+def test_the_mount_of_a_real_bag_is_right_as_its_transforms_have_it(yaw_deg: float) -> None:
+    bag = LOGS / "rosbag2" / "macfirst_floor_take_2"
+    if not bag.exists():
+        pytest.skip(f"no bag at {bag}")
+    assert codes(examine(bag, USUAL, None)) == []
+    found = examine(bag, ReadingOptions(scan_yaw_rad=float(np.radians(yaw_deg))), None)
+    assert codes(found) == ["scan-yaw"]
+    assert found.fixed.scan_yaw_rad == pytest.approx(0, abs=np.radians(8))
