@@ -24,6 +24,9 @@ def read_config(path: Path) -> Layer:
     """
     if path.suffix.lower() in ENDINGS:
         return Layer(str(path), read_amcl(path).settings)
+    if path.suffix.lower() in (".launch", ".xml", ".py"):
+        dump = "`rosparam dump FILE.yaml` or `ros2 param dump /amcl` writes a running robot's"
+        raise InputError(path, f"found a launch file, expected AMCL's parameters as YAML; {dump}")
     return Layer(str(path), flatten(read_toml(path, "settings of a filter")))
 
 
