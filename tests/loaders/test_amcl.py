@@ -254,5 +254,5 @@ def test_a_missing_file_and_a_folder_are_one_line(tmp_path):
 def test_a_launch_file_is_refused_with_what_to_do(tmp_path):
     launch = tmp_path / "amcl_diff.launch"
     launch.write_text('<launch><node pkg="amcl" type="amcl" name="amcl"/></launch>')
-    with pytest.raises(InputError, match="found a launch file.*rosparam dump"):
+    with pytest.raises(InputError, match=r"found a launch file.*rosparam dump"):
         configuration_of(None, launch, {}, {})
