@@ -8,17 +8,18 @@ python -m benchmarks.thesis out/trials/thesis -o out/thesis --write   # and what
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from pathlib import Path
 
 from maurice_datasets.trials.rows import expect_trials
 from maurice_loaders.errors import InputError
 
-from .claims import CLAIMS, judged
+from .claims import CLAIMS
 from .drawn import FORMATS, draw_figures
-from .material import Material
+from .material import Material, MissingRuns
+from .success import exact_table
 from .timing import measure, read_timing
+from .verdicts import judged
 
 DOCS = Path(__file__).parents[2] / "docs"
 SHOWN = (26, 37, 58, 68)  # pictures of docs/results.md
@@ -38,35 +39,46 @@ def main() -> None:
         if read_timing(asked.trials) is None:
             measure(asked.trials)  # a minute, before the processes that draw: alone on the machine
         drawn = draw_figures(asked.trials, asked.output, only=asked.only, formats=asked.format, force=True)
-        table = claims_table(Material(asked.trials))
+        material = Material(asked.trials)
+        tables = {"claims": claims_table(material), "exact": _exact(material)}
         if asked.write:
             draw_figures(asked.trials, DOCS / "pictures", only=SHOWN, force=True)
     except InputError as problem:
         sys.exit(f"error: {problem}")
-    (asked.output / "claims.md").write_text(table + "\n", encoding="utf-8")
+    text = "\n\n".join(tables.values()) + "\n"
+    (asked.output / "claims.md").write_text(text, encoding="utf-8")
     for number, why in drawn.left_out:
         print(f"figure {number} left out: {why}")
     print(f"{len(drawn.files)} figures and claims.md written to {asked.output}")
     if asked.write:
-        write(table)
+        write(tables)
+
+
+def _exact(material: Material) -> str:
+    try:
+        return exact_table(material)
+    except MissingRuns as problem:
+        return f"{problem}"
 
 
 def claims_table(material: Material) -> str:
     """Return every claim with its verdict, as a Markdown table."""
-    lines = ["| claim | thesis | here | verdict |", "|---|---|---|---|"]
+    lines = ["| claim | thesis | tested: true if | here | verdict |", "|---|---|---|---|---|"]
     results = judged([claim.check(material) for claim in CLAIMS])
     for claim, result in zip(CLAIMS, results, strict=True):
-        lines.append(
-            f"| {claim.name} ({claim.section}) | {claim.stated} | {result.ours} | {result.verdict} |"
-        )
+        said = (f"{claim.name} ({claim.section})", claim.stated, claim.tested, result.ours, result.verdict)
+        lines.append(f"| {' | '.join(said)} |")
     return "\n".join(lines)
 
 
-def write(table: str) -> None:
-    """Put the table between its marks in docs/results.md."""
+def write(tables: dict[str, str]) -> None:
+    """Put tables between their marks in docs/results.md."""
     page = DOCS / "results.md"
-    marked = re.compile(r"(<!-- claims -->\n).*?(<!-- end -->)", re.DOTALL)
-    text = marked.sub(lambda match: f"{match[1]}\n{table}\n\n{match[2]}", page.read_text(encoding="utf-8"))
+    text = page.read_text(encoding="utf-8")
+    for name, table in tables.items():
+        before, mark, rest = text.partition(f"<!-- {name} -->\n")
+        after = rest[rest.index("<!-- end -->") :]
+        text = f"{before}{mark}\n{table}\n\n{after}"
     page.write_text(text, encoding="utf-8")
 
 

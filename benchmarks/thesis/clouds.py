@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import islice
 from typing import TYPE_CHECKING
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
 
 TURNS, TURN_RAD = 43, float(np.pi / 4)  # as many steps as the thesis's figure 33 has
 BEGUN_M, BEGUN_RAD = 18 * INCH_M, float(np.radians(20))  # "reasonably well localized": ours
-DRIVES, RUNS = 5, 20
+DRIVES, RUNS = 8, 24
 AMBIGUOUS, AT = 200, 3  # particles of figure 34; the picture that it shows
 OFFSET, LARGEST = 0.33, 0.3  # of a circle from its node, and its diameter, in spacings of nodes
 
@@ -61,17 +62,10 @@ def turning_drive(spec: SessionSpec, seed: int, turns: int, turn_rad: float) -> 
 
 def turning(material: Material) -> Figure:
     """Draw deviation and error while the robot turns in place: simulated turns of 45 degrees, many runs."""
-    spec = material.spec(EXAMPLE)
-    drives = [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(DRIVES)]
     drawing, both = panels(1, 2, "turns of 45 degrees", "")
     drawing.set_size_inches(10.0, 4.6)
     for number, feature in enumerate(("color", "blended")):
-        found = [
-            _turned(material.localizer_on(drives[seed % DRIVES], seed, preset=PRESET, feature=feature), run)
-            for seed in range(RUNS)
-            for run in (drives[seed % DRIVES],)
-        ]
-        places = Clusters.of(np.arange(RUNS) % DRIVES)
+        found, places = turned(material, feature), places_of_turns()
         for axes, column in zip(both, (0, 1), strict=True):
             limits = [mean(np.array([run[column, at] for run in found]), places) for at in range(TURNS)]
             y, low, high = np.array([[run.value, run.low, run.high] for run in limits]).T / INCH_M
@@ -91,6 +85,26 @@ def turning(material: Material) -> Figure:
         handles, labels, loc="outside lower center", ncols=2, fontsize=8, title=caption, title_fontsize=8
     )
     return drawing
+
+
+def places_of_turns() -> Clusters:
+    """Return at which of the places each of those runs turns."""
+    return Clusters.of(np.arange(RUNS) % DRIVES)
+
+
+def turned(material: Material, feature: str) -> list[F64]:
+    """Return deviation and error (2, turns), in meters, of runs that turn in place, at several places."""
+    drives = _turning_drives(material.spec(EXAMPLE))
+    return [
+        _turned(material.localizer_on(drives[seed % DRIVES], seed, preset=PRESET, feature=feature), run)
+        for seed in range(RUNS)
+        for run in (drives[seed % DRIVES],)
+    ]
+
+
+@cache
+def _turning_drives(spec: SessionSpec) -> list[Drive]:
+    return [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(DRIVES)]
 
 
 def _turned(localizer: Localizer, drive: Drive) -> F64:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 
+from maurice_datasets.trials.drives import Drive
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
@@ -33,19 +35,8 @@ Run = list[tuple[Moment, StepRecord]]
 def motion_only(material: Material) -> Figure:
     """Draw clouds along a path: 500 particles that only the motion model moves, and no picture corrects."""
     drive = material.tracking
-    localizer = material.localizer_on(drive, 0, preset=PRESET)
-    rng, start = np.random.default_rng(0), _start_of(drive.start)
-    poses = np.tile(start.astype(np.float32), (MOTION_ONLY, 1))
-    clouds, truths, way = [poses.astype(np.float64)], [start], 0.0
-    for moment in drive.session.moments():
-        if moment.truth is None or way >= TRAVEL_M or localizer.motion is None:
-            break
-        for motion in moment.frame.motions:
-            noise = rng.standard_normal((MOTION_ONLY, 3), np.float32)
-            poses = localizer.motion.move(poses, np.zeros(2), motion, noise)
-        way += float(np.hypot(*(moment.truth[:2] - truths[-1][:2])))
-        clouds.append(poses.astype(np.float64))
-        truths.append(moment.truth)
+    clouds, ways = motion_clouds(material, drive)
+    way, truths = ways[-1], [_start_of(drive.start), *_truths_of(drive)][: len(clouds)]
     drawing, axes = figure("", maps.X, maps.Y)
     maps.map_axes(drawing, axes, drive.bench.library.arena)
     maps.path(axes, np.array(truths), f"true path, {way / INCH_M:.0f} in; arrow: start")
@@ -57,6 +48,31 @@ def motion_only(material: Material) -> Figure:
         maps.truth(axes, truths[at], "truth at these updates" if number == 0 else None)
     maps.legend_beside(drawing, axes)
     return drawing
+
+
+def motion_clouds(material: Material, drive: Drive) -> tuple[list[F64], F64]:
+    """Return clouds (N, 3) that only the motion model moves, and how far the robot had driven at each."""
+    localizer, truths = material.localizer_on(drive, 0, preset=PRESET), _truths_of(drive)
+    first = truths[0] if drive.start is None else drive.start
+    rng = np.random.default_rng(0)
+    poses = np.tile(first.astype(np.float32), (MOTION_ONLY, 1))
+    clouds, ways, last = [poses.astype(np.float64)], [0.0], first
+    for moment, truth in zip(drive.session.moments(), truths, strict=False):
+        if ways[-1] >= TRAVEL_M or localizer.motion is None:
+            break
+        for motion in moment.frame.motions if truth is not first else ():
+            noise = rng.standard_normal((MOTION_ONLY, 3), np.float32)
+            poses = localizer.motion.move(poses, np.zeros(2), motion, noise)
+        ways.append(ways[-1] + float(np.hypot(*(truth[:2] - last[:2]))))
+        clouds.append(poses.astype(np.float64))
+        last = truth
+    return clouds, np.array(ways)
+
+
+def _truths_of(drive: Drive) -> list[F64]:
+    """Return the true poses of a drive, up to where they are not known."""
+    known = takewhile(lambda moment: moment.truth is not None, drive.session.moments())
+    return [_truth_of(moment) for moment in known]
 
 
 def true_path(material: Material) -> Figure:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from . import clouds, constants, costs, drives, histograms_of_light, matching, traces
+from . import clouds, constants, costs, drives, histograms_of_light, matching, success, traces
 from . import over_particles as counts
 from .material import ThesisFigure
 
@@ -70,5 +70,6 @@ ALL = (
     *drives.FIGURES,
     *traces.FIGURES,
     *costs.FIGURES,
+    *success.FIGURES,
 )
 FIGURES = tuple(sorted(ALL, key=lambda entry: entry.number))

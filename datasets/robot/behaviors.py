@@ -20,7 +20,7 @@ from maurice_mcl.values.map import Arena
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """The sensors. The thesis names infrared detectors (its appendix) and no numbers: all are invented."""
+    """The sensors. The thesis names infrared detectors (2) and no numbers: all are invented."""
 
     count: int = 24  # evenly all around, the first straight ahead: a box of 5 in is never missed at 20 in
     reach_m: float = 30 * INCH_M  # nothing farther is seen: triangulating infrared sensors end at 0.8 m

@@ -1,7 +1,7 @@
 """The simulated Maurice: how it really moves, what its encoders report, and trials to calibrate it by.
 
 Turning is over-read by a gain and scatters once per turn, straights fall short once per movement, the heading
-drifts with distance, by floor (thesis 3.2, 3.3). Where a floor ends the robot may slip (3.6). Backward is
+drifts with distance, by floor (thesis 3.2). Where a floor ends the robot may slip (3.6). Backward is
 forward mirrored: a straight falls short as well, and its drift keeps the robot on the arc that it came by.
 """
 

@@ -68,8 +68,11 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
     "after_s": (_NUMBER, "robot time since then: where `localized_s` of a run without is censored"),
     "right_at_end": (_FLAG, "correct in at least 7 of the last 10 updates"),
     "wrong_confident": (_NUMBER, "share of updates converged on a wrong place"),
-    "succeeded_tenth": (_FLAG, "the thesis's success: deviation under 10 % of the arena"),
-    "succeeded_circle": (_FLAG, "the thesis's success: 90 % within 6 in"),
+    "succeeded_tenth": (
+        _FLAG,
+        "the thesis's success, since a kidnapping: deviation under 10 % of the arena",
+    ),
+    "succeeded_circle": (_FLAG, "the same: 90 % within 6 in"),
     "confidence_end": (_NUMBER, "share of weight near the estimate, at the last update"),
     "sd_end_m": (_NUMBER, "standard deviation of the cloud, at the last update"),
     "ess_share": (_NUMBER, "effective sample size over the number of particles, mean"),

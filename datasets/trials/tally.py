@@ -9,9 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.filter.batch import SteppedRuns
+from maurice_mcl.filter.batch import RunTrace, SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.scoring.metrics import DrivenPath, RunErrors, RunScore, first_mostly, score_trace
+from maurice_mcl.scoring.metrics import (
+    DrivenPath,
+    RunErrors,
+    RunScore,
+    Success,
+    first_mostly,
+    score_trace,
+    successes,
+)
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.map import Arena
@@ -22,7 +30,8 @@ from maurice_mcl.values.session import Moment
 class RunFigures:
     """One run of U updates in numbers: meters, radians, seconds."""
 
-    score: RunScore  # with both readings of success
+    score: RunScore
+    success: tuple[Success, ...]  # by the thesis's two readings, since the kidnapping
     errors: RunErrors
     sd_m: F64  # (U,) of the cloud
     confidence: F64  # (U,)
@@ -93,7 +102,7 @@ class RunFigures:
         }
 
     def _succeeded(self, reading: int) -> bool:
-        success = self.score.success[reading]
+        success = self.success[reading]
         return success.at_step is not None and success.failed is None
 
 
@@ -124,23 +133,25 @@ class RunTally:
 
     def figures(self, drive: Sequence[Moment]) -> list[RunFigures]:
         """Return the figures of each run; the moments of the drive need no pictures."""
-        path = DrivenPath.of(drive)
-        return [
-            RunFigures(
-                score=score_trace(trace, path, self.arena.size_m),
-                errors=RunErrors.of(trace, path),
-                sd_m=np.hypot(trace.mean_sd_m[:, 0], trace.mean_sd_m[:, 1]),
-                confidence=trace.confidence,
-                driven_m=path.driven_m,
-                times_s=path.times_s,
-                ess_share=trace.effective_sample_size / [self.localizer.particles, *trace.particles[:-1]],
-                reseeded=int((trace.fresh > 0).sum()),
-                took_s=self.took_s,
-                kidnapped_at=kidnapped_at(drive),
-                known_start=self.known_start,
-            )
-            for trace in self.runs.traces()
-        ]
+        path, at = DrivenPath.of(drive), kidnapped_at(drive)
+        return [self._figures_of(trace, path, at) for trace in self.runs.traces()]
+
+    def _figures_of(self, trace: RunTrace, path: DrivenPath, at: int | None) -> RunFigures:
+        errors = RunErrors.of(trace, path)
+        return RunFigures(
+            score=score_trace(trace, path),
+            success=successes(trace, path, errors.off_m, self.arena.size_m, (at or 1) - 1),
+            errors=errors,
+            sd_m=np.hypot(trace.mean_sd_m[:, 0], trace.mean_sd_m[:, 1]),
+            confidence=trace.confidence,
+            driven_m=path.driven_m,
+            times_s=path.times_s,
+            ess_share=trace.effective_sample_size / [self.localizer.particles, *trace.particles[:-1]],
+            reseeded=int((trace.fresh > 0).sum()),
+            took_s=self.took_s,
+            kidnapped_at=at,
+            known_start=self.known_start,
+        )
 
 
 def kidnapped_at(drive: Sequence[Moment]) -> int | None:

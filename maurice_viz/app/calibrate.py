@@ -109,7 +109,7 @@ def calibrate_motion(
     force: bool = False,
     listener: Listener = SILENT,
 ) -> MotionCalibration:
-    """Fit turn gain, straight error and drift per floor to trials, as the thesis did (sections 3.2 and 3.3).
+    """Fit turn gain, straight error and drift per floor to trials, as the thesis did (section 3.2).
 
     `source` is a session log with truth, a CSV of trials (lengths in `unit`), or a folder of odometry beside
     truth. `to` writes the parameters as TOML, for a replay's motion. Raises OptionError for an unknown unit,

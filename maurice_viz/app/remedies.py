@@ -288,6 +288,8 @@ def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
     remedies += [Remedy(name, change) for name, change in _clouds(own.particles)]
     sensors = {f"feature {name}": (BranchChange(feature=name), weights) for name, weights in FEATURES.items()}
     for name, values in PRESETS.items():
+        if name == "thesis-exact":  # it has one robot's constants
+            continue
         sensors[f"preset {name}"] = BranchChange(preset=name), values["sensor.weights"]
     more = BranchChange(preset=ROBUST, particles=TIMES_PARTICLES * own.particles)
     sensors[f"preset {ROBUST}, particles x{TIMES_PARTICLES}"] = more, PRESETS[ROBUST]["sensor.weights"]

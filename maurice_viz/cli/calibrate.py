@@ -45,7 +45,7 @@ def motion(
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:
-    """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2, 3.3)."""
+    """Fit turn gain, straight error and drift by floor, with intervals, as the thesis did (3.2)."""
     with listening() as listener:
         if plots is not None:
             expect_matplotlib(plots)

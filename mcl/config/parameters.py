@@ -7,6 +7,7 @@ values, with the name of its origin.
 from __future__ import annotations
 
 import difflib
+import math
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
@@ -22,6 +23,7 @@ from ..sensor.distances import DISTANCES
 from ..sensor.model import SensorParameters
 from ..sensor.outside import load_sensor
 from ..sensor.references import InterpolationParameters
+from ..values.geometry import INCH_M
 from ..values.map import OBSTACLES, SOLID
 from ..values.radii import RadiiParameters
 from ..values.setting_rules import SHARE, Rule, choice, number, rules_of, table, truth, whole
@@ -53,7 +55,7 @@ class ResamplingParameters:
 class MapParameters:
     """What of the map the filter trusts."""
 
-    obstacles: Annotated[str, choice(*OBSTACLES)] = SOLID  # movable since the survey; walls are always solid
+    obstacles: Annotated[str, choice(*OBSTACLES)] = SOLID  # movable since the survey, or not even walls
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +149,25 @@ PRECISE: Mapping[str, Any] = {
     "map.obstacles": "movable",
 }
 PRESETS = {**PRESETS, "precise": {**PRESETS["robust"], **PRECISE}}
+# the thesis's first filter to the letter (docs/filter.md), with Maurice's constants of motion: the library is
+# its only map, each motor's encoder errs by itself, a straight drifts by so much however long it is, and
+# below a dynamic threshold on the match quality particles are drawn evenly
+FIGURE_10 = {"wood": (0.0, 0.33), "carpet": (2.67, 1.0)}  # degrees, mean and sd of a straight of a foot; ours
+EXACT: Mapping[str, Any] = {
+    "map.obstacles": "no_walls",
+    "motion": {
+        "model": "maurice",
+        "straight_sd_m": 0.6356 * INCH_M / 2,  # the mean of four encoders
+        "drift": {
+            floor: {"bias_rad": math.radians(mean), "sd_rad": math.radians(sd)}
+            for floor, (mean, sd) in {"": FIGURE_10["wood"], **FIGURE_10}.items()
+        },
+    },
+    "recovery.strategy": "threshold",
+    "recovery.draw": "evenly",
+    "recovery.threshold.least_sd": 0.03,  # of the log of the mean quality of the cloud
+}
+PRESETS = {**PRESETS, "thesis-exact": {**PRESETS["thesis"], **EXACT}}
 # for a laser over an occupancy map: the default there (docs/laser.md)
 LASER: Mapping[str, Any] = {
     "sensor.weights": {"laser": 1.0},

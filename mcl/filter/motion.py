@@ -38,10 +38,16 @@ class MotionModel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FloorDrift:
-    """How the heading drifts on one floor while driving straight, in proportion to the distance."""
+    """How the heading drifts on one floor while driving straight, counter-clockwise.
 
-    bias_rad_per_m: float = 0.0  # mean drift, counter-clockwise; backward clockwise
+    In proportion to the distance, and by so much a straight, however long it is: the second is how the thesis
+    adds it (3.2).
+    """
+
+    bias_rad_per_m: float = 0.0  # mean drift; backward clockwise
     sd_rad_per_m: float = 0.0  # its standard deviation from movement to movement
+    bias_rad: float = 0.0  # the same, a straight
+    sd_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +90,9 @@ def _floors(value: Any) -> dict[str, FloorDrift]:
 
 
 def _drift(floor: str, spec: Any) -> FloorDrift:
-    if not isinstance(spec, Mapping) or set(spec) - {"bias_rad_per_m", "sd_rad_per_m"}:
-        wanted = "bias_rad_per_m and sd_rad_per_m"
+    names = [f.name for f in fields(FloorDrift)]
+    if not isinstance(spec, Mapping) or set(spec) - set(names):
+        wanted = f"{', '.join(names[:-1])} and {names[-1]}"
         raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
     return FloorDrift(
         **{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()}
@@ -132,7 +139,8 @@ class MauriceMotion:
 
     def _drift(self, xy: F32, origin: F64, way_m: float, noise: F32) -> F32:
         """Return the drift (N,) in radians over a way, below 0 backward, by the floor under each particle."""
-        bias, sd = (self._per_m * way_m).astype(np.float32)
+        bias, sd = self._per_m * way_m + self._per_straight * math.copysign(1, way_m)
+        bias, sd = bias.astype(np.float32), sd.astype(np.float32)
         if len(bias) == 1:
             return np.asarray(bias[0] + sd[0] * noise, np.float32)
         floor = self._floor_of.take(self.grid.cells_of(xy, origin))
@@ -144,9 +152,17 @@ class MauriceMotion:
     @cached_property
     def _per_m(self) -> F64:
         """Bias and sd (2, floors) of the drift in radians per meter."""
+        return np.array([[f.bias_rad_per_m, f.sd_rad_per_m] for f in self._drifts]).T
+
+    @cached_property
+    def _per_straight(self) -> F64:
+        """Bias and sd (2, floors) of the drift in radians per straight."""
+        return np.array([[f.bias_rad, f.sd_rad] for f in self._drifts]).T
+
+    @property
+    def _drifts(self) -> list[FloorDrift]:
         others = self.parameters.drift.get("", FloorDrift())
-        known = [self.parameters.drift.get(name) or others for name in self.grid.floors]
-        return np.array([[f.bias_rad_per_m for f in known], [f.sd_rad_per_m for f in known]])
+        return [self.parameters.drift.get(name) or others for name in self.grid.floors]
 
     @cached_property
     def _floor_of(self) -> NDArray[np.intp]:

@@ -63,7 +63,7 @@ def always(share: float) -> RecoveryStrategy:
 
 @dataclass(frozen=True, slots=True)
 class DynamicThreshold:
-    """Draw fresh particles when a picture is explained much worse than recent ones (thesis 3.6.3).
+    """Draw fresh particles when a picture is explained much worse than recent ones (thesis 3.6).
 
     The thesis gives no rule; this one is running mean minus a few running standard deviations of the
     evidence.

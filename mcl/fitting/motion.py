@@ -1,4 +1,4 @@
-"""Motion constants from trials: what was measured, and what the robot really did (thesis 3.2, 3.3).
+"""Motion constants from trials: what was measured, and what the robot really did (thesis 3.2).
 
 A robot turns until its encoders show the commanded angle, so the scatter is in the actual turn: actual = gain
 * measured + bias + noise. Least squares of *actual on measured*, through the origin, gives a header's
@@ -83,7 +83,7 @@ class TurnFit:
 
 @dataclass(frozen=True, slots=True)
 class StraightFit:
-    """Straight movements (thesis 3.3, figures 9 and 11)."""
+    """Straight movements (thesis 3.2, figures 9 and 11)."""
 
     count: int
     error: Spread  # m, actual - measured, a movement
@@ -93,7 +93,7 @@ class StraightFit:
 
 @dataclass(frozen=True, slots=True)
 class DriftFit:
-    """How the heading drifts on one floor (thesis 3.3, figure 10)."""
+    """How the heading drifts on one floor (thesis 3.2, figure 10)."""
 
     floor: str
     rate: Spread  # rad per meter really driven, counter-clockwise

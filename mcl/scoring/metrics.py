@@ -357,9 +357,9 @@ class Success:
 
 
 def successes(
-    run: RunNumbers | RunTrace, path: DrivenPath, off_m: F64, arena_m: tuple[float, float]
+    run: RunNumbers | RunTrace, path: DrivenPath, off_m: F64, arena_m: tuple[float, float], since: int = 0
 ) -> tuple[Success, Success]:
-    """Judge a run by the thesis's two readings; `off_m` (U,) is its position error.
+    """Judge a run by the thesis's two readings, from some update on; `off_m` (U,) is its position error.
 
     "tenth": over 90 % is converged on the estimate, and the sd of all is below 10 % of the arena per axis.
     "circle": over 90 % is within 6 in of the estimate.
@@ -368,23 +368,27 @@ def successes(
     tenth, circle = (run.converged > SUCCESS_SHARE) & narrow, run.circle > SUCCESS_SHARE
     too_far = off_m > run.radii.lost_m
     return (
-        _success("tenth", tenth, run.steps, path, too_far),
-        _success("circle", circle, run.steps, path, too_far),
+        _success("tenth", tenth, run.steps, path, too_far, since),
+        _success("circle", circle, run.steps, path, too_far, since),
     )
 
 
-def _success(preset: str, met: Bool, steps: I32, path: DrivenPath, too_far: Bool) -> Success:
-    late, at = _first(path.times_s > IN_TIME_S), _first(met)
+def _success(preset: str, met: Bool, steps: I32, path: DrivenPath, too_far: Bool, since: int) -> Success:
+    driven_m, times_s, steps = path.driven_m[since:], path.times_s[since:], steps[since:]
+    begun_m, begun_s = (float(driven_m[0]), float(times_s[0])) if since else (0.0, 0.0)
+    if since:  # a cloud that is still where the robot was carried from is no success
+        met = met & ~too_far
+    late, at = _first(times_s - begun_s > IN_TIME_S), _first(met[since:])
     if late is not None and (at is None or late <= at):
         return Success(preset, failed=TOO_LATE, failed_at_step=int(steps[late]))
     if at is None:
         return Success(preset)
-    gone = _first(too_far[at:])
+    gone = _first(too_far[since + at :])
     return Success(
         preset,
         at_step=int(steps[at]),
-        at_m=float(path.driven_m[at]),
-        at_s=float(path.times_s[at]),
+        at_m=float(driven_m[at]) - begun_m,
+        at_s=float(times_s[at]) - begun_s,
         failed=None if gone is None else LEFT_TRUTH,
         failed_at_step=None if gone is None else int(steps[at + gone]),
     )

@@ -57,7 +57,7 @@ def calibrated(distances: F32, weights: F64, scales: F64) -> Blended:
 
 
 def weighted_sum(distances: F32, weights: F64, scales: F64) -> Blended:
-    """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.5)."""
+    """Return the weighted sum of channels scaled to the same spread over the library (thesis 4.2.3)."""
     spread = distances.std(axis=1, dtype=np.float64)
     tells = spread > LEAST_RELATIVE_SPREAD * distances.max(axis=1)
     scale = np.divide(weights, spread, out=np.zeros_like(weights), where=tells)

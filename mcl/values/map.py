@@ -39,8 +39,9 @@ class Region:
         return np.array([cv2.pointPolygonTest(outline, place, measureDist=True) for place in places])
 
 
-SOLID, MOVABLE = "solid", "movable"  # what obstacles are to a filter: a robot is never there, or it may be
-OBSTACLES = (SOLID, MOVABLE)
+# where a robot is never, to a filter: in walls and obstacles, in walls alone, or nowhere on the map
+SOLID, MOVABLE, NO_WALLS = "solid", "movable", "no_walls"
+OBSTACLES = (SOLID, MOVABLE, NO_WALLS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +63,12 @@ class Arena:
         return x_max - x_min, y_max - y_min
 
     def trusted(self, obstacles: str) -> Arena:
-        """Return the map by which a filter rules poses out: without obstacles that may have been moved."""
+        """Return the map by which a filter rules poses out: without obstacles that may have been moved.
+
+        Without walls, too, only its bounds and floors are left: the library alone is the map.
+        """
+        if obstacles == NO_WALLS and (self.obstacles or len(self.walls)):
+            return replace(self, obstacles=(), walls=np.zeros((0, 4)))
         return replace(self, obstacles=()) if obstacles == MOVABLE and self.obstacles else self
 
 

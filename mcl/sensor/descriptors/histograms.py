@@ -1,4 +1,4 @@
-"""The CMUcam2's histogram, of a picture made ready in several ways (thesis 3.3, 4.1 and 4.2.2).
+"""The CMUcam2's histogram, of a picture made ready in several ways (thesis 3.3, 4.2.1 and 4.2.2).
 
 - `color`: of the picture itself, the thesis's first feature. Cheap, but blind to where in the picture.
 - `edges`: of the edge image, Sobel's magnitude a color (figures 51 to 55). Knows less of the light's color.

@@ -12,9 +12,10 @@ import polars as pl
 import pytest
 from scipy.special import ndtri
 
-from benchmarks.thesis.claims import (
+from benchmarks.thesis.claims import CLAIMS
+from benchmarks.thesis.material import Material
+from benchmarks.thesis.verdicts import (
     BUILT_IN,
-    CLAIMS,
     NOT,
     REPRODUCED,
     UNDECIDED,
@@ -24,7 +25,6 @@ from benchmarks.thesis.claims import (
     judged,
     said,
 )
-from benchmarks.thesis.material import Material
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.statistics import Interval, mean
 from maurice_datasets.trials.table import with_settings
@@ -183,6 +183,62 @@ def test_variants_of_one_label_are_compared_whatever_they_set() -> None:
     ]
     result = verdict_of("Noise floor and relevance", *rows)
     assert result.verdict == REPRODUCED, result.ours
+
+
+def runs(part: str, right: int, count: int = 40, **more: Any) -> list[dict[str, Any]]:
+    """Return runs of which so many succeed by every reading."""
+    named = {"part": part, "label": "thesis", "feature": "color", "particles": 2000, "lost": False} | more
+    ends = [seed < right for seed in range(count)]
+    return [
+        named
+        | {
+            "seed": seed,
+            "succeeded_tenth": good,
+            "succeeded_circle": good,
+            "localized_s": 20.0 if good else None,
+        }
+        for seed, good in enumerate(ends)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [("Success, global", "global-localization"), ("Success, kidnapped", "kidnapped")],
+)
+def test_success_is_the_thesis_s_and_told_beside_ours(name: str, part: str) -> None:
+    result = verdict_of(name, *runs(part, 38, task="global"))
+    assert result.verdict == REPRODUCED
+    assert result.ours.count("(83 to 99") == 3, result.ours
+    assert verdict_of(name, *runs(part, 2, task="global")).verdict == NOT
+    assert verdict_of(name, *runs(part, 20, task="global")).verdict == UNDECIDED
+    assert verdict_of(name, *runs(part, 38, 40, particles=500)).verdict == UNTESTABLE
+    late = [row | {"localized_s": 301.0} for row in runs(part, 40, task="global")]
+    assert "ours, localized in five minutes: 0 (" in verdict_of(name, *late).ours
+
+
+def test_a_track_that_is_not_lost_is_success_by_ours() -> None:
+    rows = runs("position-tracking", 40, task="tracking")
+    assert "ours, not lost: 100 (" in verdict_of("Success, tracking", *rows).ours
+    lost = [row | {"lost": True} for row in rows]
+    assert "ours, not lost: 0 (" in verdict_of("Success, tracking", *lost).ours
+
+
+@pytest.mark.parametrize(
+    ("off_in", "verdict"),
+    [([9.0] * 95 + [35.0] * 5, REPRODUCED), ([20.0] * 100, NOT), ([9.0] * 60 + [35.0] * 40, NOT)],
+)
+def test_typical_and_occasional_errors(off_in: list[float], verdict: str) -> None:
+    rng = np.random.default_rng(0)
+    rows = [
+        row | {"off_m": [0.0254 * value for value in rng.permutation(off_in)]} for row in tracking({2000: 0})
+    ]
+    result = verdict_of("Typical error", *rows)
+    assert result.verdict == verdict, result.ours
+
+
+def test_every_claim_says_how_it_is_tested() -> None:
+    assert len({claim.name for claim in CLAIMS}) == len(CLAIMS)
+    assert all(claim.tested and claim.stated and claim.least >= 5 for claim in CLAIMS)
 
 
 def test_fresh_particles_are_compared_with_none() -> None:

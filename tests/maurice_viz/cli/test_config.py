@@ -163,7 +163,7 @@ def test_the_documented_example_and_presets_are_real(tmp_path):
     file = tmp_path / "example.toml"
     file.write_text(re.findall(r"```toml\n(.*?)```", text, re.S)[0])
     assert configuration_of(None, file, {}, {}).parameters.particles == 1000
-    named = re.findall(r"^\| `(\w+)` \| [^|]* \|$", text, re.M)
+    named = re.findall(r"^\| `([\w-]+)` \| [^|]* \|$", text, re.M)
     assert named == list(PRESETS)
     expect_facts(text, "my.toml: sensor.sharpness: found -3", "from 0 to 10000")
 

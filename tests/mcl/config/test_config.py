@@ -171,7 +171,8 @@ def test_movable_obstacles_leave_particles_where_the_map_has_one_and_walls_stay(
         there = np.isfinite(
             made.sensor.references.at(np.zeros(library.size + 9999, np.float32), pose, library.origin)
         )
-        assert inside == there[0] == (obstacles == "movable")
+        assert inside == there[0] == (obstacles != "solid")
     walls = replace(arena, obstacles=())
     assert np.array_equal(free["movable"], nearest_reference(library.poses, walls).grid.free)
     assert free["movable"].sum() > free["solid"].sum()
+    assert free["no_walls"].all(), "everywhere within the bounds"

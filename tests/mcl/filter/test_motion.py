@@ -211,6 +211,17 @@ def test_a_robot_without_parameters_has_gain_one(values):
     _assert_moments(moved[:, 2], 1.0, np.sqrt(model.parameters.turn_from_turn))
 
 
+def test_a_drift_a_straight_does_not_depend_on_its_length():
+    per_straight = {"model": "maurice", "drift": {"": {"bias_rad": 0.1, "sd_rad": 0.02}}}
+    model = motion_model(per_straight, GRID)
+    for forward_m in (0.1, 2.0):
+        moved = model.move(_at(1, 1, 0), HERE, np.array([forward_m, 0, 0]), _noise(9))
+        _assert_moments(moved[:, 2], 0.1, 0.02)
+    backward = model.move(_at(1, 1, 0), HERE, np.array([-0.5, 0, 0]), _noise(9))
+    _assert_moments(backward[:, 2], -0.1, 0.02)
+    assert (model.move(_at(1, 1, 0), HERE, np.zeros(3), _noise(9))[:, 2] == 0).all(), "no straight, no drift"
+
+
 def test_header_parameters_are_read():
     values = {"model": "maurice", "turn_gain": 0.9, "drift": {"wood": {"bias_rad_per_m": -0.1}}}
     model = motion_model(values, GRID)

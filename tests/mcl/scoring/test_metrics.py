@@ -12,6 +12,8 @@ from maurice_mcl.filter.estimate import heaviest_cluster, weighted_mean
 from maurice_mcl.scoring.metrics import (
     LEFT_TRUTH,
     TOO_LATE,
+    DrivenPath,
+    RunNumbers,
     Scorer,
     first_mostly,
     first_run_of,
@@ -19,6 +21,7 @@ from maurice_mcl.scoring.metrics import (
     relative_error,
     score_step,
     segment_errors,
+    successes,
 )
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.records import Belief, Estimate, uniform_log_weights
@@ -306,6 +309,19 @@ def test_later_than_five_minutes_is_a_failure():
             TOO_LATE,
             2,
         )
+
+
+def test_success_after_a_kidnapping_counts_from_there_and_not_at_the_old_place():
+    off_m = np.array([0.0, 0.0, 3.0, 3.0, 0.1, 0.1])
+    still = np.zeros((6, 2))
+    radii = _estimate().radii
+    numbers = RunNumbers(np.arange(1, 7), np.zeros((6, 3)), np.ones(6), np.ones(6), still, radii)
+    path = DrivenPath(np.column_stack([off_m, still]), 10.0 * np.arange(6), np.full(6, 0.5))
+    whole, after = (successes(numbers, path, off_m, ARENA_M, since) for since in (0, 2))
+    for one in whole:
+        assert (one.at_step, one.failed, one.failed_at_step) == (1, LEFT_TRUTH, 3)
+    for one in after:
+        assert (one.at_step, one.at_s, one.failed) == (5, 20.0, None)
 
 
 def test_leaving_the_truth_is_a_failure_once_localized():
