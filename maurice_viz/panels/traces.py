@@ -126,7 +126,8 @@ class TracesPanel(Panel):
             self._log(rec, KNOWS, update.knows)
         nats = np.append(record.calibrated_evidence, record.channel_evidence)
         if np.isfinite(nats).all():  # -inf when no particle was in free space
-            own = dict(zip(record.sighting.comparison.channels, record.channel_evidence, strict=True))
+            channels = record.sighting.comparison.channels or self._run.channels  # none without its library
+            own = dict(zip(channels, record.channel_evidence, strict=True))
             lines = [own.get(channel, np.nan) for channel in self._run.channels]  # or another preset's
             rec.log(self._paths.trace(EVIDENCE), scalars(np.array([record.calibrated_evidence, *lines])))
             self._note(EVIDENCE, *nats)
