@@ -17,7 +17,7 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from .speed import filter_step, growth, libraries, many_runs, pictures, recording, replays
+from .speed import filter_step, growth, laser, libraries, many_runs, pictures, recording, replays
 from .speed.measure import Table, machine
 from .speed.peers import install
 
@@ -26,6 +26,7 @@ SAVED = Path("out/bench.json")
 
 SECTIONS: Mapping[str, Callable[[bool], Table]] = {
     "filter-step": lambda quick: filter_step.filter_steps(install(), quick),
+    "laser": laser.laser,
     "one-picture": pictures.one_picture,
     "pictures": pictures.pictures,
     "replays": replays.replays,

@@ -139,8 +139,8 @@ def _tracking(rows: pl.DataFrame) -> tuple[str, str]:
     """Return the mean error where the map is known; the share of updates lost, and off the mapped part."""
     off, turned, mapped = (_lists(rows, name) for name in ("off_m", "off_rad", "mapped"))
     known = [share >= LEFT for share in mapped]
-    errors = [float(o[k].mean()) for o, k in zip(off, known, strict=True)]
-    lost = np.concatenate([(o > LOST_M)[k] for o, k in zip(off, known, strict=True)])
+    known_off = [o[k] for o, k in zip(off, known, strict=True)]
+    errors, lost = [float(o.mean()) for o in known_off], np.concatenate(known_off) > LOST_M
     left = 1 - np.concatenate(known).mean()
     median = np.degrees(np.median(np.concatenate([t[k] for t, k in zip(turned, known, strict=True)])))
     figure = mean(np.array(errors), _clusters(rows))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -174,6 +175,8 @@ class SensorModel:
         if not readings:
             return comparison
         sensed = tuple(self._sense(name, reading) for name, reading in readings.items())
+        if not comparison.channels and not any(part.cost.any() for part in sensed):
+            return replace(comparison, sensed=sensed, of_channels=comparison.log_likelihood)
         costs = [np.float32(part.weight) * part.cost for part in sensed]
         nats = sum(costs, np.zeros_like(comparison.cost))
         cost = comparison.cost + nats
@@ -198,7 +201,7 @@ class SensorModel:
     def _sense(self, name: str, reading: Any) -> Sensed:
         sensor, weight = self.sensors[name], self.parameters.weights.get(name, 1.0)
         if not getattr(sensor, "weighs_references", True):
-            return Sensed(sensor, reading, weight, np.zeros(self.library.size, np.float32))
+            return Sensed(sensor, reading, weight, _no_cost(self.library.size))
         poses, origin = self.library.poses.copy(), self.library.origin
         poses[:, :2] -= origin
         cost = -sensor.log_likelihood(reading, poses.astype(np.float32), origin, self.spread)
@@ -261,5 +264,13 @@ class SensorModel:
 
 def _no_channels(entries: int) -> Comparison:
     """Return the comparison by no channel at all: every reference is as likely as any other."""
-    none, zero = np.zeros((0, entries), np.float32), np.zeros(entries, np.float32)
+    none, zero = np.zeros((0, entries), np.float32), _no_cost(entries)
     return Comparison((), {}, none, none, zero + 1, none, zero, zero)
+
+
+@lru_cache(8)
+def _no_cost(entries: int) -> F32:
+    """Return zeros (L,), which nobody may change."""
+    zero = np.zeros(entries, np.float32)
+    zero.flags.writeable = False
+    return zero

@@ -6,7 +6,7 @@ what is outside of the map, so that the field needs no padding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,27 +65,27 @@ class Field:
 
     def sums(self, ends: F64, poses: F32, origin: F64) -> F32:
         """Return the worth (N,) of all beams that end at (K, 2) from poses (N, 3) off `origin`."""
-        total = np.empty(len(poses), np.float32)
-        for start, values in self._blocks(ends, poses, origin):
-            # a row or a column, by OpenCV's version
-            total[start : start + len(values)] = cv2.reduce(values, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F).flat
-        return np.asarray(total * np.float32(self.step) + np.float32(self.low * len(ends)), np.float32)
+        return sums_of((self,), ends, poses, origin)[0]
 
     def each(self, ends: F64, poses: F32, origin: F64) -> F32:
         """Return the worth (N, K) of every beam."""
-        values = np.concatenate([values for _, values in self._blocks(ends, poses, origin)])
+        cells = self.cells(ends, poses, origin)
+        blocks = [look_up(self.values, columns, rows, self.outside) for _, columns, rows in cells]
+        values = np.concatenate(blocks)
         return np.asarray(values * np.float32(self.step) + np.float32(self.low), np.float32)
 
     def at(self, points: F64) -> F32:
         """Return the worth (K,) of points (K, 2) in the map's frame."""
         return self.each(points - self.corner, np.zeros((1, 3), np.float32), self.corner).ravel()
 
-    def _blocks(self, ends: F64, poses: F32, origin: F64) -> Iterator[tuple[int, NDArray[Any]]]:
-        """Yield the number of the first pose of each block, and the values (n, K) of its beams."""
+    def cells(self, ends: F64, poses: F32, origin: F64) -> Iterator[tuple[int, F32, F32]]:
+        """Yield the number of the first pose of each block, and its beams' columns and rows (n, K)."""
         scale = np.float32(1 / self.cell_m)
         x, y = ends.T.astype(np.float32) * scale
         column, row = ((origin - self.corner) / self.cell_m - 0.5).astype(np.float32)
-        to_column, to_row = np.stack([x, -y, np.ones_like(x)]), np.stack([y, x, np.ones_like(x)])
+        to_column, to_row = np.ones((2, 3, len(x)), np.float32)
+        to_column[0], to_row[0], to_row[1] = x, y, x
+        np.negative(y, out=to_column[1])
         for start in range(0, len(poses), BLOCK_POSES):
             block = poses[start : start + BLOCK_POSES]
             place = np.empty((len(block), 3), np.float32)
@@ -94,4 +94,23 @@ class Field:
             place[:, 2] = block[:, 0] * scale + column
             columns = place @ to_column
             place[:, 2] = block[:, 1] * scale + row
-            yield start, look_up(self.values, columns, place @ to_row, self.outside)
+            yield start, columns, place @ to_row
+
+
+def sums_of(fields: Sequence[Field], ends: F64, poses: F32, origin: F64) -> list[F32]:
+    """Return the worth (N,) by each of some fields of one map: they share the cells where beams end."""
+    totals = [np.empty(len(poses), np.float32) for _ in fields]
+    ones = np.ones(len(ends), np.float32)
+    for start, columns, rows in fields[0].cells(ends, poses, origin):
+        for each, total in zip(fields, totals, strict=True):
+            values = look_up(each.values, columns, rows, each.outside)
+            if values.dtype == np.float32:
+                np.matmul(values, ones, out=total[start : start + len(values)])
+            else:  # bytes; a row or a column, by OpenCV's version
+                total[start : start + len(values)] = cv2.reduce(
+                    values, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32F
+                ).ravel()
+    for each, total in zip(fields, totals, strict=True):
+        total *= np.float32(each.step)
+        total += np.float32(each.low * len(ends))
+    return totals

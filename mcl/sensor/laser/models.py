@@ -13,7 +13,7 @@ import numpy as np
 from ...values.arrays import F32, F64, U8, Bool
 from ...values.geometry import compose
 from ...values.occupancy import OccupancyMap
-from .field import Field, distances_m
+from .field import Field, distances_m, sums_of
 from .parameters import LaserParameters
 from .rays import Rays
 from .reading import LaserReading
@@ -126,8 +126,8 @@ def explained(there: LaserMap, reading: LaserReading, poses: F32, weights: F64, 
     """
     stride = -(-len(poses) // SAMPLED)
     poses, weights = poses[::stride], weights[::stride]
-    total = there.field("calibrated", SIGMA_M, 0.0).sums(reading.ends, poses, origin)
-    beams, unknown = len(reading.ends), there.unknown.sums(reading.ends, poses, origin)
+    fields, beams = (there.field("calibrated", SIGMA_M), there.unknown), len(reading.ends)
+    total, unknown = sums_of(fields, reading.ends, poses, origin)
     weights = weights / weights.sum()
     off = poses[:, :2] - weights @ poses[:, :2]
     together = float(weights @ np.square(off).sum(axis=1)) < TOGETHER_M**2

@@ -46,11 +46,20 @@ def read_scan(scan: LaserScan, parameters: LaserParameters) -> LaserReading | No
     beams = beams[~np.isnan(ranges[beams])].astype(np.int32)
     if hits[beams].sum() < LEAST_HITS:
         return None
-    kept = np.where(hits[beams], ranges[beams], np.float32(most)).astype(np.float32)
-    angles, hit_m = scan.angles_rad[beams], kept[hits[beams], None]
-    along = np.stack([np.cos(angles), np.sin(angles)], axis=1)[hits[beams]]
-    ends, range_m = scan.mount[:2] + hit_m * along, float(np.median(hit_m))
-    return LaserReading(scan, beams, angles, kept, hits[beams], most, ends, range_m)
+    hit, angles = hits[beams], scan.angles_rad[beams]
+    kept = np.where(hit, ranges[beams], np.float32(most))
+    hit_m, along_rad = kept[hit], angles[hit]
+    ends = np.empty((len(hit_m), 2))
+    np.multiply(hit_m, np.cos(along_rad), out=ends[:, 0])
+    np.multiply(hit_m, np.sin(along_rad), out=ends[:, 1])
+    ends += scan.mount[:2]
+    return LaserReading(scan, beams, angles, kept, hit, most, ends, _median(hit_m))
+
+
+def _median(values: F32) -> float:
+    """Return the median (B,); of an even number the mean of the middle two."""
+    ordered, half = np.sort(values), len(values) // 2
+    return float(ordered[half] if len(values) % 2 else (ordered[half - 1] + ordered[half]) / 2)
 
 
 def _chosen(hits: Bool, parameters: LaserParameters) -> I32:
