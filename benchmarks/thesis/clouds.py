@@ -89,7 +89,8 @@ def turning(material: Material) -> Figure:
 
 def places_of_turns() -> Clusters:
     """Return at which of the places each of those runs turns."""
-    return Clusters.of(np.arange(RUNS) % DRIVES)
+    places = np.arange(RUNS) % DRIVES
+    return Clusters.of(places, places)  # a place has one drive
 
 
 def turned(material: Material, feature: str) -> list[F64]:
