@@ -32,6 +32,7 @@ MRPT = (
     "math",
     "random",
     "core",
+    "system",
     "serialization",
     "rtti",
     "containers",
@@ -102,10 +103,11 @@ def _build_mrpt(program: Path, root: Path) -> None:
     includes += sorted((root / "usr/include").glob("*-linux-gnu/mrpt/*/include"))
     if not includes:
         raise OSError("found no MRPT; on Debian and Ubuntu it is in libmrpt-slam-dev")
-    libraries = sorted((root / "usr/lib").glob("*-linux-gnu"))
+    libraries = [*(root / "usr/lib").glob("*-linux-gnu"), *(root / "usr/lib").glob("*-linux-gnu/*la*")]
     flags = [word for folder in (*includes, root / "usr/include/eigen3") for word in ("-I", folder)]
+    flags += ["-idirafter", root / "usr/include"]
     flags += [word for folder in libraries for word in ("-L", folder, f"-Wl,-rpath,{folder}")]
-    flags += [f"-Wl,-rpath-link,{folder}" for folder in libraries]
+    flags += ["-Wl,--allow-shlib-undefined", *(f"-Wl,-rpath-link,{folder}" for folder in libraries)]
     names = [f"-lmrpt-{name}" for name in MRPT]
     _run("g++", "-std=c++17", *FLAGS, HERE / "peer_mrpt.cpp", "-o", program, *flags, *names)
 
