@@ -72,6 +72,9 @@ def _built(name: str, build: Callable[[Path], None]) -> Peer:
     except (OSError, subprocess.CalledProcessError) as problem:
         why = getattr(problem, "stderr", None) or str(problem)
         return Peer(name, None, why.strip().splitlines()[-1])
+    started = subprocess.run([program], capture_output=True, text=True, check=False)
+    if started.stderr:  # by the loader, of libraries that are not there
+        return Peer(name, None, started.stderr.strip().splitlines()[-1])
     return Peer(name, program)
 
 

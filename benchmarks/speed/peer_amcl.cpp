@@ -37,7 +37,8 @@ static pf_vector_t pose(FILE * file) {
   return p;
 }
 
-int main(int, char ** argv) {
+int main(int count_of_words, char ** argv) {
+  if (count_of_words < 4) { return 2; }
   FILE * file = fopen(argv[1], "rb");
   const char * name = argv[2];
   const int particles = atoi(argv[3]), beams = next<int32_t>(file), updates = next<int32_t>(file);

@@ -34,7 +34,8 @@ static poses::CPose2D pose(FILE * file) {
   return poses::CPose2D(x, y, heading);
 }
 
-int main(int, char ** argv) {
+int main(int count_of_words, char ** argv) {
+  if (count_of_words < 4) { return 2; }
   FILE * file = fopen(argv[1], "rb");
   const int particles = atoi(argv[3]), beams = next<int32_t>(file), updates = next<int32_t>(file);
   const int width = next<int32_t>(file), height = next<int32_t>(file);
