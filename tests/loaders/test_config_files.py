@@ -96,7 +96,7 @@ def test_the_documentation_lists_every_option_and_corrections_are_a_group() -> N
         assert f"| `{name}` | `{typed}` |" in text
         assert f"| {meaning.text}" in text
     assert all(meaning.text.endswith((".", "]")) for meaning in FIELDS.values())
-    assert len(CORRECTIONS) == 13
+    assert len(CORRECTIONS) == 14
 
 
 MOTION = {

@@ -61,7 +61,7 @@ def test_pictures_that_mislead_widen_the_scales_of_filter_and_configuration_alik
     assert widened.sensor.parameters == its
     assert widened.sensor.references is localizer.sensor.references
     assert after.values()["sensor.widening"] == its.widening
-    assert "worse than none at their true poses (color, edges: -" in said
+    assert "worse than none at their true poses (color, edges: " in said
     assert f"widened by {its.widening:g}" in said
     assert "--set sensor.widening=1 keeps them" in said
 

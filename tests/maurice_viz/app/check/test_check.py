@@ -67,7 +67,7 @@ def test_a_failed_check_leaves_what_a_build_server_and_a_person_need(drive, tmp_
     assert "mean error at most 0.001 m: met by 0 of 3 runs" in str(failures[0].get("message"))
     text = str(failures[0].text)
     assert text.startswith(f"seed 0, first failed at step {found['failure']['step']}\n")
-    assert found["failure"]["diagnosis"]["verdict"] in text
+    assert "blended: The filter was right at every step (" in text
 
     folder = kept / "kleine-Fahrt"
     assert (folder / "diagnosis.txt").read_text().strip() == text.strip()
@@ -150,6 +150,7 @@ def test_without_truth_only_convergence_can_be_checked(tmp_path):
     assert "found no true poses" in line
     assert "--converged-by" in line
     out, err = maurice("check", blind, *FEW, "--converged-by", "5")
+    out = " ".join(out.split())  # lines end after 80 columns
     assert "converged by step 5" in out
     assert "sure of a wrong place meets it too" in out
     assert "the start is given" in out
