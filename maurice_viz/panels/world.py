@@ -27,7 +27,7 @@ class WorldPanel(Panel):
         draw_world(rec, self._library, self._scale)
 
 
-KEY_ORDER = -9.0  # over the ground of the map, whose margin the last row of a key reaches into
+KEY_ORDER = 60.0  # over the map, whose margin its last row reaches into, and over ovals wider than the map
 
 
 class KeysPanel(Panel):
