@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from maurice_mcl.values.progress import NamedProgress
+from maurice_mcl.values import NamedProgress
 
 from .folders import SimulationPaths, cached, paths_in
 from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, LASER_SEED, UPDATES, simulation_key

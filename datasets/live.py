@@ -19,10 +19,7 @@ from urllib.parse import urlsplit
 from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.header import header_to_json
 from maurice_loaders.session_log.records import scan_to_json
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.progress import NamedProgress
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, LaserScan, NamedProgress, SessionInfo
 
 from .sessions import play, session_info
 from .simulation import SimulationPlan, stage

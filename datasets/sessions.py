@@ -15,9 +15,8 @@ from maurice_loaders.files.writing import expect_apart, new_folder
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.errors import InputError
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.progress import NamedProgress
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.arrays import F64, U8, NamedProgress
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import KIDNAPPED, NO_PICTURE, Frame, Moment, SessionInfo
 
 from .folders import SIMULATION, SimulationPaths, cached, copy_whole, fingerprint, paths_in, seal

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F64, Domain, stream
 
 from .render.camera_session import CameraSession, session_camera
 from .render.conditions import GAINS, Conditions, LightChange, conditions_for

@@ -18,11 +18,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import MOST_TABLE_BYTES, read_bounded
 from maurice_loaders.files.writing import new_folder
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import INCH_M, wrap
-from maurice_mcl.values.progress import NamedProgress
-from maurice_mcl.values.randomness import Domain, stream
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import F64, INCH_M, U8, Camera, Domain, NamedProgress, SessionInfo, stream, wrap
 
 from .folders import SIMULATED_SURVEY, cached, fingerprint, seal
 from .render.camera import Lens

@@ -16,11 +16,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import new_folder
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import wrap
-from maurice_mcl.values.progress import NamedProgress
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import Moment, SessionInfo
+from maurice_mcl.values import F64, U8, LaserScan, Moment, NamedProgress, SessionInfo, wrap
 
 from .folders import SIMULATION, SimulationPaths, paths_in, seal
 from .render.camera_session import session_camera

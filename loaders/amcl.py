@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.config.parameters import ALPHAS, AMCL, RULES
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from .errors import FieldError, InputError
 from .files.text import number, read_bounded, show

@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, trials_of
-from maurice_mcl.values.arrays import F64, U8, Bool
-from maurice_mcl.values.geometry import INCH_M, rotated
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import KIDNAPPED, SessionInfo, first_word
+from maurice_mcl.values import F64, INCH_M, KIDNAPPED, U8, Arena, Bool, SessionInfo, first_word, rotated
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files.pictures import decode_picture, picture_file

@@ -9,10 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.map import open_arena
-from maurice_mcl.values.radii import fitted_m
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, SessionInfo, fitted_m, open_arena
 
 from .errors import InputError, ReadingNotes
 from .export.session import convert_to_log

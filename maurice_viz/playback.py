@@ -18,10 +18,7 @@ from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, Scorer
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.radii import USUAL, Radii
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, USUAL, Moment, Radii, StepRecord
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,7 @@ from maurice_mcl.sensor.laser.sensor import LASER, Laser, laser_of
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.radii import USUAL, Radii
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, USUAL, Arena, Library, Radii, SessionInfo
 
 from .drawing.contact_sheet import cell_height
 from .entities import RunPaths

@@ -21,9 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.values.arrays import F32, F64, U32
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import F32, F64, INCH_M, U32, Arena
 
 RGB = tuple[int, int, int]
 RGBA = tuple[int, int, int, int]

@@ -8,11 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .sensor.descriptors.registry import CHANNELS
-from .values.arrays import F64, U8
-from .values.geometry import compose
-from .values.library import ChannelIndex, Library
-from .values.map import Arena
-from .values.session import Frame, Moment, SessionInfo
+from .values import F64, U8, Arena, ChannelIndex, Frame, Library, Moment, SessionInfo, compose
 
 ARENA = Arena((0.0, 0.0, 2.0, 1.5), np.array([[1.0, 0.0, 1.0, 0.5]]))
 CHANNELS_USED = ("color", "edges", "chromaticity", "blurred", "tiny", "smoothed")

@@ -14,8 +14,8 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.laser import FREE, OCCUPIED
 from maurice_mcl.values.library import Library
-from maurice_mcl.values.occupancy import FREE, OCCUPIED
 from maurice_mcl.values.session import Moment
 
 from .peers import ENVIRONMENT, HERE

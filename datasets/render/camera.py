@@ -13,8 +13,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64, I32, Bool
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values import F32, F64, I32, INCH_M, Bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F64, U8, Domain, stream
 
 from ..tasks import SimPurpose
 from ..worlds.world import World

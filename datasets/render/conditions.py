@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..tasks import Tier
 from ..worlds.world import World

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, U8
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F32, U8, Domain, stream
 
 from ..tasks import SimPurpose
 from .conditions import Conditions

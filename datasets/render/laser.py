@@ -8,10 +8,9 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.map import Arena, make_grid
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_mcl.values.randomness import Domain, stream
-from maurice_mcl.values.scan import LaserScan
 
 from ..tasks import SimPurpose
 from ..worlds.world import World, inside

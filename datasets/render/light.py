@@ -12,8 +12,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64, I32, Bool
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values import F32, F64, I32, INCH_M, Bool
 
 from ..worlds.world import Box, Face, Lamp, World, inside
 from .camera import LitFace, LitScene, halvings, scene_of

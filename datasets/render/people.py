@@ -11,9 +11,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64, Bool
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F32, F64, Arena, Bool, Domain, stream
 
 from ..tasks import SimPurpose
 from ..worlds.palettes import Rgb, dye, near

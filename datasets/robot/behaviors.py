@@ -11,9 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M, wrap_angle
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import F64, INCH_M, Arena, wrap_angle
 
 # Infrared proximity: a ring of short-sighted distance sensors, and what they show of the space ahead.
 

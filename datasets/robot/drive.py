@@ -11,10 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F64, INCH_M, Arena, Domain, stream
 
 from ..tasks import SimPurpose
 from .behaviors import (

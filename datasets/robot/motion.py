@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.fitting.motion import Straights, Trials, Turns
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M, wrap, wrap_angle
-from maurice_mcl.values.map import Arena, Region
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F64, INCH_M, Arena, Domain, Region, stream, wrap, wrap_angle
 
 from ..tasks import SimPurpose
 from ..worlds.world import clearance, floor_at

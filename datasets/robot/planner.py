@@ -9,9 +9,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from maurice_mcl.values.arrays import F64, I32, Bool
-from maurice_mcl.values.geometry import INCH_M, wrap
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import F64, I32, INCH_M, Arena, Bool, wrap
 
 from ..worlds.world import clearance
 

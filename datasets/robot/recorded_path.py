@@ -16,9 +16,7 @@ from maurice_loaders.reading.recording import Motion, Note, Picture, TruthPose
 from maurice_loaders.reading.time_alignment import Aligner
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.reader import LogRecording
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M, motion_between
-from maurice_mcl.values.session import KIDNAPPED, is_kidnapping
+from maurice_mcl.values import F64, INCH_M, KIDNAPPED, is_kidnapping, motion_between
 
 from .planner import Placement
 from .segments import Happened, Moved, Segment

@@ -8,12 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.progress import NamedProgress
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import KIDNAPPED
+from maurice_mcl.values import F64, INCH_M, KIDNAPPED, U8, Arena, LaserScan, NamedProgress
 
 from ..worlds.world import floor_at
 from .drive import DriveUpdate

@@ -20,8 +20,7 @@ from maurice_mcl.reasons.budget import (
     BudgetLine,
     error_budget_line,
 )
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, Moment
 
 from .statistics import Clusters, Interval, mean, share
 

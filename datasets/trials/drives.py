@@ -22,12 +22,7 @@ from maurice_mcl.library.occupancy_building import build_occupancy
 from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.sensor.map_places import map_library, reference_of
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.occupancy import OccupancyMap
-from maurice_mcl.values.session import Moment, Session, SessionInfo
+from maurice_mcl.values import F64, INCH_M, Arena, Library, Moment, OccupancyMap, Session, SessionInfo
 
 from ..sessions import simulated_session, simulation_plan
 from ..simulation import SimulationPlan

@@ -20,7 +20,7 @@ import cv2
 import joblib  # type: ignore[import-untyped]  # has no types
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.values.progress import Progress
+from maurice_mcl.values import Progress
 
 from .plan import Plan
 from .rows import RowStore

@@ -13,7 +13,7 @@ import polars as pl
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import toml_value
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import Arena
 
 from .controls import filter_for
 from .drives import FIRST, Drive, arena_of, open_drive

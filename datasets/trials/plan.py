@@ -21,17 +21,7 @@ from maurice_loaders.files.text import read_toml, show
 from maurice_loaders.session_log.header import drive_name
 from maurice_mcl.config.parameters import PRESETS, Configuration, Layer, configure, flatten
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
-from maurice_mcl.values.setting_rules import (
-    Rule,
-    checked,
-    choice,
-    entries,
-    rules_of,
-    table,
-    text,
-    truth,
-    whole,
-)
+from maurice_mcl.values import Rule, checked, choice, entries, rules_of, table, text, truth, whole
 
 from ..sessions import simulation_plan
 from ..tasks import TASKS, TEST, TIERS

@@ -22,7 +22,7 @@ from maurice_mcl.filter.localizer import Localizer, run
 from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.sensor.ahead import compared_ahead
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Moment
 
 from .controls import filter_for
 from .drives import Drive, open_drive, oracle_m

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc, stdtrit
 
-from maurice_mcl.values.arrays import F64, I64, Bool
+from maurice_mcl.values import F64, I64, Bool
 
 SEED, LEVEL = 0, 0.95
 Z = float(stdtrit(np.inf, (1 + LEVEL) / 2))  # standard deviations: two-sided 95 percent

@@ -8,11 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.values.arrays import F64, I64
-from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.occupancy import UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import KIDNAPPED, Moment
+from maurice_mcl.values import F64, I64, KIDNAPPED, UNKNOWN, LaserScan, Moment, OccupancyMap, compose
 
 LEAST_MAPPED = 0.5  # share of a scan's beams that end where the map is known, for a stretch to begin there
 ORDER_SEED = 0  # of the places where stretches begin

@@ -21,9 +21,7 @@ from maurice_mcl.scoring.metrics import (
     successes,
 )
 from maurice_mcl.sensor.ahead import Compared
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, Arena, Moment
 
 
 @dataclass(frozen=True, slots=True, eq=False)

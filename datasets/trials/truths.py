@@ -10,9 +10,7 @@ import numpy as np
 
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values.occupancy import OccupancyMap
-from maurice_mcl.values.records import Comparison
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Comparison, Moment, OccupancyMap
 
 from .stretches import mapped_share
 

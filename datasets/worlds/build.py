@@ -8,10 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.map import Arena, Region
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F64, INCH_M, Arena, Domain, Region, stream
 
 from ..tasks import TIERS, SimPurpose, Tier
 from .draw import PLAIN_PALETTE, Bareness, Palette, number, paint_of

@@ -12,7 +12,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError, PictureError
 from maurice_loaders.files.pictures import decode_picture, picture_file
-from maurice_mcl.values.arrays import F32
+from maurice_mcl.values import F32
 
 from . import textures
 from . import wall_pictures as pictures

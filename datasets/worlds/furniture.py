@@ -12,8 +12,7 @@ from itertools import chain, pairwise
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F32
-from maurice_mcl.values.geometry import INCH_M, rotated
+from maurice_mcl.values import F32, INCH_M, rotated
 
 from . import textures
 from . import wall_pictures as pictures

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values import F32, F64
 
 from . import textures
 from . import wall_pictures as pictures

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from .hangings import Interval, Wall
 from .plan import DoorPlan, PosterPlan, Rect, RoomPlan, WindowPlan, Word, WorldError, WorldPlan

@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import INCH_M, rotated
-from maurice_mcl.values.map import Arena, Region
-from maurice_mcl.values.randomness import Domain, stream
+from maurice_mcl.values import F64, INCH_M, Arena, Domain, Region, rotated, stream
 
 from ..tasks import SimPurpose
 from .world import Box, Face, Piece, World, clearance, inside, touching

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64
+from maurice_mcl.values import F32, F64
 
 from . import textures
 from .draw import Bareness, Palette, number, paint_of

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values import F32, F64, INCH_M
 
 from .textures import Size
 from .world import Box, Face

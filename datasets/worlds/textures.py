@@ -9,7 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, Bool
+from maurice_mcl.values import F32, Bool
 
 from .palettes import Rgb
 

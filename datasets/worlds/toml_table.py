@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, NoReturn
 
-from maurice_mcl.values.setting_rules import Rule, choice, number, text, truth
+from maurice_mcl.values import Rule, choice, number, text, truth
 
 from .plan import Choice, Number, NumberRange, Rect, Word, WorldError
 

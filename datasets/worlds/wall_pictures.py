@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F32
+from maurice_mcl.values import F32
 
 from .palettes import SCENES, Rgb, dye, ink, near, pale
 from .textures import Size, clouds, noise, tint

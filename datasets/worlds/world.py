@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64, Bool
-from maurice_mcl.values.map import Arena, Region
+from maurice_mcl.values import F32, F64, Arena, Bool, Region
 
 
 @dataclass(frozen=True, slots=True, eq=False)

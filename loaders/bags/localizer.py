@@ -16,10 +16,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.map import Arena, open_arena
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, Arena, LaserScan, SessionInfo, open_arena
 
 from ..errors import InputError, ReadingNotes
 from ..files.maps import arena_of_message, occupancy_of_message

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from maurice_mcl.values.occupancy import OccupancyMap
+from maurice_mcl.values import OccupancyMap
 
 from ..errors import InputError
 from ..files.maps import occupancy_of_message

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values import F64, U8
 
 from ..errors import PictureError
 from ..files.pictures import decode_picture, expect_size

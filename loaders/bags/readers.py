@@ -13,8 +13,7 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import read_json

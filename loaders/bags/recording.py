@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..formats.registry import Format

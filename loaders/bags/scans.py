@@ -14,8 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values import F64, LaserScan
 
 from ..reading.recording import Scan, scan_fault
 from .messages import MESSAGE_ERRORS, SCANS, TRANSFORMS, FrameTree, MessageError, links_of, matrix_of

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values import U8
 
 from ..errors import PictureError
 from ..files.pictures import most_megapixels

@@ -18,11 +18,10 @@ from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.values.arrays import F64, U8
+from maurice_mcl.values.arrays import F64, U8, Progress
 from maurice_mcl.values.geometry import path_of
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.library import Library
-from maurice_mcl.values.progress import Progress
-from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, I32
-from maurice_mcl.values.geometry import motions_between
+from maurice_mcl.values import F64, I32, motions_between
 
 DEGREE = float(np.pi / 180)
 Value = float | str

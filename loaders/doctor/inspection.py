@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo, is_kidnapping
+from maurice_mcl.values import F64, LaserScan, SessionInfo, is_kidnapping
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import decode_picture, picture_format

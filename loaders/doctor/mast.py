@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from .findings import Evidence, Finding, Value
 

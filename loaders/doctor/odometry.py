@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, I32
-from maurice_mcl.values.geometry import motions_between, rotated, wrap_angle
+from maurice_mcl.values import F64, I32, motions_between, rotated, wrap_angle
 
 from .findings import (
     DEGREE,

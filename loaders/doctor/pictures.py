@@ -13,10 +13,7 @@ import numpy as np
 
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.left_out import places_of
-from maurice_mcl.values.arrays import F64, I32, Bool
-from maurice_mcl.values.geometry import wrap_angle
-from maurice_mcl.values.randomness import Domain, stream
-from maurice_mcl.values.records import Comparison
+from maurice_mcl.values import F64, I32, Bool, Comparison, Domain, stream, wrap_angle
 
 from .findings import Evidence, Finding, RecordedTruth, picture_delay_finding
 from .plausibility import same_moments

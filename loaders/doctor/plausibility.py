@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from .findings import (
     TURNS,

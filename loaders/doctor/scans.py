@@ -14,10 +14,7 @@ from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.laser.fit import OFF_NATS, YAWS
 from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, Matcher
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import motion_between, path_of, wrap_angle
-from maurice_mcl.values.occupancy import OccupancyMap
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values import F64, LaserScan, OccupancyMap, motion_between, path_of, wrap_angle
 
 from .findings import Evidence, Finding, RecordedDrive, motions_of
 

@@ -12,10 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import compose, inverse
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import F64, U8, Arena, Camera, SessionInfo, compose, inverse
 
 from ..bags.readers import HEADER, MOTIONS, READINGS
 from ..bags.source import INSTALL

@@ -21,10 +21,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import F64, Arena, Camera, LaserScan, SessionInfo
 
 from ..bags.source import EXTRA_TYPES
 from ..session_log.header import header_to_json

@@ -11,10 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import compose, inverse, motion_between
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import Moment, Session, SessionInfo
+from maurice_mcl.values import F64, LaserScan, Moment, Session, SessionInfo, compose, inverse, motion_between
 
 from ..bags.readers import MOTIONS, READINGS
 from ..errors import InputError, ReadingNotes

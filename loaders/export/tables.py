@@ -24,8 +24,7 @@ import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
 
 from maurice_mcl.scoring.metrics import FIRST_SCORED
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import compose
+from maurice_mcl.values import F64, U8, compose
 
 from ..errors import InputError
 from ..files.writing import filling

@@ -8,10 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, Bool
-from maurice_mcl.values.geometry import rotated
-from maurice_mcl.values.map import Arena, open_arena
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, OccupancyMap
+from maurice_mcl.values import F64, FREE, OCCUPIED, Arena, Bool, OccupancyMap, open_arena, rotated
 
 from ..errors import FieldError, InputError
 from .ros_maps import ENDINGS, grid_of_message, read_grid
@@ -112,7 +109,7 @@ def read_occupancy(file: str | Path) -> OccupancyMap:
 
         >>> import numpy as np
         >>> from maurice_loaders.files.maps import read_occupancy, write_ros_map
-        >>> from maurice_mcl.values.occupancy import OccupancyMap
+        >>> from maurice_mcl.values.laser import OccupancyMap
         >>> grid = OccupancyMap(np.array([[0, 1, 2]], np.uint8), 0.05, np.array([-1.5, 2.0]))
         >>> write_ros_map(grid, "office.yaml", force=True)
         >>> read_occupancy("office.yaml").cells.tolist()

@@ -16,7 +16,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values import U8
 
 from ..errors import PictureError
 

@@ -12,9 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import rotated
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.values import F64, FREE, OCCUPIED, U8, UNKNOWN, OccupancyMap, rotated
 
 from ..errors import FieldError, InputError, PictureError
 from .pictures import expect_size, picture_file, picture_size

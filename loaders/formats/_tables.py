@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values import INCH_M
 
 from ..errors import InputError
 from ..files.text import MOST, expect_regular, show, up_to

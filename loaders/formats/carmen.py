@@ -17,10 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F32, F64
-from maurice_mcl.values.geometry import compose, motion_between
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F32, F64, LaserScan, SessionInfo, compose, motion_between
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, show, show_time

@@ -16,8 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import U8, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.text import natural_order

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, items, mapping, number, read_json, text, whole

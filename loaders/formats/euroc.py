@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import InputError
 from ..files.text import PICTURES

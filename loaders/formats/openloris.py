@@ -11,7 +11,7 @@ from pathlib import Path
 
 import cv2
 
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import Camera, SessionInfo
 
 from ..errors import InputError
 from ..reading.options import ReadingOptions

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, PICTURES, pictures_in, show, time_falls

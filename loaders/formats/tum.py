@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import SessionInfo
 
 from ..errors import InputError
 from ..reading.options import ReadingOptions

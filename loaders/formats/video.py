@@ -9,8 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import U8, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from ..files.pictures import expect_size

@@ -20,10 +20,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
-from maurice_mcl.values.arrays import F32, F64
-from maurice_mcl.values.library import ChannelIndex, Library
-from maurice_mcl.values.pose_sensor import PoseSensor
-from maurice_mcl.values.session import Camera
+from maurice_mcl.values import F32, F64, Camera, ChannelIndex, Library, PoseSensor
 
 from ..errors import FieldError, InputError
 from ..files.maps import check_span

@@ -15,10 +15,7 @@ import numpy as np
 
 from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
-from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.progress import NamedProgress
-from maurice_mcl.values.session import Camera
+from maurice_mcl.values import U8, Camera, Library, NamedProgress
 
 from ..errors import InputError, PictureError
 from ..files.pictures import decode_picture, picture_file

@@ -25,7 +25,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
-from maurice_mcl.values.arrays import F32, U8
+from maurice_mcl.values import F32, U8
 
 from ..files.writing import cache_root
 

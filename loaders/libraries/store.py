@@ -13,11 +13,7 @@ import numpy as np
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values.arrays import F32, F64, U8
-from maurice_mcl.values.library import ChannelIndex, Library
-from maurice_mcl.values.map import Arena, open_arena
-from maurice_mcl.values.progress import Progress
-from maurice_mcl.values.session import Camera
+from maurice_mcl.values import F32, F64, U8, Arena, Camera, ChannelIndex, Library, Progress, open_arena
 
 from ..bags.containers import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes

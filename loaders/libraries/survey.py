@@ -13,11 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.values.arrays import F64, U8, Bool
-from maurice_mcl.values.geometry import angle_between
-from maurice_mcl.values.progress import Progress
-from maurice_mcl.values.radii import fitted_m
-from maurice_mcl.values.session import Moment, SessionInfo
+from maurice_mcl.values import F64, U8, Bool, Moment, Progress, SessionInfo, angle_between, fitted_m
 
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import encode_jpeg

@@ -12,9 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import motion_between
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, SessionInfo, motion_between
 
 from ..errors import FieldError, PictureError, ReadingNotes, SourceError
 from ..files.pictures import decode_picture

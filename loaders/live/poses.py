@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..bags.messages import (
     IN_XY,

@@ -15,8 +15,7 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
-from maurice_mcl.values.geometry import compose_motions
-from maurice_mcl.values.session import Frame, Moment, SessionInfo
+from maurice_mcl.values import Frame, Moment, SessionInfo, compose_motions
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes, SourceError
 from ..files.writing import expect_absent

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import motion_between
+from maurice_mcl.values import F64, U8, motion_between
 
 from ..bags.messages import (
     MESSAGE_ERRORS,

@@ -10,8 +10,7 @@ from functools import reduce
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values import F64, compose, motion_between
 
 from ..errors import ReadingNotes
 from .options import ReadingOptions

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
+from maurice_mcl.values import Rule, checked
 from maurice_mcl.values import setting_rules as rules
-from maurice_mcl.values.setting_rules import Rule, checked
 
 from ..errors import FieldError, InputError
 from ..files.text import MOST, MOST_T_S, mapping, read_toml, toml_value, whole_characters

@@ -22,8 +22,7 @@ from maurice_mcl.sensor.visual_odometry import (
     relative_motion,
     tells_tilt,
 )
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import InputError, PictureError, ReadingNotes
 from .options import ReadingOptions

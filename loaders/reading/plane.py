@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 SIDES = {"zx": (0.0, 1.0, 0.0), "zy": (-1.0, 0.0, 0.0)}  # named in this order: which way is up, by right hand
 TURNED = ("xz", "yz", *SIDES)  # planes that poses have to be turned for

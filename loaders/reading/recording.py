@@ -13,10 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.geometry import wrap_angle
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, LaserScan, SessionInfo, wrap_angle
 
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST, MOST_T_S, show_time, up_to

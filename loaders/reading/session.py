@@ -14,7 +14,7 @@ import numpy as np
 from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose, inverse, motion_between
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes

@@ -10,10 +10,7 @@ from functools import reduce
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.geometry import compose_motions, motion_between
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import is_kidnapping
+from maurice_mcl.values import F64, LaserScan, compose_motions, is_kidnapping, motion_between
 
 from ..files.text import MOST_T_S
 from .recording import (

@@ -12,8 +12,8 @@ import numpy as np
 
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, compose_motions, motion_between, rotated, wrap_angle
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.randomness import Domain, stream
-from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import SessionInfo, is_kidnapping
 
 from ..errors import InputError, ReadingNotes

@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 import polars as pl
 
-from maurice_mcl.values.records import AVERAGES, PICTURE
+from maurice_mcl.values import AVERAGES, PICTURE
 
 from ..errors import InputError
 from ..files.text import MOST, MOST_T_S, show, up_to

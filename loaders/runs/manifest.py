@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.sensor.outside import package_of
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.radii import NAMES, USUAL, Radii
+from maurice_mcl.values import NAMES, USUAL, Library, Radii
 
 from ..errors import FieldError, InputError
 from ..files.text import PICTURES, flag, items, mapping, number, numbers, read_json, show, text, whole

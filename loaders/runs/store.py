@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 
 from maurice_mcl.config.parameters import Configuration, configure
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import Arena
 
 from ..config_files import read_config
 from ..errors import FieldError, InputError

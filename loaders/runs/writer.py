@@ -17,6 +17,7 @@ import polars as pl
 
 from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.values.arrays import F32, F64, U8
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.radii import Radii
 from maurice_mcl.values.records import (
@@ -28,7 +29,6 @@ from maurice_mcl.values.records import (
     Sighting,
     StepRecord,
 )
-from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Frame, Moment
 
 from ..files.writing import new_folder, put

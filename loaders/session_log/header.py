@@ -10,8 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from maurice_mcl.values.map import Arena, Region
-from maurice_mcl.values.session import Camera, SessionInfo
+from maurice_mcl.values import Arena, Camera, Region, SessionInfo
 
 from ..errors import FieldError, InputError
 from ..files.maps import read_ros_map

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, SessionInfo
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from ..formats.registry import Format

@@ -14,9 +14,7 @@ from typing import Any, BinaryIO, NoReturn
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, LaserScan, SessionInfo
 
 from ..errors import FieldError, InputError, PictureError, ReadingNotes
 from ..files.pictures import decode_picture, picture_in

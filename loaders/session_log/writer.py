@@ -11,9 +11,7 @@ from typing import Any, BinaryIO, Self
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import F64, U8, LaserScan, SessionInfo
 
 from ..errors import InputError
 from ..files.pictures import PictureKind, encode_picture

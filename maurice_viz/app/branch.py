@@ -16,9 +16,7 @@ from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.records import Belief, FilterState, StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Belief, FilterState, Library, Moment, StepRecord
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener

@@ -12,8 +12,7 @@ from maurice_datasets.trials.rows import is_trials
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import F64, Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of

@@ -31,7 +31,7 @@ from maurice_mcl.fitting.motion import calibrate as fit_trials
 from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry
 from maurice_mcl.fitting.odometry_fit import MotionConstant, MotionFit, fit_motion
 from maurice_mcl.fitting.sensor import NoiseFloor, noise_floor
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import SessionInfo
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener

@@ -16,9 +16,7 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import is_saved, library_hash
 from maurice_loaders.runs.store import SavedRun
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import F64, Arena, Library
 
 from ..entities import RESERVED
 from ..errors import OptionError

@@ -44,10 +44,7 @@ from maurice_loaders.reading.session import RecordedSession, begin_of
 from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_mcl.library.occupancy_building import build_occupancy
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.occupancy import OccupancyMap
-from maurice_mcl.values.scan import LaserScan
-from maurice_mcl.values.session import Session
+from maurice_mcl.values import F64, LaserScan, OccupancyMap, Session
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener
@@ -186,7 +183,7 @@ def build_map(
     or a file that exists (unless `force`).
 
         >>> import numpy as np, maurice_loaders as ml, maurice_viz as mv
-        >>> from maurice_mcl.values.scan import LaserScan
+        >>> from maurice_mcl.values.laser import LaserScan
         >>> from maurice_mcl.values.session import SessionInfo
         >>> with ml.SessionWriter("laser.log", SessionInfo("laser")) as log:
         ...     log.truth(0.0, (0.0, 0.0, 0.0))

@@ -15,7 +15,7 @@ from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.reasons.causes import CAUSES, Failure
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener

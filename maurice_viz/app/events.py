@@ -12,8 +12,7 @@ from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.scoring.comparison import RunComparison
 from maurice_mcl.scoring.events import KINDS, EventDetector, RunEvent
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Moment, StepRecord
 
 from ..errors import OptionError
 from ..running.saved_steps import Pictures, Restored, restored_together

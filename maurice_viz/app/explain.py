@@ -12,9 +12,7 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.reasons.explanation import Asked, StepExplanation, explain_step
 from maurice_mcl.sensor.laser.beams import BeamJudgment
 from maurice_mcl.sensor.laser.sensor import Laser
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.records import Comparison, StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, Comparison, Moment, StepRecord
 
 from ..entities import Phase
 from ..errors import OptionError

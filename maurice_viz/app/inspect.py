@@ -15,7 +15,7 @@ from maurice_loaders.formats.registry import formats as all_formats
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions, write_reading
 from maurice_mcl.sensor.descriptors.registry import FEATURES
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import Library
 
 from ..listener import SILENT, Listener, progress_of
 from ..running.open import library_at

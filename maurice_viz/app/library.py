@@ -53,7 +53,7 @@ from maurice_mcl.library.quality import Coverage, coverage_of
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of

@@ -21,8 +21,7 @@ from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, s
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import F64, Library
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener, progress_of

@@ -26,10 +26,7 @@ from maurice_mcl.scoring.metrics import (
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values.arrays import F64, Bool
-from maurice_mcl.values.map import MOVABLE
-from maurice_mcl.values.records import Belief, Comparison
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Moment
 
 from ..listener import SILENT, Listener
 from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together

@@ -14,8 +14,7 @@ from maurice_loaders.reading.observations import gate_of
 from maurice_loaders.reading.options import MADE_ODOMETRY, ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import check_run_target, is_saved
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import F64, Library
 
 from ..errors import OptionError
 from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES

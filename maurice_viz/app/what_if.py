@@ -20,8 +20,7 @@ from maurice_mcl.scoring.comparison import RunComparison, Step
 from maurice_mcl.scoring.events import PARTED
 from maurice_mcl.scoring.metrics import mostly_at_end, score_step
 from maurice_mcl.sensor.ahead import Compared
-from maurice_mcl.values.records import FilterState, StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import FilterState, Moment, StepRecord
 
 from ..errors import OptionError
 from ..layouts import DETAILS

@@ -14,7 +14,7 @@ from rich.table import Table
 from maurice_mcl.library.advice import AMBIGUITY, CONFUSED_SHARE, GAP, HEADING, LibraryAdvice
 from maurice_mcl.library.quality import CURVE, Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
-from maurice_mcl.values.library import ChannelIndex, Library
+from maurice_mcl.values import ChannelIndex, Library
 
 from ..app.library import TuningResult, build_library
 from ..app.library import tune as tune_channels

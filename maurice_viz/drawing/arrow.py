@@ -17,7 +17,7 @@ import rerun as rr
 from numpy.typing import ArrayLike
 from rerun.components import TensorDataBatch
 
-from maurice_mcl.values.arrays import F32
+from maurice_mcl.values import F32
 
 _POINT = pa.field("item", pa.float32(), nullable=False)
 _PAIR = pa.list_(_POINT, 2)

@@ -9,9 +9,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import F64, U8, Bool
-from maurice_mcl.values.map import Arena, Region
-from maurice_mcl.values.occupancy import OccupancyMap
+from maurice_mcl.values import F64, U8, Arena, Bool, OccupancyMap, Region
 
 from ..style import EMPTY, GROUND, OBSTACLE, PALE, RGB, WALL, Scale
 

@@ -17,9 +17,7 @@ import numpy as np
 from maurice_loaders.errors import PictureError
 from maurice_loaders.files.pictures import decode_picture, picture_file
 from maurice_mcl.sensor.descriptors.histograms import edge_image
-from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.records import Comparison
+from maurice_mcl.values import U8, Comparison, Library
 
 from ..style import GROUND, MISSING, PALE, RANK, RGB, RUN_COLORS, TRUTH, Scale
 from .canvas import blank, brightened, jpeg, put_text, shrunk, text_size

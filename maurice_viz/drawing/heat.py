@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.sensor.descriptors import chromaticity
-from maurice_mcl.values.arrays import F32, U8
+from maurice_mcl.values import F32, U8
 
 from ..style import BAR, EMPTY, PICTURE, REFERENCE
 from .indexed import IndexedColors

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.sensor.descriptors.histograms import BINS
-from maurice_mcl.values.arrays import F32, U8
+from maurice_mcl.values import F32, U8
 
 from ..style import EMPTY, GROUND, PALE, PICTURE, REFERENCE, RULER
 from .heat import SHADES, grid_of, heat_of, place_heat

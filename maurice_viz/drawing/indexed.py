@@ -12,7 +12,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import U8, Bool
+from maurice_mcl.values import U8, Bool
 
 from ..style import RGB
 from .canvas import put_text, text_size

@@ -13,8 +13,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values.arrays import U8, U32
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import U8, U32, Arena
 
 from .. import style
 from ..style import RGB, Scale

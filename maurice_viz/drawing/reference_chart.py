@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from maurice_mcl.reasons.explanation import ChannelExplanation, EntryExplanation
 from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.values.arrays import F32, F64, I32, U8
+from maurice_mcl.values import F32, F64, I32, U8
 
 from ..style import (
     BAR,

@@ -13,9 +13,7 @@ import numpy as np
 
 from maurice_mcl.sensor.laser.beams import JUDGMENTS, BeamJudgment
 from maurice_mcl.sensor.laser.reading import LaserReading
-from maurice_mcl.values.arrays import F64, I32, U8
-from maurice_mcl.values.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values import F64, I32, OCCUPIED, U8, UNKNOWN, LaserScan, OccupancyMap
 
 from .. import style
 from ..style import RGB, Scale

@@ -11,9 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike, NDArray
 
-from maurice_mcl.values.arrays import F32, F64, I32, U8
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.records import Belief
+from maurice_mcl.values import F32, F64, I32, U8, Arena, Belief
 
 from .. import entities
 from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_points_of

@@ -10,7 +10,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.sensor.descriptors.histograms import edge_image
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values import U8
 
 from .. import entities
 from ..drawing.arrow import blob_of, row_of

@@ -9,9 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.scoring.comparison import Step
-from maurice_mcl.values.arrays import F64, I32
-from maurice_mcl.values.records import Belief, StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, I32, Belief, Moment, StepRecord
 
 from .. import entities
 from ..drawing.arrow import Row, blob_of, points_of, row_of, strips_of, text_of

@@ -20,8 +20,7 @@ import rerun.blueprint as rrb
 from maurice_mcl.reasons.causes import UNKNOWN, Failure
 from maurice_mcl.scoring import events as kinds
 from maurice_mcl.scoring.events import KINDS, RunEvent
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.session import first_word
+from maurice_mcl.values import F64, first_word
 
 from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths

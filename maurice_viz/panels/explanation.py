@@ -21,7 +21,7 @@ from maurice_mcl.reasons.explanation import (
     explain_step,
 )
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values import U8
 
 from .. import entities
 from .. import style as look

@@ -15,8 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 
-from maurice_mcl.values.arrays import F32, F64, I64, U8, U32
-from maurice_mcl.values.records import Belief, StepRecord
+from maurice_mcl.values import F32, F64, I64, U8, U32, Belief, StepRecord
 
 from ..drawing.arrow import (
     Row,

@@ -14,9 +14,7 @@ import rerun.blueprint as rrb
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.scoring.events import RunEvent
 from maurice_mcl.scoring.modes import TrackedMode
-from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import U8, Moment, StepRecord
 
 from ..drawing.canvas import png
 from ..entities import PHASE, SESSION, STEP, Phase, phase_number

@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.scoring.modes import TrackedMode
-from maurice_mcl.values.arrays import F32, F64, U8
-from maurice_mcl.values.records import Belief
+from maurice_mcl.values import F32, F64, U8, Belief
 
 from .. import style
 from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, strips_of, texts_of

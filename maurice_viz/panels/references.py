@@ -13,9 +13,7 @@ import rerun.blueprint as rrb
 from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values.arrays import F32, F64
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.records import Comparison
+from maurice_mcl.values import F32, F64, Comparison, Library
 
 from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of

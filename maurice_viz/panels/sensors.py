@@ -18,9 +18,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from maurice_mcl.sensor.laser.sensor import LASER
-from maurice_mcl.values.arrays import F32, F64, U8
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.pose_sensor import Beside, PoseSensor, Shown, ShownMarks
+from maurice_mcl.values import F32, F64, U8, Arena, Beside, PoseSensor, Shown, ShownMarks
 
 from .. import entities
 from ..drawing.arrow import (

@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict, decisive_step
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Moment
 
 from .. import entities
 from ..drawing.canvas import map_extent

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.api import VisualizerLike
 from rerun.encodings import EntityPathLike
 
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values import U8
 
 from ..drawing.canvas import Extent, map_extent
 from ..drawing.keys import extent_with

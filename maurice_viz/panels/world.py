@@ -6,9 +6,7 @@ import numpy as np
 import rerun as rr
 
 from maurice_mcl.scoring.events import KIDNAPPED
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import F64, U8, Arena, Library
 
 from .. import entities
 from ..drawing import keys

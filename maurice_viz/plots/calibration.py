@@ -17,7 +17,7 @@ from maurice_mcl.fitting.motion import Calibration, Trials
 from maurice_mcl.fitting.sensor import COLORS, NoiseFloor, stretched
 from maurice_mcl.fitting.statistics import Fitted, Spread
 from maurice_mcl.sensor.descriptors.histograms import BINS, LOW, WIDTH
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..style import Units
 

@@ -12,9 +12,7 @@ import numpy as np
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_mcl.library.advice import LibraryAdvice
 from maurice_mcl.library.quality import SelfSimilarity
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.map import spacing
+from maurice_mcl.values import F64, U8, Library, spacing
 
 from ..drawing.canvas import MAP_TEXT_SHARE, Canvas, draw_ground, jpeg, long_side, png, put_text
 from ..panels.world import clipped

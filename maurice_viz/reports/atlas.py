@@ -15,7 +15,7 @@ from maurice_datasets.trials.atlas import FailureAtlas, failure_atlas
 from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.rows import KEY
 from maurice_loaders.errors import InputError
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..style import UNITS, Units, scale_for
 from ..text.summary import name_of

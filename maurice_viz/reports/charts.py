@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 WIDTH, HEIGHT = 520.0, 250.0
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 10.0, 46.0, 38.0  # margins of the plot inside the drawing

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..running.saved_steps import Collected
 from ..style import Scale

@@ -17,8 +17,7 @@ from maurice_loaders.runs.manifest import CONFIGURATION, Source, versions_now
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.events import KINDS
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.session import SessionInfo
+from maurice_mcl.values import Library, SessionInfo
 
 from ..errors import OptionError
 from ..listener import SILENT, Listener

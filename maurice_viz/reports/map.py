@@ -8,8 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import F64, Arena
 
 from ..drawing.canvas import cells_in, known_part, png, shown_bounds, ticks
 from ..panels.world import clipped

@@ -9,10 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, U8, Arena, Moment, StepRecord
 
 from ..drawing.canvas import Canvas, draw_ground, jpeg, long_side
 from ..panels.belief import ARROW_SHARE

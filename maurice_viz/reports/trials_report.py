@@ -13,7 +13,7 @@ from maurice_datasets.trials.plan import shipped_plans
 from maurice_datasets.trials.rows import read_plan_of
 from maurice_datasets.trials.table import grouped, load_trials
 from maurice_loaders.files.writing import expect_absent, write_whole
-from maurice_mcl.values.geometry import INCH_M
+from maurice_mcl.values import INCH_M
 
 from ..errors import OptionError
 from .atlas import atlas_section

@@ -14,7 +14,7 @@ from maurice_loaders.reading.observations import SCANS, Gate
 from maurice_loaders.reading.session import Glance, RecordedSession
 from maurice_loaders.reading.transforms import FewerPictures, Placeholders
 from maurice_loaders.session_log.reader import SurveyLog
-from maurice_mcl.values.session import Frame, Moment
+from maurice_mcl.values import Frame, Moment
 
 from ..layouts.drive import drive_blueprint
 from ..listener import Listener

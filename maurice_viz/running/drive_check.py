@@ -19,8 +19,7 @@ from maurice_mcl.config.parameters import Configuration, Layer, Setting, configu
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.library.drive_score import DrivePicture, DriveScore, score_drive, spread_groups
 from maurice_mcl.sensor.map_places import reference_of
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import F64, Library
 
 from ..text.places import say_drive
 

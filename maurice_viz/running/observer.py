@@ -12,9 +12,7 @@ import rerun as rr
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.comparison import Step, StepComparison
 from maurice_mcl.scoring.events import EventDetector
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, Moment, StepRecord
 
 from ..entities import Phase
 from ..panels.comparison import ComparisonDrawing

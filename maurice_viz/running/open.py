@@ -24,9 +24,7 @@ from maurice_mcl.config.parameters import Configuration
 from maurice_mcl.library.drive_score import DrivePicture
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.session import Session, SessionInfo
+from maurice_mcl.values import F64, Library, Session, SessionInfo
 
 from ..entities import RESERVED
 from ..errors import OptionError

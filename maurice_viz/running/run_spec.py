@@ -16,7 +16,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.ros_maps import ENDINGS
 from maurice_mcl.config.parameters import PRESETS, Configuration
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES, weights_of
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ..errors import OptionError
 

@@ -27,9 +27,7 @@ from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.sensor.outside import NOT_THERE, load_sensor
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment, Session, SessionInfo
+from maurice_mcl.values import Library, Moment, Session, SessionInfo, StepRecord
 
 from ..listener import SILENT, Listener, progress_of
 from ..playback import ResultCollector, shared

@@ -17,8 +17,8 @@ from maurice_mcl.scoring.lost_signal import LostSignal
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.records import Belief, Comparison, Sighting, StepRecord
-from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment, Session
 
 from ..listener import Listener

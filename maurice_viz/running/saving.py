@@ -16,7 +16,7 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_mcl.sensor.outside import package_of
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values import Arena
 
 from ..errors import SinkError
 from ..playback import FilterRun

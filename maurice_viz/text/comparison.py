@@ -9,9 +9,7 @@ import numpy as np
 from maurice_mcl.scoring.comparison import ErrorDifference, Step
 from maurice_mcl.scoring.near_truth import gains_by_channel, picture_gain
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values.radii import Radii
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Moment, Radii, StepRecord
 
 from ..playback import RunResult
 from ..style import Scale

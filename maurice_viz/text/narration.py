@@ -10,9 +10,7 @@ from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import RESAMPLED
 from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import say_recovery_test
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.records import Estimate, StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, Estimate, Moment, StepRecord
 
 from ..style import Scale
 

@@ -10,9 +10,7 @@ import numpy as np
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER
 from maurice_mcl.reasons.explanation import offset
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import F64, Moment, StepRecord
 
 from ..entities import Phase
 from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY

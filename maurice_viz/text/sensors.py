@@ -7,11 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from maurice_mcl.sensor.landmarks.sensor import SHAPE_TOLERANCE, Landmarks
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.map import Arena
-from maurice_mcl.values.pose_sensor import MovedThing, PoseSensor, Shown
-from maurice_mcl.values.records import StepRecord
-from maurice_mcl.values.session import Frame
+from maurice_mcl.values import F64, Arena, Frame, MovedThing, PoseSensor, Shown, StepRecord
 
 from ..style import Scale
 

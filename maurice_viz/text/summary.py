@@ -15,8 +15,7 @@ from maurice_mcl.scoring.comparison import (
 from maurice_mcl.scoring.dead_reckoning import CAMERA, SENSORS
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.scoring.metrics import LEFT_TRUTH, SEGMENT_RADII, RelativeError
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.radii import Radii
+from maurice_mcl.values import INCH_M, Radii
 
 from ..playback import RunResult
 from ..style import Units

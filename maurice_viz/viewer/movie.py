@@ -16,7 +16,7 @@ from PIL import Image
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import filling
-from maurice_mcl.values.arrays import U8
+from maurice_mcl.values import U8
 
 SUFFIXES = (".mp4", ".gif")
 VP9 = "vp09"

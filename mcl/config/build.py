@@ -23,11 +23,7 @@ from ..sensor.model import SensorModel, SensorParameters
 from ..sensor.outside import with_sensors
 from ..sensor.references import NearestReference, interpolated_reference
 from ..sensor.virtual_references import virtual_references
-from ..values.library import Library
-from ..values.map import spacing
-from ..values.pose_sensor import POSE_SENSORS, PoseSensor, PoseSpread
-from ..values.radii import Radii, radii_of
-from ..values.session import Session
+from ..values import POSE_SENSORS, Library, PoseSensor, PoseSpread, Radii, Session, radii_of, spacing
 from .parameters import (
     PRESETS,
     Configuration,

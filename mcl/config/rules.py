@@ -6,8 +6,7 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from ..sensor.descriptors.registry import CHANNELS
-from ..values.pose_sensor import POSE_SENSORS
-from ..values.setting_rules import Rule, number
+from ..values import POSE_SENSORS, Rule, number
 
 
 def channels(inner: Rule) -> Rule:

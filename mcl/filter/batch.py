@@ -18,10 +18,7 @@ from numpy.typing import NDArray
 
 from ..sensor.ahead import Compared, KnownDescriptors, compared_ahead
 from ..sensor.model import SensorModel
-from ..values.arrays import F64, I32
-from ..values.radii import Radii
-from ..values.records import Comparison, Estimate, FilterState, StepRecord
-from ..values.session import Frame, Moment
+from ..values import F64, I32, Comparison, Estimate, FilterState, Frame, Moment, Radii, StepRecord
 from .batch_step import Batch, Runs, can_batch
 from .estimate import CIRCLE_M, share_within
 from .localizer import RESAMPLED, Localizer

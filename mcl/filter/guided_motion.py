@@ -18,9 +18,7 @@ from typing import Annotated
 
 import numpy as np
 
-from ..values.arrays import F32, F64
-from ..values.geometry import wrap
-from ..values.setting_rules import number
+from ..values import F32, F64, number, wrap
 from .sensor_proposal import LEAST_VARIANCE
 
 UNIT = np.float32(0.5)  # standard deviations by which noise is changed to see what it does

@@ -16,11 +16,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values.arrays import F32, F64
-from ..values.geometry import INCH_M, wrap
-from ..values.map import Grid
-from ..values.records import Belief
-from ..values.setting_rules import SHARE, number
+from ..values import F32, F64, INCH_M, SHARE, Belief, Grid, number, wrap
 
 MOST_CONSTANT = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 

@@ -17,12 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sensor.references import HEADING_BINS, NearestReference
-from ..values.arrays import F32, F64, I32
-from ..values.geometry import wrap
-from ..values.map import Grid
-from ..values.pose_sensor import PoseProposal
-from ..values.records import Belief, uniform_log_weights
-from ..values.setting_rules import SHARE, number
+from ..values import F32, F64, I32, SHARE, Belief, Grid, PoseProposal, number, uniform_log_weights, wrap
 from .resampling import systematic
 from .sensor_proposal import SENSOR_SHARE, density, draw_poses
 

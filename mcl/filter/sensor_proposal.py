@@ -6,10 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..values.arrays import F32, F64
-from ..values.geometry import wrap, wrap_angle
-from ..values.pose_sensor import PoseProposal, PoseSensor
-from ..values.records import Belief, Comparison
+from ..values import F32, F64, Belief, Comparison, PoseProposal, PoseSensor, wrap, wrap_angle
 
 SENSOR_SHARE = 0.8  # share of the drawn poses that are a pose sensor's; the others follow the likelihood
 TRACKED_SHARE = 0.01  # share of the weight near a mode from which on the cloud tracks it by itself

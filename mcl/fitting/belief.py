@@ -21,10 +21,7 @@ import numpy as np
 from scipy.special import chdtri, ndtr, stdtrit
 
 from ..filter.estimate import covariance
-from ..values.arrays import F64, I32
-from ..values.geometry import INCH_M, circular_mean, wrap
-from ..values.randomness import Domain, stream
-from ..values.records import Belief, StepRecord
+from ..values import F64, I32, INCH_M, Belief, Domain, StepRecord, circular_mean, stream, wrap
 from .statistics import RESAMPLES, TAILS, Fitted
 
 LEVELS = (0.5, 0.9, 0.99)

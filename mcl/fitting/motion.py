@@ -25,8 +25,7 @@ from typing import Any
 import numpy as np
 
 from ..filter.motion import MauriceParameters
-from ..values.arrays import F64
-from ..values.geometry import wrap_angle
+from ..values import F64, wrap_angle
 from .statistics import Fitted, Spread, r_squared, slope, slope_resampled, spread_of, student
 
 FEWEST_TRIALS = 3  # turns, and straights: gain, bias and sd are three constants

@@ -13,8 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
-from ..values.arrays import F64
-from ..values.geometry import compose, motion_between, rotated, wrap_angle
+from ..values import F64, compose, motion_between, rotated, wrap_angle
 from .motion import FloorOf, MotionSegment
 
 TRUTH = np.diag([0.001**2, 0.001**2, math.radians(0.05) ** 2])  # least covariance of a segment: the truth's

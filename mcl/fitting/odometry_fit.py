@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.special import stdtrit
 
-from ..values.arrays import F64, Bool
+from ..values import F64, Bool
 from .motion import MotionSegment
 from .odometry import LinearDrive, LinearModel, linearized
 from .statistics import Fitted

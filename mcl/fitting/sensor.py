@@ -17,11 +17,7 @@ from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.descriptors.histograms import BINS, LOW, WIDTH, camera_histogram
 from ..sensor.model import SensorModel
 from ..sensor.references import ReferenceLookup
-from ..values.arrays import F32, F64, I32, U8
-from ..values.geometry import wrap
-from ..values.library import Library
-from ..values.progress import Progress
-from ..values.session import Moment
+from ..values import F32, F64, I32, U8, Library, Moment, Progress, wrap
 
 COLORS = ("red", "green", "blue")
 LIT_LEVEL = 64.0  # a mean above this is no covered lens

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, stdtrit
 
-from ..values.arrays import F64
-from ..values.randomness import Domain, stream
+from ..values import F64, Domain, stream
 
 CONFIDENCE_LEVEL = 0.95
 TAILS = (1 - CONFIDENCE_LEVEL) / 2, (1 + CONFIDENCE_LEVEL) / 2

@@ -14,10 +14,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_matrix
 
 from ..sensor.references import distinct_places
-from ..values.arrays import F64, Bool
-from ..values.geometry import wrap
-from ..values.library import Library
-from ..values.map import place_tree
+from ..values import F64, Bool, Library, place_tree, wrap
 from .left_out import ONE_PLACE
 from .quality import DIRECTIONS, VIEW_RAD, SelfSimilarity, free_space
 

@@ -17,9 +17,7 @@ import numpy as np
 
 from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.model import SensorModel
-from ..values.arrays import F64, U8
-from ..values.geometry import rotated, wrap
-from ..values.randomness import Domain, stream
+from ..values import F64, U8, Domain, rotated, stream, wrap
 from .left_out import WIDENINGS
 
 PICTURES_A_GROUP, MOST_GROUPS = 4, 16  # pictures in a row, and how many times that over a drive

@@ -21,10 +21,7 @@ from numpy.typing import NDArray
 
 from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference, distinct_places
-from ..values.arrays import F32, F64, I32
-from ..values.geometry import INCH_M, wrap_angle
-from ..values.library import Library
-from ..values.map import crosses, place_tree, spacing
+from ..values import F32, F64, I32, INCH_M, Library, crosses, place_tree, spacing, wrap_angle
 
 Index = NDArray[np.intp]
 

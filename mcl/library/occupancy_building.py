@@ -11,10 +11,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from ..values.arrays import F64, I32, I64, U8, Bool
-from ..values.geometry import compose
-from ..values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from ..values.scan import LaserScan
+from ..values import F64, FREE, I32, I64, OCCUPIED, U8, UNKNOWN, Bool, LaserScan, OccupancyMap, compose
 
 CELL_M = 0.05
 HIT_SHARE = 0.25  # of the scans that saw a cell; walls seen at a grazing angle are often passed
@@ -34,7 +31,7 @@ def build_occupancy(scans: Iterable[tuple[LaserScan, F64]], cell_m: float = CELL
 
         >>> import numpy as np
         >>> from maurice_mcl.library.occupancy_building import build_occupancy
-        >>> from maurice_mcl.values.scan import LaserScan
+        >>> from maurice_mcl.values.laser import LaserScan
         >>> scan = LaserScan(np.array([1.0], np.float32), 0.0, 0.1, 0.1, 8.0)
         >>> grid = build_occupancy([(scan, np.zeros(3))])
         >>> grid.states_at(np.array([[0.5, 0.0], [1.01, 0.0], [1.5, 0.0]])).tolist()

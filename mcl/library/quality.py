@@ -14,11 +14,10 @@ import numpy as np
 from scipy.ndimage import label
 
 from ..sensor.references import distinct_places
-from ..values.arrays import F64, I32, Bool
+from ..values.arrays import F64, I32, Bool, Progress
 from ..values.geometry import wrap, wrap_angle
 from ..values.library import Library
 from ..values.map import Grid, make_grid, place_tree, spacing
-from ..values.progress import Progress
 from ..values.radii import SAME_WAY_RAD
 from .left_out import Index, LeftOutTable
 

@@ -13,9 +13,7 @@ from dataclasses import dataclass, field, replace
 from ..filter.localizer import Localizer
 from ..scoring.episodes import Episode, EpisodeFinder
 from ..scoring.metrics import LOST_FOR
-from ..values.arrays import F64, U8
-from ..values.records import StepRecord
-from ..values.session import Moment
+from ..values import F64, U8, Moment, StepRecord
 from .causes import LIBRARY_GAP, LIGHTING, MOTION, MOUNT, UNKNOWN, UNSEEN, VIEW, WRONG_MAP, Failure
 from .drive_rules import (
     beyond_motion,

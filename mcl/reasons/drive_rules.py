@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..values.session import first_word
+from ..values import first_word
 from .causes import DATA, KIDNAPPED, LEFT_MAP, MOTION, OUT_OF_PLANE, Failure
 from .evidence import UpdateEvidence
 from .story import Story

@@ -15,10 +15,7 @@ from ..scoring.metrics import StepScore
 from ..scoring.near_truth import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
 from ..sensor.laser.sensor import LASER
-from ..values.arrays import F32, F64
-from ..values.geometry import INCH_M, wrap
-from ..values.records import StepRecord
-from ..values.session import Frame, Moment, first_word, is_kidnapping
+from ..values import F32, F64, INCH_M, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
 from .incidents import driven
 from .surroundings import LightFit, PlaceFit, Surroundings, layout_fit, mean_level
 

@@ -13,9 +13,7 @@ import numpy as np
 
 from ..sensor.distances import contributions
 from ..sensor.model import BLENDS, SensorModel
-from ..values.arrays import F32, F64, I32
-from ..values.geometry import angle_between
-from ..values.records import Comparison, StepRecord
+from ..values import F32, F64, I32, Comparison, StepRecord, angle_between
 
 TRUTH, ESTIMATE, WINNER, ASKED = "truth", "estimate", "winner", "asked"  # who is explained
 

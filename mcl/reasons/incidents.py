@@ -12,12 +12,7 @@ from functools import reduce
 import numpy as np
 
 from ..filter.localizer import Localizer
-from ..values.arrays import F64
-from ..values.geometry import compose_motions
-from ..values.map import SOLID, Region
-from ..values.radii import Radii
-from ..values.records import StepRecord
-from ..values.session import Moment
+from ..values import F64, SOLID, Moment, Radii, Region, StepRecord, compose_motions
 from .causes import CARRIED, DARK, INCIDENTS, JUMPED, LIGHTS, SLIPPED, TURNED, IncidentKind
 from .surroundings import mean_level
 

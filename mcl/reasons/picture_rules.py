@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..values.session import first_word
+from ..values import first_word
 from .causes import AMBIGUITY, LIBRARY_GAP, LIGHTING, SENSOR, TOO_DARK, VIEW, Failure, Value
 from .evidence import UpdateEvidence
 from .story import FIRST_UPDATES, Story

@@ -19,9 +19,7 @@ from ..filter.localizer import Localizer
 from ..filter.proposal import poses_of_entries, uniform_poses
 from ..filter.resampling import systematic
 from ..scoring.lost_signal import MOST_NATS, RATE, BeliefNumbers, LostSignal, probability
-from ..values.arrays import F32, F64, I32
-from ..values.randomness import Domain, stream
-from ..values.records import Opinion, StepRecord
+from ..values import F32, F64, I32, Domain, Opinion, StepRecord, stream
 
 LEAST_PARTICLES, MOST_PARTICLES = 200, 2000
 FRESH_SHARE = 0.05  # of the particles, and of the weight, that every picture draws anew

@@ -20,11 +20,7 @@ from ..sensor.descriptors.tiny import COLUMNS, ROWS, Tiny
 from ..sensor.distances import contributions
 from ..sensor.model import SensorModel
 from ..sensor.references import distinct_places
-from ..values.arrays import F32, F64, U8, Bool
-from ..values.geometry import wrap
-from ..values.map import spacing
-from ..values.records import Comparison
-from ..values.session import Frame
+from ..values import F32, F64, U8, Bool, Comparison, Frame, spacing, wrap
 
 SAME_WAY_RAD = float(np.radians(46))  # a reference turned further shows another view
 HISTOGRAMS = ("color", "smoothed", "blurred")  # channels that hold the camera's histogram

@@ -18,10 +18,7 @@ from ..scoring.dead_reckoning import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore
-from ..values.arrays import F64
-from ..values.radii import USUAL, Radii
-from ..values.records import StepRecord
-from ..values.session import Moment
+from ..values import F64, USUAL, Moment, Radii, StepRecord
 from .causes import BEFALLING, CARRIED, OVERSTATED, Failure
 from .diagnosis import DiagnosisBuilder
 from .incidents import Incident, IncidentFinder, InObstacle, ObstacleFinder

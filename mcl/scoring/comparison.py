@@ -11,10 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ..values.arrays import F64
-from ..values.randomness import Domain, stream
-from ..values.records import StepRecord
-from ..values.session import Moment
+from ..values import F64, Domain, Moment, StepRecord, stream
 from .events import PARTED, RunEvent, Say
 from .metrics import FIRST_SCORED, score_step
 

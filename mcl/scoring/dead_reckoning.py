@@ -11,9 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..filter.localizer import Localizer
-from ..values.arrays import F32, F64
-from ..values.records import StepRecord
-from ..values.session import Moment
+from ..values import F32, F64, Moment, StepRecord
 from .comparison import ErrorDifference, difference_of
 from .metrics import FIRST_SCORED, score_step
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..filter.batch import RunTrace
-from ..values.arrays import F64, Bool
-from ..values.session import Moment
+from ..values import F64, Bool, Moment
 from .metrics import (
     FIRST_SCORED,
     LOCALIZED_OF,

@@ -12,8 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..values.records import StepRecord
-from ..values.session import Moment
+from ..values import Moment, StepRecord
 from .lost_signal import LostSignal
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
 from .near_truth import has_near

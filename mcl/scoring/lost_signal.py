@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..filter.estimate import entry_weights, log_mean_likelihood
-from ..values.records import StepRecord
+from ..values import StepRecord
 
 
 @dataclass(frozen=True, slots=True)

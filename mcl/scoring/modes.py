@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..filter.estimate import TIE, Modes, first_heaviest, modes
-from ..values.arrays import F32, F64, I32
-from ..values.records import Estimate, StepRecord
+from ..values import F32, F64, I32, Estimate, StepRecord
 
 NO_MODE = 0  # identity of particles that were never in a mode; modes count from 1
 SINGLE_MODE_SHARE = 0.99  # share of weight beyond which the rest is too light for another mode

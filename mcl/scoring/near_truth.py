@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sensor.model import SensorModel
-from ..values.arrays import F64
-from ..values.records import Belief, StepRecord, normalize
+from ..values import F64, Belief, StepRecord, normalize
 from .metrics import LOST_RAD
 
 

@@ -13,10 +13,7 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any, Protocol
 
-from ..values.arrays import F32, U8
-from ..values.pose_sensor import PoseSensor
-from ..values.records import Comparison
-from ..values.session import Frame, Moment
+from ..values import F32, U8, Comparison, Frame, Moment, PoseSensor
 from .descriptors.registry import CHANNELS
 from .model import SensorModel
 

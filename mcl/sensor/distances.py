@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..values.arrays import F32
-from ..values.library import Centered, ChannelIndex
+from ..values import F32, Centered, ChannelIndex
 
 Distance = Callable[[F32, ChannelIndex], F32]
 

@@ -11,10 +11,7 @@ import math
 import numpy as np
 
 from ..errors import InputError
-from ..values.arrays import F64, Bool
-from ..values.library import Library
-from ..values.map import MOST_CELLS, Arena, Grid, place_tree
-from ..values.occupancy import FREE, OccupancyMap
+from ..values import F64, FREE, MOST_CELLS, Arena, Bool, Grid, Library, OccupancyMap, place_tree
 from .references import HEADING_BINS, NearestReference, nearest_reference
 
 MOST_PLACES = 500
@@ -27,7 +24,7 @@ def map_library(occupancy: OccupancyMap, name: str) -> Library:
 
     >>> import numpy as np
     >>> from maurice_mcl.sensor.map_places import map_library
-    >>> from maurice_mcl.values.occupancy import OccupancyMap
+    >>> from maurice_mcl.values.laser import OccupancyMap
     >>> map_library(OccupancyMap(np.zeros((20, 40), np.uint8), 0.1, np.zeros(2)), "hall").size
     256
     """

@@ -12,10 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values.arrays import F64, I32
-from ..values.geometry import wrap
-from ..values.library import ChannelIndex
-from ..values.map import Arena, crosses, place_tree, spacing
+from ..values import F64, I32, Arena, ChannelIndex, crosses, place_tree, spacing, wrap
 from .references import OVERLAP_RAD, SAME_PLACE_M, distinct_places
 
 JOINED_SPACINGS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others

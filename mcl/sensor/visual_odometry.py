@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..values.arrays import F32, F64, U8, Bool
-from ..values.geometry import wrap, wrap_angle
+from ..values import F32, F64, U8, Bool, wrap, wrap_angle
 from .landmarks.features import root_descriptors
 
 MOST_KEYPOINTS = 500

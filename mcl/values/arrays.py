@@ -1,4 +1,4 @@
-"""Array aliases, and the letters used for axes in every docstring.
+"""Kinds of values: arrays, with the letters used for axes in every docstring, and who hears of progress.
 
 N particles or other poses, L library entries, R references (entries, then virtual ones), P places,
 C channels, D descriptor length, M motions in one frame, T steps in time, K matches or marks in a
@@ -8,6 +8,7 @@ picture, J modes of a proposal, H x W picture rows and columns, n some of what t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ U8 = NDArray[np.uint8]
 U32 = NDArray[np.uint32]
 U64 = NDArray[np.uint64]
 Bool = NDArray[np.bool_]
+
+Progress = Callable[[int, int], None]  # done, of how many
+NamedProgress = Callable[[int, int, str], None]  # and what is being made
 
 ONE_THREAD_ELEMENTS = 8192  # elements up to which every BLAS computes a scalar product on one thread
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from .arrays import F32, F64
+from .laser import OccupancyMap
 from .map import Arena
-from .occupancy import OccupancyMap
 from .pose_sensor import PoseSensor
 from .session import Camera
 

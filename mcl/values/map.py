@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 from .arrays import F32, F64, I32, U8, Bool
 from .geometry import INCH_M
-from .occupancy import OccupancyMap
+from .laser import OccupancyMap
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from .arrays import F64, U8
+from .laser import LaserScan
 from .map import Arena
-from .scan import LaserScan
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from helpers.pages import prepare
 from helpers.small_session import picture_at, small_arena, write_small_survey
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 LOST = "--preset thesis --particles 200 -o none"

@@ -35,9 +35,8 @@ from maurice_mcl.reasons.causes import (
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, motion_between
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.library import Library
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Moment
 
 from .drives import anywhere, odometry_changed, started_at, with_moments

@@ -13,8 +13,7 @@ from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.scoring.demands import Demands
-from maurice_mcl.values.arrays import F64
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import F64, Library
 
 from ...errors import OptionError
 from ...listener import SILENT, Listener

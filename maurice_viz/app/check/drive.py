@@ -30,8 +30,7 @@ from maurice_mcl.scoring.demands import (
     starts_of,
 )
 from maurice_mcl.scoring.metrics import LOCALIZED_OF, StepScore, score_step
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import Library, Moment
 
 from ...errors import OptionError
 from ...listener import Listener

@@ -13,7 +13,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import write_whole
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
-from maurice_mcl.values.library import Library
+from maurice_mcl.values import Library
 
 from ...listener import Listener
 from ...playback import FilterRun, run_together, shared

@@ -26,7 +26,7 @@ from maurice_datasets.trials.statistics import (
     sign_flip,
 )
 from maurice_mcl.scoring.demands import CONVERGED, ERROR, KEPT, LOCALIZED, Demands, RunJudgement
-from maurice_mcl.values.arrays import F64
+from maurice_mcl.values import F64
 
 from ...style import Scale
 

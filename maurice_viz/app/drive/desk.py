@@ -13,9 +13,7 @@ from maurice_loaders.errors import InputError
 from maurice_mcl.filter.branch import branched, recovery_evidence
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import Step
-from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.session import Moment
+from maurice_mcl.values import INCH_M, Library, Moment
 
 from ...listener import Listener
 from ...playback import FilterRun

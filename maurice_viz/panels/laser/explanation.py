@@ -7,8 +7,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.sensor.laser.sensor import LASER
-from maurice_mcl.values.pose_sensor import PoseProposal
-from maurice_mcl.values.records import Comparison
+from maurice_mcl.values import Comparison, PoseProposal
 
 from ...drawing.arrow import points_of, row_of, text_of
 from ...drawing.scan import draw_ranges, draw_scan_on_map

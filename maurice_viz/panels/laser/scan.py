@@ -11,9 +11,7 @@ from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.laser.reading import LaserReading
 from maurice_mcl.sensor.laser.sensor import LASER, Laser
-from maurice_mcl.values.arrays import F32
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.pose_sensor import MOST_APART, PoseSpread
+from maurice_mcl.values import F32, MOST_APART, Library, PoseSpread
 
 from ...drawing.arrow import blob_of, row_of
 from ...drawing.scan import WIDTH_PX, draw_scan, draw_scan_on_map, no_scan

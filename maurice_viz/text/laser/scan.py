@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from maurice_mcl.sensor.laser.beams import JUDGMENTS, BeamJudgment
-from maurice_mcl.values.pose_sensor import PoseProposal
+from maurice_mcl.values import PoseProposal
 
 from ...style import Scale
 

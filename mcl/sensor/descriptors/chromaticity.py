@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 
 BINS = 16  # a side
 RANGE = (0.13, 0.55)  # of r and of g; values outside count at the border

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 from .histograms import HIGH, LOW
 
 COLUMNS, ROWS, BINS = 4, 3, 8

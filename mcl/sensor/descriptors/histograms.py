@@ -18,7 +18,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 
 BINS = 28
 LOW, HIGH, WIDTH = 16, 240, 8

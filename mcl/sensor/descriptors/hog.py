@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 
 COLUMNS, ROWS, DIRECTIONS = 4, 3, 9
 BLUR_PX = 1.0

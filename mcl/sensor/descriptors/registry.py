@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 from ..distances import DISTANCES
 from .chromaticity import Chromaticity
 from .color_grid import ColorGrid

@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 
 COLUMNS, ROWS = 12, 9
 LEAST_NORM = 20.0  # gray levels: a picture flatter than this is noise and is not amplified

@@ -10,10 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, I32, U8
-from ...values.library import Library
-from ...values.progress import NamedProgress
-from ...values.session import Camera
+from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
 from .calibration import (
     AGREE_PX,

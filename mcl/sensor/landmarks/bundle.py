@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ...values.arrays import F64, Bool
+from ...values import F64, Bool
 from .camera import Linearized, PinholeCamera, directions, linearize
 
 ADJUSTMENT_STEPS = 6

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F64
-from ...values.session import Camera
+from ...values import F64, Camera
 from .bundle import Tolerance
 from .camera import PinholeCamera
 from .matching import disagreement

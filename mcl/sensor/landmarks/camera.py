@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64
+from ...values import F32, F64
 
 NEAREST_M = 0.05  # a point nearer than this to the plane of the lens, or behind it, is not seen
 NOWHERE_PX = np.float32(1e4)  # the pixel of such a point: far outside of any picture

@@ -9,7 +9,7 @@ from typing import Any, cast
 import cv2
 import numpy as np
 
-from ...values.arrays import F32, U8
+from ...values import F32, U8
 
 MOST_KEYPOINTS = 220  # keypoints of one picture
 SIFT_CONTRAST = 0.02  # SIFT's threshold, of a picture whose contrast was made equal

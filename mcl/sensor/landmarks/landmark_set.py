@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, I32
+from ...values import F32, F64, I32
 from .camera import PinholeCamera
 
 OTHER_ROWS = ("poses", "pixel_sd", "agreement_px", "view_of", "view_px")  # not one a landmark

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, Bool
-from ...values.geometry import wrap
-from ...values.map import spacing
+from ...values import F32, F64, Bool, spacing, wrap
 from .camera import PinholeCamera, directions
 from .features import Keypoints
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, U8, Bool
-from ...values.pose_sensor import Beside, PoseProposal, Shown, ShownMarks
+from ...values import F32, F64, U8, Beside, Bool, PoseProposal, Shown, ShownMarks
 from .camera import project
 from .landmark_set import LandmarkSet
 from .things import moved_things

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64
-from ...values.geometry import wrap
+from ...values import F32, F64, wrap
 from .camera import PinholeCamera, directions, linearize_poses, project
 
 MOST_HYPOTHESES = 400

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, I32, Bool
-from ...values.geometry import wrap
+from ...values import F32, F64, I32, Bool, wrap
 from .bundle import Bundle, Views
 from .camera import project
 

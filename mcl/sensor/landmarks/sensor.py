@@ -18,10 +18,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-from ...values.arrays import F32, F64, I32, U8
-from ...values.map import Region, place_tree
-from ...values.pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
-from ...values.session import Frame
+from ...values import EXACT, F32, F64, I32, U8, Frame, PoseProposal, PoseSpread, Region, Shown, place_tree
 from .camera import project
 from .features import Keypoints, keypoints_of
 from .landmark_set import LandmarkSet

@@ -12,9 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, I32, Bool
-from ...values.map import Region
-from ...values.pose_sensor import MovedThing
+from ...values import F32, F64, I32, Bool, MovedThing, Region
 from .camera import PinholeCamera, project
 
 NO_THING = -1  # the number of no obstacle: walls, or a map that does not tell

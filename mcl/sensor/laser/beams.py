@@ -7,10 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...values.arrays import F32, F64, U8, Bool
-from ...values.geometry import compose, rotated
-from ...values.occupancy import OCCUPIED, UNKNOWN
-from ...values.pose_sensor import Shown, ShownMarks
+from ...values import F32, F64, OCCUPIED, U8, UNKNOWN, Bool, Shown, ShownMarks, compose, rotated
 from .models import LaserMap, nats_of_beams
 from .rays import Rays
 from .reading import LaserReading

@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, U8, Bool
-from ...values.occupancy import OccupancyMap
+from ...values import F32, F64, U8, Bool, OccupancyMap
 
 BLOCK_POSES = 1000  # whose lookups stay in the cache
 MOST_CELLS = 32_000  # along an axis: `cv2.remap` numbers cells by 16 bits

@@ -7,10 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...values.arrays import F32, F64
-from ...values.geometry import compose
-from ...values.occupancy import OccupancyMap
-from ...values.scan import LaserScan
+from ...values import F32, F64, LaserScan, OccupancyMap, compose
 from .beams import JUDGMENTS, judge
 from .models import LaserMap, calibrated
 from .parameters import LaserParameters

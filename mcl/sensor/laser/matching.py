@@ -17,10 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values.arrays import F32, F64, I64, Bool
-from ...values.geometry import wrap_angle
-from ...values.occupancy import OccupancyMap
-from ...values.pose_sensor import PoseProposal
+from ...values import F32, F64, I64, Bool, OccupancyMap, PoseProposal, wrap_angle
 from .field import distances_m
 from .models import SIGMA_M, UNKNOWN_NATS, worth_of
 from .rays import Rays

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...values.arrays import F32, F64, U8, Bool
-from ...values.geometry import compose
-from ...values.occupancy import OccupancyMap
+from ...values import F32, F64, U8, Bool, OccupancyMap, compose
 from .field import Field, distances_m, sums_of
 from .parameters import LaserParameters
 from .rays import Rays

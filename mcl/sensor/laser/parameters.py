@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from ...values.setting_rules import SHARE, choice, number, truth, whole
+from ...values import SHARE, choice, number, truth, whole
 
 MODELS = ("calibrated", "likelihood_field", "likelihood_field_prob", "beam")
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...values.arrays import F32, F64
-from ...values.occupancy import OccupancyMap
+from ...values import F32, F64, OccupancyMap
 from .field import cell_distances, look_up
 
 LEAST_STEP = 0.5  # cells

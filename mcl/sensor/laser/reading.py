@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...values.arrays import F32, F64, I32, Bool
-from ...values.scan import LaserScan
+from ...values import F32, F64, I32, Bool, LaserScan
 from .parameters import LaserParameters
 
 LEAST_HITS = 8  # fewer beams that hit something do not tell where the robot is

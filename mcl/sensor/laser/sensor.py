@@ -11,10 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from ...errors import InputError
-from ...values.arrays import F32, F64
-from ...values.occupancy import OccupancyMap
-from ...values.pose_sensor import EXACT, PoseProposal, PoseSpread, Shown
-from ...values.session import Frame
+from ...values import EXACT, F32, F64, Frame, OccupancyMap, PoseProposal, PoseSpread, Shown
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
 from .matching import Matcher

@@ -18,7 +18,7 @@ from maurice_datasets.render.laser import (
 )
 from maurice_datasets.worlds.build import load_world
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.occupancy import FREE, OCCUPIED
+from maurice_mcl.values.laser import FREE, OCCUPIED
 
 SQUARE = np.array([[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]], float)
 ANGLES = np.linspace(-np.pi, np.pi, 721)[:-1]

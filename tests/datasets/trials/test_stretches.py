@@ -16,8 +16,7 @@ from maurice_datasets.trials.rows import read_rows
 from maurice_datasets.trials.stretches import CARRIED_M, Stretches, mapped_share
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
-from maurice_mcl.values.occupancy import FREE, UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import FREE, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.session import NO_PICTURE, Frame, Moment
 
 SCAN = LaserScan(np.array([1.0, 1.0, 9.0], np.float32), 0.0, np.pi / 2, 0.1, 8.0)  # ahead, left, nothing

@@ -14,7 +14,7 @@ from maurice_loaders.errors import ReadingNotes
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Picture, Readings, Scan, TruthPose
 from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import Moment, SessionInfo
 
 pytest.importorskip("rosbags")

@@ -14,7 +14,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.files.maps import occupancy_of_message, read_occupancy, read_ros_map, write_ros_map
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.geometry import rotated
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 HEAD = "resolution: 0.5\norigin: [-1.0, 2.0, 0.0]\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 

@@ -21,7 +21,7 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.recording import OdometryPose, Scan, TruthPose
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import Moment
 
 WALL_M = 2.0  # ahead, across the way

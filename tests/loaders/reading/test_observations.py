@@ -30,7 +30,7 @@ from maurice_loaders.reading.transforms import corrected, with_frames
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import compose, inverse, motion_between
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import Moment, SessionInfo
 
 GRAY = np.full((2, 2, 3), 100, np.uint8)

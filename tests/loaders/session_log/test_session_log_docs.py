@@ -19,8 +19,8 @@ from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.records import RECORD_KEYS
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import U8
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.map import Arena, Region
-from maurice_mcl.values.scan import LaserScan
 from maurice_mcl.values.session import Camera, SessionInfo
 
 DOCS = Path(__file__).parents[3] / "docs"

@@ -19,7 +19,7 @@ from maurice_loaders.reading.recording import Motion, Note, OdometryPose, Pictur
 from maurice_loaders.session_log.records import LineReader, read_header
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 INFO = SessionInfo("drive")

@@ -9,8 +9,7 @@ import maurice_viz as mv
 from helpers.commands import failure, maurice, run
 from maurice_loaders import InputError, SessionWriter
 from maurice_loaders.files.maps import read_occupancy
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan
 from maurice_mcl.values.session import SessionInfo
 
 ROUND_M = 1.98  # reach of the laser in every direction

@@ -8,8 +8,8 @@ import pytest
 from rerun.components import TensorDataBatch
 
 from helpers import viz_fakes as fakes
+from maurice_mcl.values.laser import OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.canvas import (

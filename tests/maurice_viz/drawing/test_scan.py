@@ -9,8 +9,7 @@ import pytest
 from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.sensor.laser.rays import Rays
 from maurice_mcl.sensor.laser.sensor import Laser
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.session import Frame
 from maurice_viz import style
 from maurice_viz.drawing import scan as drawing

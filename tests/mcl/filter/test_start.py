@@ -8,7 +8,7 @@ import pytest
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.geometry import wrap
-from maurice_mcl.values.occupancy import OccupancyMap
+from maurice_mcl.values.laser import OccupancyMap
 
 HALL = map_library(OccupancyMap(np.zeros((200, 400), np.uint8), 0.1, np.zeros(2)), "hall")
 POSE = np.array([12.0, 9.0, 3.0])

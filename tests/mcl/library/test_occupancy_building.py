@@ -7,8 +7,7 @@ import pytest
 
 from maurice_mcl.library.occupancy_building import HIT_SHARE, MISS_M, build_occupancy
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan
 
 SIDE_M = 4.0  # of a square room around the map's origin
 

@@ -8,8 +8,8 @@ import pytest
 from maurice_mcl.errors import InputError
 from maurice_mcl.sensor.map_places import HEADINGS, LEAST_APART_M, MOST_PLACES, map_library, reference_of
 from maurice_mcl.values.geometry import wrap
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_mcl.values.map import MOST_CELLS
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 CORNER = np.array([-3.0, 7.0])
 

@@ -13,8 +13,7 @@ from maurice_mcl.filter.localizer import run
 from maurice_mcl.sensor.laser.rays import Rays
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.occupancy import OCCUPIED, UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
 from maurice_viz.layouts.registry import runs_blueprint, tabs_of
 from maurice_viz.panels.laser.explanation import proposed

@@ -10,8 +10,7 @@ import pytest
 from maurice_mcl.sensor.laser.fit import ScanFits
 from maurice_mcl.sensor.laser.rays import cast
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from maurice_mcl.values.scan import LaserScan
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 
 TRUTH, MOUNT = np.array([2.0, 1.5, 0.4]), np.array([0.2, 0.0, 0.3])
 

@@ -19,9 +19,8 @@ from maurice_mcl.sensor.laser.rays import Rays, cast
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.pose_sensor import MOST_APART, PoseSpread, spread_between
-from maurice_mcl.values.scan import LaserScan
 
 CELL_M = 0.05
 MOUNT = np.array([0.1, 0.05, 0.2])

@@ -8,7 +8,7 @@ import pytest
 from maurice_mcl.sensor.laser.matching import MOST_CELLS, Matcher
 from maurice_mcl.sensor.laser.rays import cast
 from maurice_mcl.values.geometry import compose, wrap_angle
-from maurice_mcl.values.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 ANGLES = np.radians(np.arange(-135, 135, 3.0))
 REACH_M = 20.0
