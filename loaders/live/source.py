@@ -25,8 +25,8 @@ from ..session_log.header import session_in
 from ..session_log.records import LogLine
 
 STDIN = "-"
-_SCHEME = re.compile(r"^(tcp|wss?):/{1,2}(?=[^/])")  # a path has lost its second slash
-WANTED = "expected -, tcp://HOST:PORT, ws://HOST:PORT, or a file with --follow"
+_SCHEME = re.compile(r"^(?:(tcp|wss?):/{1,2}|cmucam:/+)(?=[^/])")  # a path has lost its second slash
+WANTED = "expected -, tcp://HOST:PORT, ws://HOST:PORT, cmucam:///dev/NAME, or a file with --follow"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +59,11 @@ def live_source(text: Path | str, options: ReadingOptions | None = None) -> Live
     if (scheme := _SCHEME.match(typed)) is None:
         path = session_in(Path(text))
         return LiveSource(typed, partial(FileStream, path), folder=path.parent)
+    if scheme[1] is None:
+        from .cmucam import camera_at
+
+        name = f"cmucam:///{typed[scheme.end() :]}"
+        return LiveSource(name, camera_at(name, typed[scheme.end() :]), waits=False)
     name = f"{scheme[1]}://{typed[scheme.end() :]}"
     host, port, rest = _parts(name)
     if scheme[1] == "tcp":

@@ -136,7 +136,7 @@ def _replayed(
         return follow_source(path, survey, spec, output, live, reading, listener, report)
     if live != LiveOptions():
         given = "--capture, --keep-up, --every-picture and --patience need a live source"
-        raise OptionError(f"{given}: -, tcp://, ws://, or a file with --follow")
+        raise OptionError(f"{given}: -, tcp://, ws://, cmucam://, or a file with --follow")
     if is_saved(path):
         if not plain or reading != ReadingOptions():
             raise OptionError("a saved run is replayed as it was: only options of the output apply to it")

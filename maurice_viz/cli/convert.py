@@ -33,7 +33,7 @@ def record(
         Path,
         argument(
             "SOURCE",
-            "tcp://HOST:PORT, ws://HOST:PORT, - (standard input), or a file that grows.",
+            "tcp://HOST:PORT, ws://HOST:PORT, cmucam:///dev/NAME, - (standard input), or a file that grows.",
             allow_dash=True,
         ),
     ],

@@ -102,7 +102,7 @@ Session = Annotated[
     argument(
         "SESSION",
         "A session log, a recording of any format (see `inspect`), a saved run's folder, or a live "
-        "source: -, tcp://HOST:PORT, ws://HOST:PORT.",
+        "source: -, tcp://HOST:PORT, ws://HOST:PORT, cmucam:///dev/NAME.",
     ),
 ]
 Run = Annotated[
@@ -266,7 +266,7 @@ KeepUp = Annotated[
     option(
         "--keep-up/--every-picture",
         "For a live source: skip and count the oldest of more than four waiting pictures, or "
-        "use every one, however late. [default: --keep-up for tcp:// and ws://]",
+        "use every one, however late. [default: --keep-up for addresses]",
         LIVE,
     ),
 ]
