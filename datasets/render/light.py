@@ -290,8 +290,26 @@ def lighting_of(world: World, baking: Baking | None = None) -> Lighting:
     shapes = tuple(shape for _, shape in grids)
     smooth = smoothed(np.concatenate(light, axis=1).astype(np.float32), shapes)
     glowing = with_glow(world, parts, shapes, smooth)
+    total = glowing.sum(axis=0)
+    if world.twins:
+        glowing, total = as_twins(world, parts, shapes, glowing, total)
     by_part = tuple(_only_where_lit(light) for light in glowing)
-    return Lighting(world.faces, parts, by_part, shapes, glowing.sum(axis=0))
+    return Lighting(world.faces, parts, by_part, shapes, total)
+
+
+def as_twins(
+    world: World, parts: tuple[LightPart, ...], shapes: tuple[tuple[int, int], ...], light: F32, total: F32
+) -> tuple[F32, F32]:
+    """Give the turned half of a world the first half's light (S, K, 3) and total (K, 3), to the last bit."""
+    shell, rest = len(world.shell) // 2, sum(len(piece.faces) for piece in world.furniture) // 2
+    ends = np.cumsum([0, *(rows * columns for rows, columns in shapes)])
+    other = [parts.index(replace(part, source=world.twin_of(part.source))) for part in parts]
+    light, total, given = light.copy(), total.copy(), light[other]
+    for first, count in ((0, shell), (2 * shell, rest)):
+        here = slice(ends[first], ends[first + count])
+        there = slice(ends[first + count], ends[first + 2 * count])
+        light[:, there], total[there] = given[:, here], total[here]
+    return light, total
 
 
 def _only_where_lit(light: F32) -> PartLight:

@@ -26,6 +26,7 @@ from .openings import (
 )
 from .plan import FloorPlan, FurniturePlan, LibraryPlan, RoomPlan, WorldError, WorldPlan
 from .read_plan import read_plan
+from .rearrange import with_twin
 from .shell import DrawnStyle, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
 from .solids import flat
 from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside, touching
@@ -123,7 +124,10 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
         headings=plan.library.headings,
         start=None if plan.start is None else np.array(plan.start) * [INCH_M, INCH_M, 1.0],
     )
-    check_world(plan, world, [piece.key for piece in layout])
+    keys = [piece.key for piece in layout]
+    if plan.twins:
+        world, keys = with_twin(plan, world), keys * 2
+    check_world(plan, world, keys)
     return world
 
 

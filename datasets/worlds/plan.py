@@ -169,3 +169,4 @@ class WorldPlan:
     layouts: tuple[tuple[FurniturePlan, ...], ...]  # of which a seed draws one
     library: LibraryPlan
     start: tuple[float, float, float] | None  # inches and radians
+    twins: bool = False  # the second of its two rooms is the first, turned by half a turn

@@ -176,6 +176,7 @@ def read_plan(file: Path) -> WorldPlan:
         layouts=tuple(_read_layout(t, known) for t in top.tables("layout")),
         library=_read_library(top.table("library")),
         start=_read_start(top),
+        twins=top.flag("twins"),
     )
     if not plan.floors:
         top.fail("floor", "found none, expected at least one; add a [[floor]] without rect")

@@ -82,6 +82,7 @@ class World:
     nodes: F64  # (K, 2) free nodes of the library's grid
     headings: int  # references a node
     start: F64 | None = None  # (3,) pose that its file names as a place to start from; most name none
+    twins: bool = False  # the second half of shell, furniture and lamps is the first, turned by half a turn
 
     @property
     def faces(self) -> tuple[Face, ...]:
@@ -98,6 +99,17 @@ class World:
         """Return the names of its sources of light, in order, each once."""
         lamps, rooms = [lamp.source for lamp in self.lamps], [room.source for room in self.room_lights]
         return tuple(dict.fromkeys(lamps + rooms))
+
+    def turned(self, points: F64) -> F64:
+        """Return points (..., 2 or 3) after half a turn about the middle of the map."""
+        result = np.array(points, np.float64)
+        result[..., :2] = np.add(self.arena.bounds[:2], self.arena.bounds[2:]) - result[..., :2]
+        return result
+
+    def twin_of(self, source: str) -> str:
+        """Return the source of the other room, where two rooms are twins."""
+        first, second = (room.name for room in self.arena.rooms)
+        return second + source[len(first) :] if source.startswith(first) else first + source[len(second) :]
 
 
 def inside(polygon: F64, points: F64) -> Bool:
