@@ -45,10 +45,14 @@ def _no_test_hangs() -> Iterator[None]:
     faulthandler.cancel_dump_traceback_later()
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep every test out of the user's folders; one cache serves the whole run of tests."""
-    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
+@pytest.fixture(scope="session", autouse=True)
+def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep all tests out of the user's folders; one cache serves them, in whichever process they run."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MAURICE_CACHE", str(shared / "maurice-cache"))
+        yield
 
 
 @pytest.fixture(autouse=True)

@@ -35,7 +35,6 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def _files(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Change to a folder with the files that examples of a front page read."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
     if "maurice_viz-" in request.node.name:
         shutil.copytree(request.getfixturevalue("saved"), tmp_path, dirs_exist_ok=True)
         return

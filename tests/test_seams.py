@@ -194,7 +194,7 @@ def copy(tmp_path_factory):
 
 
 def test_one_of_each_is_added_and_used(copy, small_session, tmp_path):
-    links = {"PYTHONPATH": str(copy / "links"), "MAURICE_CACHE": str(tmp_path / "cache")}
+    links = {"PYTHONPATH": str(copy / "links")}
     words = [sys.executable, "-c", USED, str(small_session)]
     done = subprocess.run(
         words, cwd=tmp_path, env=os.environ | links, capture_output=True, text=True, check=False

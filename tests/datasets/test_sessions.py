@@ -26,9 +26,13 @@ QUICK = Surveyor(headings=1, covered=2)
 UPDATES = 6
 
 
+TOLD: list[tuple[int, int, str]] = []  # what is told of the progress of making the demo
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> SimulationPaths:
-    return write_demo(tmp_path_factory.mktemp("demo") / "zero", updates=UPDATES, surveyor=QUICK)
+    folder = tmp_path_factory.mktemp("demo") / "zero"
+    return write_demo(folder, updates=UPDATES, surveyor=QUICK, progress=lambda *told: TOLD.append(told))
 
 
 def contents(paths: SimulationPaths) -> dict[str, bytes]:
@@ -133,15 +137,8 @@ def test_the_cache_is_made_once_and_made_again_when_damaged(tmp_path, monkeypatc
     assert [f.name for f in (tmp_path / "demos").iterdir()] == [first.session.parent.name]
 
 
-def test_progress_is_told(tmp_path):
-    told: list[tuple[int, int, str]] = []
-    write_demo(
-        tmp_path / "demo",
-        updates=2,
-        surveyor=QUICK,
-        progress=lambda done, total, what: told.append((done, total, what)),
-    )
-    assert (told[77], told[-1]) == ((78, 78, "survey"), (2, 2, "session"))
+def test_progress_is_told(demo):
+    assert (TOLD[77], TOLD[-1]) == ((78, 78, "survey"), (UPDATES, UPDATES, "session"))
 
 
 def test_a_drive_comes_back_from_its_bytes_to_the_last_bit(demo: SimulationPaths) -> None:

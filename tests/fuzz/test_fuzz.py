@@ -25,7 +25,7 @@ from maurice_loaders.reading.recording import Picture
 from maurice_loaders.session_log.reader import SurveyLog, is_survey
 from maurice_loaders.session_log.records import LineReader
 
-COUNT = 150
+COUNT = 60
 
 
 def said(topic: str, message: object) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import cv2
 import numpy as np
 
 from helpers.commands import no_display
+from helpers.commands import run as run_here
 from helpers.small_session import picture_at
 
 ROOT = Path(__file__).parents[2]
@@ -94,20 +96,39 @@ def prepare(folder: Path) -> None:
 
 
 def run_step(step: Step, folder: Path) -> None:
-    """Run one step; a status that is not 0, a traceback, or a placeholder that nothing stands for fail."""
+    """Run one step as a reader does; a status that is not 0, a traceback, or a placeholder that nothing
+    stands for fail.
+    """
     if step.is_python:
         return _run([sys.executable, "-c", step.text], step, folder)
+    shell = ["bash", "-c", f"exec {_typed(step)}"]
+    return _serve(shell, step, folder) if SERVES.search(step.text) else _run(shell, step, folder)
+
+
+def run_quickly(steps: list[Step], folder: Path) -> None:
+    """Run steps here, as all is imported already; a shell runs the first of them and what is served."""
+    for number, step in enumerate(steps):
+        if step.is_python:
+            exec(compile(step.text, step.page, "exec"), {"__name__": "__main__"})
+        elif number == 0 or SERVES.search(step.text) or ">" in _typed(step):
+            run_step(step, folder)
+        else:
+            done = run_here(*shlex.split(_typed(step))[1:], expect=None)
+            _judge(done.exit_code, done.stderr, step, done.output)
+
+
+def _typed(step: Step) -> str:
     typed = PLACEHOLDER.sub(lambda word: OWN[word[0]], step.text.split("#")[0].strip())
-    typed = typed.replace(f".venv/bin/{COMMAND}", COMMAND)
-    shell = ["bash", "-c", f"exec {typed}"]
-    return _serve(shell, step, folder) if SERVES.search(typed) else _run(shell, step, folder)
+    return typed.replace(f".venv/bin/{COMMAND}", COMMAND)
 
 
 def _run(words: list[str], step: Step, folder: Path) -> None:
     done = subprocess.run(words, cwd=folder, env=_environment(), capture_output=True, text=True, check=False)
-    if done.returncode == 1 and NO_DRIVER in done.stderr:
-        return
-    _expect(done.returncode == 0, step, done.stdout + done.stderr)
+    _judge(done.returncode, done.stderr, step, done.stdout + done.stderr)
+
+
+def _judge(status: int, errors: str, step: Step, output: str) -> None:
+    _expect(status == 0 or (status == 1 and NO_DRIVER in errors), step, output)
 
 
 def _serve(words: list[str], step: Step, folder: Path) -> None:

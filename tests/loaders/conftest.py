@@ -74,11 +74,6 @@ def survey(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
-
-
 @pytest.fixture
 def run_library(small_session: Path) -> Library:
     return build_library(small_session.parent / "survey.log", ["color", "edges"])

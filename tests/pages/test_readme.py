@@ -1,19 +1,30 @@
-"""README's commands and Python run as they stand there, in order, in one folder; so do all pages together."""
+"""Commands and Python of README and docs/your-robot.md run as they stand there, in order, in a folder a page.
+
+Those of the tutorial run where all pages do, after one another.
+"""
 
 from __future__ import annotations
 
 import pytest
 
-from helpers.pages import OWN, PLACEHOLDER, ROOT, Step, prepare, quick, run_step, steps_of
+from helpers.pages import OWN, PLACEHOLDER, ROOT, Step, prepare, quick, run_quickly, run_step, steps_of
 
 PAGES = ("README.md", "docs/tutorial.md", "docs/your-robot.md")  # in the order of reading
 
 
-def test_the_readme(tmp_path):
-    steps = quick(steps_of("README.md"))
-    assert len(steps) >= 15
-    for step in steps:
-        run_step(step, tmp_path)
+@pytest.mark.parametrize(("page", "least"), [("README.md", 15), ("docs/your-robot.md", 7)])
+def test_a_page(page, least, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    prepare(tmp_path)
+    steps = quick(steps_of(page))
+    assert len(steps) >= least
+    assert {step.page for step in steps} == {page}
+    run_quickly(steps, tmp_path)
+
+
+def test_the_python_of_a_page_is_one_step():
+    (python,) = (step for step in steps_of("docs/your-robot.md") if step.is_python)
+    assert python.section == "Your own robot's log"
 
 
 @pytest.mark.slow

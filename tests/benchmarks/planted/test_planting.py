@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,12 +24,8 @@ from maurice_mcl.reasons.causes import CAUSES, OUT_OF_PLANE, UNKNOWN
 
 
 @pytest.fixture(scope="module")
-def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ground]:
-    folder = tmp_path_factory.mktemp("planted")
-    room = write_small_room(folder)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MAURICE_CACHE", str(folder / "cache"))
-        yield ground_of(str(room), 1)
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Ground:
+    return ground_of(str(write_small_room(tmp_path_factory.mktemp("planted"))), 1)
 
 
 def run(kind: str, planting: Planting) -> Planted:

@@ -141,9 +141,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Trials of two short simulated drives in one arena: its survey is what takes time."""
     folder = tmp_path_factory.mktemp("simulated")
     (folder / "tiny.toml").write_text(PLAN)
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
-        run_plan(read_plan(folder / "tiny.toml"), folder / "trials")
+    run_plan(read_plan(folder / "tiny.toml"), folder / "trials")
     return folder / "trials"
 
 

@@ -52,10 +52,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, text in PARTS.items():
         (home / f"{name}.toml").write_text(text)
     (home / "tiny.toml").write_text(f"include = {[f'{name}.toml' for name in PARTS]}")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "maurice-cache"))
-        assert run_plan(read_plan(home / "tiny.toml"), home / "trials").failed == 0
-        measure(home / "trials", rounds=2)
+    assert run_plan(read_plan(home / "tiny.toml"), home / "trials").failed == 0
+    measure(home / "trials", rounds=2)
     return home / "trials"
 
 
@@ -154,7 +152,7 @@ def test_figures_of_no_trials_are_refused_before_a_folder_is_made(tmp_path):
 
 
 @pytest.mark.parametrize("figure", OVER_PARTICLES, ids=lambda figure: str(figure.number))
-@pytest.mark.parametrize("value", [None, 0.0, 1.0])
+@pytest.mark.parametrize("value", [None, 0.0])
 def test_a_figure_of_runs_without_values_is_a_note(figure, value, tmp_path, monkeypatch):
     """As of few short drives, none of which was localized or lost: a note, and the other figures go on."""
     names = {"part": ("position-tracking", "global-localization"), "seed": (0, 1), "particles": (100, 2000)}

@@ -20,7 +20,7 @@ seeds = 2
 [[sessions]]
 task = "global"
 world = "{world}"
-updates = 12
+updates = 6
 lights = "dim@3"
 [settings]
 particles = 60
@@ -43,10 +43,9 @@ particles = [20, 80]
 
 @pytest.fixture(scope="module", params=["simulated", "recorded"])
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write trials into a folder, with the cache that they filled beside them."""
+    """Write trials into a folder."""
     folder: Path = tmp_path_factory.mktemp(request.param)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MAURICE_CACHE", str(folder / "cache"))
         patch.chdir(folder)
         plan = SIMULATED.format(world=write_small_room(folder))
         if request.param == "recorded":
@@ -60,7 +59,6 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 @pytest.fixture
 def trials(made: Path, monkeypatch: pytest.MonkeyPatch) -> TrialsFolder:
-    monkeypatch.setenv("MAURICE_CACHE", str(made / "cache"))
     monkeypatch.chdir(made)
     return TrialsFolder(made / "trials")
 

@@ -69,7 +69,7 @@ def nested(rng: np.random.Generator, counts: tuple[int, int, int], alike: float)
 def test_intervals_of_clustered_runs_cover_the_truth_as_often_as_they_say(
     counts: tuple[int, int, int], alike: float
 ) -> None:
-    rng, trials = np.random.default_rng(2), 250
+    rng, trials = np.random.default_rng(2), 150
     alike *= counts != (1, 1, 12)  # seeds of one drive: the interval is over these
     above = 0.7  # probability of a value above this limit
     limit = ndtri(1 - above) * np.sqrt(1 + alike**2 * (2 if counts[0] > 1 else 1))

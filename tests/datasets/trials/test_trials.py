@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from typing import Any
 import polars as pl
 import pytest
 
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import Plan, read_plan
 from maurice_datasets.trials.rows import KEY, MEASURED, MOST, RowStore, read_plan_of, read_rows
@@ -51,6 +53,24 @@ def plan_file(small_session: Path) -> Path:
     return file
 
 
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
+    """Run the plan once for all that only look at it; return it, and where its rows are."""
+    folder = tmp_path_factory.mktemp("ran")
+    write_small_survey(folder)
+    write_small_session(folder).with_name("mine.toml").write_text(PLAN.format(seeds=3))
+    plan = read_plan(folder / "mine.toml")
+    made = run_plan(plan, folder / "out")
+    assert (made.runs, made.made, made.failed) == (12, 12, 0)
+    return plan, folder / "out"
+
+
+@pytest.fixture
+def out(ran: tuple[Plan, Path], tmp_path: Path) -> Path:
+    """A copy of the rows, to be changed."""
+    return Path(shutil.copytree(ran[1], tmp_path / "ran"))
+
+
 def same(rows: pl.DataFrame) -> pl.DataFrame:
     return rows.drop(*MEASURED)
 
@@ -65,12 +85,11 @@ def run_alone(plan: Plan, row: Row) -> Row:
     return run_job(Job(spec.drive, 0 if spec.path else row["seed"], (asked,)))[0]
 
 
-def test_a_run_of_a_plan_is_the_run_alone(plan_file: Path, tmp_path: Path) -> None:
-    plan = read_plan(plan_file)
-    made = run_plan(plan, tmp_path / "out")
-    rows = read_rows(tmp_path / "out")
-    assert (made.runs, made.made, made.failed, len(rows)) == (12, 12, 0, 12)
-    for row in rows.iter_rows(named=True):
+def test_a_run_of_a_plan_is_the_run_alone(ran: tuple[Plan, Path]) -> None:
+    plan, folder = ran
+    rows = read_rows(folder)
+    assert len(rows) == 12
+    for row in rows.filter(pl.col("seed") == 1).iter_rows(named=True):
         alone = run_alone(plan, row)
         kept = pl.DataFrame([alone | {name: row[name] for name in MEASURED}], schema=rows.schema)
         assert kept.equals(pl.DataFrame([row], schema=rows.schema), null_equal=True)
@@ -163,11 +182,10 @@ def test_a_recording_that_ends_in_damage_fails_its_runs_once(
     assert len(read) == 1
 
 
-def test_workers_and_order_do_not_matter(plan_file: Path, tmp_path: Path) -> None:
-    plan = read_plan(plan_file)
-    run_plan(plan, tmp_path / "one")
+def test_workers_and_order_do_not_matter(ran: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, folder = ran
     run_plan(plan, tmp_path / "two", workers=2)
-    assert same(read_rows(tmp_path / "one")).equals(same(read_rows(tmp_path / "two")))
+    assert same(read_rows(folder)).equals(same(read_rows(tmp_path / "two")))
 
 
 def test_few_runs_over_one_recording_are_shared_by_all_workers(
@@ -184,38 +202,34 @@ def test_few_runs_over_one_recording_are_shared_by_all_workers(
     assert sizes == [3, 3, 3, 3]  # the three seeds of a filter stay together
 
 
-def test_nothing_is_computed_twice(plan_file: Path, tmp_path: Path) -> None:
-    plan = read_plan(plan_file)
-    run_plan(plan, tmp_path / "out")
-    assert run_plan(plan, tmp_path / "out", resume=True).made == 0
+def test_nothing_is_computed_twice(ran: tuple[Plan, Path], out: Path) -> None:
+    plan, _ = ran
+    assert run_plan(plan, out, resume=True).made == 0
     with pytest.raises(InputError, match="--resume"):
-        run_plan(plan, tmp_path / "out")
+        run_plan(plan, out)
     with pytest.raises(InputError, match="differs in more than more seeds"):
-        run_plan(plan.with_seeds(2), tmp_path / "out", resume=True)
+        run_plan(plan.with_seeds(2), out, resume=True)
 
 
-def test_more_seeds_go_on_where_fewer_ended(plan_file: Path, tmp_path: Path) -> None:
-    plan = read_plan(plan_file)
+def test_more_seeds_go_on_where_fewer_ended(ran: tuple[Plan, Path], tmp_path: Path) -> None:
+    plan, whole = ran
     run_plan(plan.with_seeds(2), tmp_path / "out")
     assert run_plan(plan, tmp_path / "out", resume=True).made == 4
-    run_plan(plan, tmp_path / "at once")
-    grown, whole = (read_rows(tmp_path / name, ["error_m"]) for name in ("out", "at once"))
-    assert grown.equals(whole)
-    assert len(grown) == 12
-    assert run_plan(plan, tmp_path / "out", resume=True).made == 0
+    assert read_rows(tmp_path / "out", ["error_m"]).equals(read_rows(whole, ["error_m"]))
 
 
 def test_a_failing_run_is_a_row_and_is_tried_again(plan_file: Path, tmp_path: Path) -> None:
     text = plan_file.read_text()
     plan_file.write_text(text.replace("[grid]", 'motion = {model = "maurice", turn_gain = "wide"}\n[grid]'))
-    made = run_plan(read_plan(plan_file), tmp_path / "out")
+    plan = read_plan(plan_file).with_seeds(1)
+    made = run_plan(plan, tmp_path / "out")
     rows = read_rows(tmp_path / "out")
-    assert made.failed == 12
+    assert made.failed == 4
     assert made.error == rows["error"][0]
     assert rows["error"].null_count() == 0
-    assert rows["error_m"].null_count() == 12
+    assert rows["error_m"].null_count() == 4
     assert "turn_gain" in rows["error"][0]
-    assert run_plan(read_plan(plan_file), tmp_path / "out", resume=True).made == 12
+    assert run_plan(plan, tmp_path / "out", resume=True).made == 4
 
 
 def test_a_missing_session_is_a_row_for_each_of_its_runs(plan_file: Path, tmp_path: Path) -> None:
@@ -256,9 +270,9 @@ def test_a_stop_says_how_many_runs_are_on_disk(plan_file: Path, tmp_path: Path) 
         if done:
             raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt, match=r"12 of 12 runs are in .*--resume"):
-        run_plan(read_plan(plan_file), tmp_path / "out", progress=stop)
-    assert len(read_rows(tmp_path / "out")) == 12
+    with pytest.raises(KeyboardInterrupt, match=r"4 of 4 runs are in .*--resume"):
+        run_plan(read_plan(plan_file).with_seeds(1), tmp_path / "out", progress=stop)
+    assert len(read_rows(tmp_path / "out")) == 4
 
 
 def test_a_job_writes_only_the_last_rows_anew(plan_file: Path, tmp_path: Path) -> None:
@@ -278,18 +292,19 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("damage", DAMAGED)
-def test_damaged_rows_are_said_in_one_line(damage: str, plan_file: Path, tmp_path: Path) -> None:
-    plan, out = read_plan(plan_file).with_seeds(1), tmp_path / "out"
-    run_plan(plan, out)
-    file = out / "rows" / "000000.parquet"
+def test_damaged_rows_are_said_in_one_line(damage: str, ran: tuple[Plan, Path], out: Path) -> None:
+    plan, file = ran[0], out / "rows" / "000000.parquet"
     (out / "rows" / "0old.parquet").write_bytes(b"")  # not one of ours
     DAMAGED[damage](file)
     for read in (load_trials, lambda folder: run_plan(plan, folder, resume=True)):
         with pytest.raises(InputError, match=r"000000.parquet: cannot be read: .*; delete it") as problem:
             read(out)
         assert "\n" not in str(problem.value)
-    file.unlink()
-    assert run_plan(plan, out, resume=True).made == plan.runs
+
+
+def test_rows_that_are_deleted_are_computed_again(ran: tuple[Plan, Path], out: Path) -> None:
+    (out / "rows" / "000000.parquet").unlink()
+    assert run_plan(ran[0], out, resume=True).made == 12
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "{}", '{"hash": "a", "plan": []}'])
@@ -384,14 +399,11 @@ def test_a_scheduler_that_does_not_answer_is_said_in_one_line(
         run_plan(read_plan(plan_file), tmp_path / "out", engine="dask", scheduler="tcp://127.0.0.1:9")
 
 
-def test_tables(plan_file: Path, tmp_path: Path) -> None:
-    run_plan(read_plan(plan_file), tmp_path / "out")
-    rows = load_trials(tmp_path / "out")
+def test_tables(ran: tuple[Plan, Path]) -> None:
+    rows = load_trials(ran[1])
     groups = grouped(rows, ["feature", "resampling.scheme"])
-    assert [tuple(one.by.values()) for one in groups][:2] == [
-        ("color", "systematic"),
-        ("color", "multinomial"),
-    ]
+    names = [tuple(one.by.values()) for one in groups][:2]
+    assert names == [("color", "systematic"), ("color", "multinomial")]
     some = rows.filter((pl.col("feature") == "color") & (pl.col("resampling.scheme") == "systematic"))
     assert groups[0].figure.value == pytest.approx(some["error_m"].mean())
     assert groups[0].runs == 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,15 +32,11 @@ THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 
 
 @pytest.fixture(scope="module")
-def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Library]]:
+def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Library]:
     """Keep one simulated drive of 24 updates and its library for all tests here."""
-    folder = tmp_path_factory.mktemp("doctor")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("MAURICE_CACHE", str(tmp_path_factory.getbasetemp() / "doctor-cache"))
-        written = write_simulation(
-            folder / "s", SimulationPlan(TASKS["tracking"], seed=1, arena_seed=1, updates=24)
-        )
-        yield written.session, build_library(written.survey, ["color", "edges"])
+    plan = SimulationPlan(TASKS["tracking"], seed=1, arena_seed=1, updates=24)
+    written = write_simulation(tmp_path_factory.mktemp("doctor") / "s", plan)
+    return written.session, build_library(written.survey, ["color", "edges"])
 
 
 def codes(found: Examination) -> list[str]:

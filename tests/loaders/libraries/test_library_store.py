@@ -36,6 +36,11 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     return built
 
 
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+
+
 def kept_in(tmp_path: Path) -> list[Path]:
     return sorted((tmp_path / "cache" / "libraries").iterdir())
 

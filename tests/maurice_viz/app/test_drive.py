@@ -19,10 +19,15 @@ pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")  # live
 QUICK = {"world": "two-rooms", "particles": 300}
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return str(tmp_path_factory.mktemp("cache"))  # not that of other tests: its surveys have few headings
+
+
 @pytest.fixture(autouse=True)
-def quick_survey(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def quick_survey(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, cache: str) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("MAURICE_CACHE", cache)
     monkeypatch.setattr(surveys, "_surveyor_of", lambda _: Surveyor(headings=2, covered=1))
 
 
@@ -33,30 +38,8 @@ def driven(keys: str | list[str], **how: object) -> tuple[mv.RunScores, list[str
 
 
 def test_every_key_does_what_the_help_says():
-    keys = [
-        "up",
-        "a",
-        " ",
-        "k",
-        "b",
-        "l",
-        "p",
-        "up",
-        "p",
-        "1",
-        "w",
-        "7",
-        "?",
-        "A",
-        "",
-        "",
-        "A",
-        "",
-        "S",
-        "q",
-        "up",
-    ]
-    scores, lines = driven(keys)
+    keys = "up,a, ,k,b,l,p,up,p,1,w,7,?,A,,,A,,S,q,up"
+    scores, lines = driven(keys.split(","))
     assert lines[-1] == ""
     assert lines[0].startswith("step 1 | ")
     assert lines[0].endswith("?: help")

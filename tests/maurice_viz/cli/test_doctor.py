@@ -95,16 +95,8 @@ def test_what_it_says_is_a_command_that_mends(small_session, tmp_path):
 
 def test_options_that_were_given_are_kept_and_corrected(small_session):
     wrong = in_millimeters(small_session)
-    words = [
-        "doctor",
-        str(wrong),
-        "--no-library",
-        "--reading",
-        "odometry_scale=0.1",
-        "--reading",
-        "min_distance_m=0.01",
-    ]
-    found = json.loads(run(*words, "--json").stdout)
+    words = ["--no-library", "--json", "--reading", "odometry_scale=0.1", "--reading", "min_distance_m=0.01"]
+    found = json.loads(run("doctor", wrong, *words).stdout)
     assert set(found["options"]) == {"--reading", "min_distance_m=0.01", "odometry_scale=0.001"}
 
 

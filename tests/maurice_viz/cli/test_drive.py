@@ -32,7 +32,7 @@ class Typist:
         self.master, self.slave = pty.openpty()
         self.before = termios.tcgetattr(self.slave)
         ends = {"stdin": self.slave, "stdout": self.slave, "stderr": self.slave}
-        env = no_display() | {"COLUMNS": "200", "TERM": "xterm", "MAURICE_CACHE": str(folder / "cache")}
+        env = no_display() | {"COLUMNS": "200", "TERM": "xterm"}
         args = [*COMMAND, "drive", "--world", str(folder / "world.toml"), "--particles", "200", *words]
         self.process = subprocess.Popen(args, cwd=folder, env=env, start_new_session=True, **ends)
 

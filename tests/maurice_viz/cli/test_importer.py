@@ -102,26 +102,12 @@ def test_rerun_itself_opens_a_session_through_it(small_session, tmp_path):
     script.chmod(0o755)
     (tmp_path / "home").mkdir()
     settings = os.environ | {"PATH": f"{script.parent}:{os.environ['PATH']}", "HOME": str(tmp_path / "home")}
-    rerun = [
-        sys.executable,
-        "-m",
-        "rerun",
-        small_session,
-        "--save",
-        "out.rrd",
-        "--bind",
-        "127.0.0.1",
-        "--port",
-        "0",
-    ]
-    done = subprocess.run(
-        rerun, cwd=tmp_path, env=settings, capture_output=True, text=True, timeout=120, check=False
-    )
+    words = ["--save", "out.rrd", "--bind", "127.0.0.1", "--port", "0"]
+    rerun = [sys.executable, "-m", "rerun", small_session, *words]
+    done = subprocess.run(rerun, cwd=tmp_path, env=settings, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
-    ours = [
-        one for one in RrdReader(tmp_path / "out.rrd").recordings() if one.application_id == "maurice-replay"
-    ]
-    assert len(ours) == 1
+    recordings = RrdReader(tmp_path / "out.rrd").recordings()
+    assert [one.application_id for one in recordings].count("maurice-replay") == 1
 
 
 def test_a_viewer_that_goes_away_is_no_defect_of_ours(small_session):

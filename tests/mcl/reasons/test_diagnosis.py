@@ -9,65 +9,35 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from helpers.lost_runs import ALL, GONE, LOST_AT, OFF, RIGHT, SINCE, UPDATES, stories
+from helpers.lost_runs import healthy as healthy_run
 from maurice_mcl.reasons.causes import CAUSES, INCIDENTS
-from maurice_mcl.reasons.diagnosis import decide, stories_of
-from maurice_mcl.reasons.evidence import Surprise, UpdateEvidence
+from maurice_mcl.reasons.diagnosis import decide
+from maurice_mcl.reasons.evidence import Surprise
 from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
 from maurice_mcl.reasons.suspicion import suspected
-from maurice_mcl.scoring.episodes import EpisodeFinder
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_mcl.scoring.near_truth import NearTruth
 
-RIGHT = StepScore(0.1, 0.0, True, True, False)
-UNSURE = StepScore(0.1, 0.0, False, True, False)
-OFF = StepScore(2.0, 0.0, True, False, True)
+UNSURE, BLIND = StepScore(0.1, 0.0, False, True, False), StepScore(None, None, True, None, None)
 FITS = PlaceFit(0.8, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)
 POOR = replace(FITS, cost=4.0, behind=5.0, estimate_behind=4.0, rank=200, costliest="tiny", costs=3.0)
 LIT = LightFit(0.02, 100.0, 98.0, 0.8, -1.0)
-HELD = NearTruth(900, (0.9, 0.95, 0.95), 0.02)
-GONE = NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+DIM = replace(LIT, ratio=-0.5, cost=1.6)
 USUAL = UsualFit(0.8, 0.05, {"color": 0.1, "tiny": 0.04})
-LOST_AT, UPDATES = 11, 24
+FEW = NearTruth(3, (0.002, 0.004, 0.0), 0.1)
+BUMP = Surprise(9, 3, 1)
 
 
-def healthy(step):
-    return UpdateEvidence(
-        step=step,
-        after_s=8.0,
-        repeated=False,
-        events=(),
-        tilt_deg=None,
-        floor="wood",
-        broken=False,
-        zero=False,
-        cloud_left=False,
-        score=RIGHT if step < LOST_AT else OFF,
-        lost_m=0.9,
-        size=1000,
-        inside=1000,
-        ess=500.0,
-        spread_nats=6.0,
-        best=-0.7,
-        cloud=-1.2,
-        gray=100.0,
-        outside=False,
-        moved_m=0.3,
-        driven_m=0.3,
-        surprise=Surprise(0.5, -0.3, 0.8),
-        near=HELD if step < LOST_AT else GONE,
-        reference_m=0.2,
-        fit=FITS,
-        light=LIT,
-        alike=0.7,
-    )
+def healthy(step, **changes):
+    seen = {"outside": False, "reference_m": 0.2, "fit": FITS, "light": LIT, "alike": 0.7}
+    return healthy_run(step, **(seen | changes))
 
 
-def stories(updates):
-    """Return the failures among these updates."""
-    finder = EpisodeFinder()
-    for one in updates:
-        finder.see(one.step, one.score, kidnapped=one.kidnapped)
-    return [replace(one, spacing_m=0.45, usual=USUAL) for one in stories_of(updates, finder.episodes)]
+def decided(updates):
+    """Diagnose a run that is lost once."""
+    (story,) = stories(updates)
+    return decide(replace(story, spacing_m=0.45, usual=USUAL))
 
 
 def indexes(updates):
@@ -76,27 +46,24 @@ def indexes(updates):
 
 def failure_of(changes, steps):
     """Diagnose a run that is lost from 11 on, with something else at some steps."""
-    updates = [replace(healthy(step), **(changes if step in steps else {})) for step in range(1, UPDATES)]
-    (story,) = stories(updates)
-    return decide(story)
+    return decided([healthy(step, **(changes if step in steps else {})) for step in ALL])
 
 
-SINCE = range(LOST_AT, UPDATES)
-ALL = range(1, UPDATES)
+FAR, FARTHER = Surprise(30, 3, 1), Surprise(50, 3, 1)
 CASES = {
-    "a gap": ("data", {"after_s": 60.0, "moved_m": 1.6, "surprise": Surprise(9, 3, 1)}, [10]),
+    "a gap": ("data", {"after_s": 60.0, "moved_m": 1.6, "surprise": BUMP}, [10]),
     "equal pictures": ("data", {"repeated": True}, range(8, 14)),
     "cloud off the map": (
         "left_map",
-        {"cloud_left": True, "driven_m": 20.0, "surprise": Surprise(99, 0, 0)},
+        {"cloud_left": True, "driven_m": 20, "surprise": Surprise(99, 0, 0)},
         [10],
     ),
     "truth off the map": ("left_map", {"outside": True}, range(9, 13)),
-    "tilted": ("out_of_plane", {"tilt_deg": 22.0, "surprise": Surprise(9, 3, 1)}, range(7, 14)),
-    "carried": ("kidnapped", {"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11]),
-    "carried a little": ("kidnapped", {"moved_m": 0.95, "surprise": Surprise(30, 3, 1)}, [11]),
+    "tilted": ("out_of_plane", {"tilt_deg": 22.0, "surprise": BUMP}, range(7, 14)),
+    "carried": ("kidnapped", {"moved_m": 3.0, "surprise": FARTHER}, [11]),
+    "carried a little": ("kidnapped", {"moved_m": 0.95, "surprise": FAR}, [11]),
     "pushed": ("motion", {"moved_m": 0.7, "surprise": Surprise(14, 3, 1)}, [11]),
-    "faster than odometry says": ("motion", {"moved_m": 0.95, "surprise": Surprise(30, 3, 1)}, [10, 11]),
+    "faster than odometry says": ("motion", {"moved_m": 0.95, "surprise": FAR}, [10, 11]),
     "carried, as the log says": ("kidnapped", {"events": ("kidnapped",)}, [11]),
     "one movement": ("motion", {"surprise": Surprise(0.1, 0.3, -12.0)}, [10]),
     "many movements": ("motion", {"surprise": Surprise(0.1, 0.3, 3.0)}, range(7, 12)),
@@ -104,37 +71,25 @@ CASES = {
     "no numbers": ("numeric", {"broken": True, "cloud_left": True}, range(9, 14)),
     "too sharp": ("numeric", {"spread_nats": 900.0, "ess": 1.0}, ALL),
     "no reference": ("library_gap", {"reference_m": 1.1, "fit": None}, range(9, 14)),
-    "dark": ("lighting", {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6)}, range(9, UPDATES)),
-    "a thing that is darker": (
-        "changed_view",
-        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=1.6), "alike": 0.1},
-        range(9, UPDATES),
-    ),
+    "dark": ("lighting", {"fit": POOR, "light": DIM}, SINCE),
+    "a thing that is darker": ("changed_view", {"fit": POOR, "light": DIM, "alike": 0.1}, SINCE),
     "too dark to see": (
         "lighting",
-        {"fit": POOR, "light": replace(LIT, ratio=-2.0, cost=3.9), "alike": 0.0},
-        range(9, UPDATES),
+        {"fit": POOR, "light": replace(DIM, ratio=-2, cost=3.9), "alike": 0.0},
+        SINCE,
     ),
-    "dark, and edges are gone": (
-        "lighting",
-        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9)},
-        range(9, UPDATES),
-    ),
-    "a dead color": (
-        "sensor",
-        {"fit": POOR, "light": replace(LIT, ratio=-0.5, cost=3.9, colors=-0.1)},
-        ALL,
-    ),
+    "dark, and edges are gone": ("lighting", {"fit": POOR, "light": replace(DIM, cost=3.9)}, SINCE),
+    "a dead color": ("sensor", {"fit": POOR, "light": replace(DIM, cost=3.9, colors=-0.1)}, ALL),
     "a slip that the log tells": (
         "motion",
         {"surprise": Surprise(1, 0, 4.0), "events": ("slip 25 deg",)},
         [10],
     ),
-    "people": ("changed_view", {"fit": POOR}, range(9, UPDATES)),
+    "people": ("changed_view", {"fit": POOR}, SINCE),
     "a channel": ("sensor", {"fit": POOR}, ALL),
     "twins": ("ambiguity", {"fit": replace(FITS, estimate_behind=0.1, rivals=1)}, ALL),
-    "chance": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [11]),
-    "chance, later": ("resampling", {"near": NearTruth(3, (0.002, 0.004, 0.0), 0.1)}, [14]),
+    "chance": ("resampling", {"near": FEW}, [11]),
+    "chance, later": ("resampling", {"near": FEW}, [14]),
     "died out": ("impoverished", {}, []),
 }
 
@@ -154,14 +109,13 @@ def test_a_heading_that_no_reference_has_is_counted_and_is_no_distance(nowhere, 
     for at in range(8, 12):
         away = float("inf") if at - 8 < nowhere else 1.1
         updates[at] = replace(updates[at], reference_m=away, fit=None)
-    (story,) = stories(updates)
-    found = decide(story)
+    found = decided(updates)
     assert found.kind == "library_gap"
     assert found.evidence == told | {"none_looks_that_way": nowhere, "spacing_m": 0.45, "updates": 4}
 
 
 def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
-    found = failure_of({"moved_m": 3.0, "surprise": Surprise(50, 3, 1)}, [11])
+    found = failure_of({"moved_m": 3.0, "surprise": FARTHER}, [11])
     assert found.also[:1] == ("motion",)
     assert "impoverished" in found.also
 
@@ -170,17 +124,15 @@ def test_a_kidnapping_is_named_and_what_follows_from_it_only_listed():
     ("shares", "kind"), [((0.8, 0.01, 0.01), "library_gap"), ((0.01, 0.01, 0.01), "motion")]
 )
 def test_a_slip_where_the_library_has_a_gap_is_weighed_by_what_lost_the_truth(shares, kind):
-    updates = [replace(healthy(step), reference_m=1.1, fit=None) for step in range(1, UPDATES)]
+    updates = [healthy(step, reference_m=1.1, fit=None) for step in ALL]
     updates[9] = replace(updates[9], surprise=Surprise(9, 0, 0), near=NearTruth(900, shares, 0.02))
-    (story,) = stories(updates)
-    found = decide(story)
+    found = decided(updates)
     assert found.kind == kind
     assert {found.kind, *found.also} >= {"motion", "library_gap"}
 
 
 def test_what_befalls_a_run_that_is_not_lost_is_no_failure():
-    updates = [replace(healthy(step), score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]
-    assert indexes(updates) == []
+    assert indexes([healthy(step, score=RIGHT, surprise=Surprise(9, 9, 9)) for step in range(1, 20)]) == []
 
 
 def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_is():
@@ -188,7 +140,7 @@ def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_
 
     def run(before):
         scores = [before] * 12 + [RIGHT] * 8
-        return [replace(healthy(k), score=score) for k, score in enumerate(scores, 1)]
+        return [healthy(k, score=score) for k, score in enumerate(scores, 1)]
 
     assert indexes(run(searching)) == []
     assert indexes(run(OFF)) == [(0, 11, 0)]
@@ -197,9 +149,7 @@ def test_a_search_that_ends_well_is_no_failure_but_a_long_time_at_a_wrong_place_
 
 def searched(near, fit=FITS, score=UNSURE):
     """Diagnose a search that never was sure, with particles at the true place as told by step."""
-    updates = [replace(healthy(step), near=near(step), fit=fit, score=score) for step in range(1, UPDATES)]
-    (story,) = stories(updates)
-    return decide(story)
+    return decided([healthy(step, near=near(step), fit=fit, score=score) for step in ALL])
 
 
 def test_a_search_that_kept_the_true_place_to_the_end_is_ambiguous_only_where_another_fits_as_well():
@@ -210,10 +160,10 @@ def test_a_search_that_kept_the_true_place_to_the_end_is_ambiguous_only_where_an
 
 def test_in_a_search_the_last_particle_died_when_none_was_left_not_at_the_first_step():
     wrong = StepScore(2.0, 0.0, False, False, True)
-    some, none = NearTruth(4, (0.004, 0.004, 0.004), 0.02), NearTruth(0, (0.0, 0.0, 0.0), 1.5)
-    found = searched(lambda step: some if step < 5 else none, score=wrong)
+    some = NearTruth(4, (0.004, 0.004, 0.004), 0.02)
+    found = searched(lambda step: some if step < 5 else GONE, score=wrong)
     assert (found.kind, found.evidence["held_until"], found.evidence["died"]) == ("impoverished", 4, 5)
-    late = searched(lambda step: none if step < 15 else some, score=wrong)
+    late = searched(lambda step: GONE if step < 15 else some, score=wrong)
     assert (late.kind, late.evidence["ever"], late.evidence["came"]) == ("impoverished", "late", 15)
 
 
@@ -228,25 +178,19 @@ def test_the_elements_that_cost_most_are_named_of_the_pictures_that_blame_their_
 
 
 def test_without_truth_it_is_said_so():
-    blind = StepScore(None, None, True, None, None)
-    updates = [replace(healthy(step), score=blind, near=None, fit=None) for step in range(1, 30)]
+    updates = [healthy(step, score=BLIND, near=None, fit=None) for step in range(1, 30)]
     assert suspected(updates, ()) == ()
-    since = {"knows": 0.01}
-    updates = [replace(one, knows=0.9) for one in updates]
-    dark = {"cloud": -9.0, "best": -7.0, "gray": 40.0}
-    dark, moved = (
-        [replace(one, **changes, **since) if one.step > 15 else one for one in updates]
-        for changes in (dark, {"cloud": -9.0})
-    )
-    for some, kind in ((dark, "lighting"), (moved, "kidnapped")):
+    dark, moved = {"cloud": -9.0, "best": -7.0, "gray": 40.0}, {"cloud": -9.0}
+    for changes, kind in ((dark, "lighting"), (moved, "kidnapped")):
+        since = {"knows": 0.01} | changes
+        some = [replace(one, **(since if one.step > 15 else {"knows": 0.9})) for one in updates]
         (found,) = suspected(some, ((16, 29),))
         assert (found.kind, found.first, found.truth_known) == (kind, 16, False)
 
 
 def test_without_truth_it_began_where_the_signal_last_said_right_and_the_log_is_believed():
     def run(**changes):
-        blind = StepScore(None, None, True, None, None)
-        updates = [replace(healthy(k), score=blind, near=None, fit=None, knows=0.9) for k in range(1, 30)]
+        updates = [healthy(k, score=BLIND, near=None, fit=None, knows=0.9) for k in range(1, 30)]
         for k in range(15, 25):
             updates[k] = replace(updates[k], knows=0.3 if k < 18 else 0.01, cloud=-9.0)
         updates[15] = replace(updates[15], **changes)

@@ -1,0 +1,36 @@
+"""Updates of a run that is right until it is lost, with nothing out of the order, whichever sensor it has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from maurice_mcl.reasons.diagnosis import Story, stories_of
+from maurice_mcl.reasons.evidence import Surprise, UpdateEvidence
+from maurice_mcl.scoring.episodes import EpisodeFinder
+from maurice_mcl.scoring.metrics import StepScore
+from maurice_mcl.scoring.near_truth import NearTruth
+
+RIGHT, OFF = StepScore(0.1, 0.0, True, True, False), StepScore(2.0, 0.0, True, False, True)
+HELD, GONE = NearTruth(900, (0.9, 0.95, 0.95), 0.02), NearTruth(0, (0.0, 0.0, 0.0), 1.5)
+LOST_AT, UPDATES = 11, 24
+ALL, SINCE = range(1, UPDATES), range(9, UPDATES)
+
+
+def healthy(step: int, **changes: Any) -> UpdateEvidence:
+    score, near = (RIGHT, HELD) if step < LOST_AT else (OFF, GONE)
+    update = UpdateEvidence(
+        step, after_s=8.0, repeated=False, events=(), tilt_deg=None, floor="wood", broken=False, zero=False,
+        cloud_left=False, score=score, lost_m=0.9, size=1000, inside=1000, ess=500.0, spread_nats=6.0,
+        best=-0.7, cloud=-1.2, gray=100.0, moved_m=0.3, driven_m=0.3, near=near,
+        surprise=Surprise(0.5, -0.3, 0.8, 1.0),
+    )  # fmt: skip
+    return replace(update, **changes)
+
+
+def stories(updates: list[UpdateEvidence]) -> list[Story]:
+    """Return the failures among these updates."""
+    finder = EpisodeFinder()
+    for update in updates:
+        finder.see(update.step, update.score, kidnapped=update.kidnapped)
+    return stories_of(updates, finder.episodes)
