@@ -162,7 +162,7 @@ def test_other_refusals(tmp_path):
     assert "furniture[1]: the plant stands in the block of furniture[0]" in refusal(
         write(tmp_path, SMALL + more)
     )
-    with pytest.raises(InputError, match="there are office, two-rooms"):
+    with pytest.raises(InputError, match="there are office, twins, two-rooms"):
         load_world("three-rooms", 0)
     with pytest.raises(InputError, match="there are nominal, dim, hard"):
         load_world("two-rooms", 0, "easy")
