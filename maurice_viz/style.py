@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.values import F32, F64, INCH_M, U32, Arena
+from maurice_mcl.values import F32, F64, INCH_M, U8, U32, Arena
 
 RGB = tuple[int, int, int]
 RGBA = tuple[int, int, int, int]
@@ -217,17 +217,26 @@ LUT = _viridis()  # (256,) packed colors, dark to bright
 
 def shade(share: NDArray[Any]) -> U32:
     """Return packed colors (K,) for values (K,) between 0 (dark) and 1 (bright); outside is clipped."""
-    return np.asarray(LUT[np.clip(np.asarray(share) * 255, 0, 255).astype(np.uint8)], np.uint32)
+    return np.asarray(LUT[_numbers(share)], np.uint32)
 
 
-def weight_colors(log_weights: F64, of: int | None = None) -> U32:
-    """Return a color for each particle (N,) by its weight against the average, on a log scale.
+def _numbers(share: NDArray[Any]) -> U8:
+    return np.asarray(np.clip(share * 255, 0, 255), np.uint8)
+
+
+def weight_shades(log_weights: F64, of: int | None = None) -> U8:
+    """Return which color of `LUT` each particle (N,) has: by its weight against the average, on a log scale.
 
     The average is 1/N, or one over the number of particles `of`. The middle of the scale is the average; the
     ends are 1/8 and 8 times it, at every step.
     """
     octaves = (log_weights + np.log(of or len(log_weights))) / np.log(2)
-    return shade(0.5 + octaves / (2 * WEIGHT_OCTAVES))
+    return _numbers(0.5 + octaves / (2 * WEIGHT_OCTAVES))
+
+
+def weight_colors(log_weights: F64, of: int | None = None) -> U32:
+    """Return the packed color of each particle (N,), as `weight_shades` says."""
+    return np.asarray(LUT[weight_shades(log_weights, of)], np.uint32)
 
 
 DEEPEST = 8.0  # nats below the best place that still have a color

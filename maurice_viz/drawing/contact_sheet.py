@@ -47,7 +47,7 @@ CARD_GAP_PX = 4  # between picture and edges
 CARD_QUALITY = 60  # 3.8 kB a card; edges are most of it
 CARD_TEXT_PX = 9.0
 
-CAPTIONS = IndexedColors()
+CAPTIONS = IndexedColors(of_letters=True)
 INKS: dict[RGB, int] = {color: CAPTIONS.ramp(GROUND, color) for color in (PALE, RANK, TRUTH, *RUN_COLORS)}
 
 
@@ -81,15 +81,22 @@ class ContactSheet:
 
     def caption(self, match: Match) -> bytes:
         """Draw three lines as a PNG: rank and entry, place, heading and quality."""
-        image = np.full((CAPTION_PX, CELL_PX), INKS[PALE], np.uint8)
         place, _, heading = self.scale.say_pose(self.library.poses[match.entry]).rpartition(", ")
-        first, second, third = LINES_PX
-        write(image, f"{match.rank}", 2, first, 15.0, INKS[RANK])
-        write(image, f"entry {match.entry}", ENTRY_AT_PX, first, TEXT_PX, INKS[PALE])
-        write(image, place, 2, second, _fitting(place), INKS[PALE])
-        write(image, heading, 2, third, TEXT_PX, INKS[PALE])
-        write(image, f"q {match.quality:.3f}", QUALITY_AT_PX, third, TEXT_PX, INKS[PALE])
+        image = _caption_of(match.entry, place, heading).copy()
+        write(image, f"{match.rank}", 2, LINES_PX[0], 15.0, INKS[RANK])
+        write(image, f"q {match.quality:.3f}", QUALITY_AT_PX, LINES_PX[2], TEXT_PX, INKS[PALE])
         return CAPTIONS.png(image)
+
+
+@lru_cache(maxsize=CACHED_REFERENCES)
+def _caption_of(entry: int, place: str, heading: str) -> U8:
+    """Draw what every caption of a reference has."""
+    image = np.full((CAPTION_PX, CELL_PX), INKS[PALE], np.uint8)
+    first, second, third = LINES_PX
+    write(image, f"entry {entry}", ENTRY_AT_PX, first, TEXT_PX, INKS[PALE])
+    write(image, place, 2, second, _fitting(place), INKS[PALE])
+    write(image, heading, 2, third, TEXT_PX, INKS[PALE])
+    return image
 
 
 @lru_cache(maxsize=CACHED_REFERENCES)
@@ -135,6 +142,11 @@ def cell_height(pictures: Sequence[Path | None]) -> int:
     return CELL_PX * 3 // 4
 
 
+def card_height(pictures: Sequence[Path | None]) -> int:
+    """Return the height in pixels of each of the two pictures of a card."""
+    return max(1, round(CARD_PX * cell_height(pictures) / CELL_PX))
+
+
 def read_picture(path: Path) -> U8 | None:
     """Read a picture (H, W, 3) RGB; None if it is missing or damaged."""
     try:
@@ -154,13 +166,14 @@ def card_of(path: Path | None, cell_height: int, height: int) -> bytes:
     thumbnail = None if path is None else thumbnail_of(path, cell_height)
     if thumbnail is None:
         return blank_card(height, NOT_KEPT)
-    return card_with_edges(thumbnail, height)
-
-
-def card_with_edges(image: U8, height: int) -> bytes:
-    """Return the card of a picture (H, W, 3), so high, over its edges."""
-    picture = shrunk(image, CARD_PX, max(height, 1))
+    picture = shrunk(thumbnail, CARD_PX, height)
     return jpeg(_stacked(picture, brightened(edge_image(picture))), CARD_QUALITY)
+
+
+def edges_of(image: U8) -> bytes:
+    """Return the edges of a picture (H, W, 3) as those on a card."""
+    picture = shrunk(image, CARD_PX, max(1, round(CARD_PX * image.shape[0] / image.shape[1])))
+    return jpeg(brightened(edge_image(picture)), CARD_QUALITY)
 
 
 @lru_cache(maxsize=8)

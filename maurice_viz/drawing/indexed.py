@@ -24,13 +24,14 @@ TEXT_PAD_PX = 3  # pixels of room around a text
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 BY_PALETTE = b"\x08\x03\x00\x00\x00"  # 8 bits a pixel, colors from a palette, no interlacing
-FROM_ABOVE = 2  # PNG's filter: a pixel less the one above it, which is mostly the same
+AS_IT_IS, FROM_ABOVE = 0, 2  # PNG's filters: a pixel, or less the one above it, which is mostly the same
 
 
 class IndexedColors:
     """Colors by number; filled where a module begins, so that a number is a constant."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, of_letters: bool = False) -> None:
+        self._of_letters = of_letters  # whether rows differ so much that they are best packed as they are
         self._colors: list[RGB] = []
         self._table = b""  # the colors as a PNG has them
 
@@ -57,10 +58,11 @@ class IndexedColors:
         """Encode a drawing (H, W) of these numbers."""
         height, width = image.shape
         rows = np.empty((height, width + 1), np.uint8)
-        rows[:, 0] = FROM_ABOVE
-        rows[0, 1:] = image[0]
-        np.subtract(image[1:], image[:-1], out=rows[1:, 1:])
-        packer = zlib.compressobj(1, zlib.DEFLATED, 15, 9, zlib.Z_RLE)
+        rows[:, 0] = AS_IT_IS if self._of_letters else FROM_ABOVE
+        rows[:, 1:] = image
+        if not self._of_letters:
+            rows[1:, 1:] -= image[:-1]
+        packer = zlib.compressobj(1, zlib.DEFLATED, 15, 8, zlib.Z_RLE)
         size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
         header = _chunk(b"IHDR", size + BY_PALETTE)
         pixels = _chunk(b"IDAT", packer.compress(rows.data) + packer.flush())

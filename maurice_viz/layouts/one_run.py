@@ -10,6 +10,7 @@ from ..panels.camera import named_view, seen_views
 from ..panels.events import lanes_px, words_view
 from ..panels.explanation import (
     CAMERA_CARD,
+    camera_card_view,
     card_view,
     chart_view,
     columns_of,
@@ -84,9 +85,9 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     figures = FIGURES_PX + FIGURE_PX * len(run.channels)
     above = HEIGHT_PX - lanes_px(OWN_LANES) - figures
     left = rrb.Vertical(references_map_view(paths, scene), figures_view(paths), row_shares=[above, figures])
-    whose = (CAMERA_CARD, *columns_of(scene.has_truth))
-    cards = rrb.Horizontal(*(card_view(paths, who) for who in whose))
-    charts = rrb.Horizontal(*(chart_view(paths, who) for who in whose))
+    whose = columns_of(scene.has_truth)
+    cards = rrb.Horizontal(camera_card_view(run, scene), *(card_view(paths, who) for who in whose))
+    charts = rrb.Horizontal(*(chart_view(paths, who) for who in (CAMERA_CARD, *whose)))
     right = rrb.Vertical(sentence_view(paths), cards, charts, row_shares=[160, 278, 175])
     body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
     return untitled(over_events(body, [run], noticed=True))

@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from maurice_mcl.values import F32, F64, I32, U8, Arena, Belief
 
 from .. import entities
-from ..drawing.arrow import Row, colors_of, points_of, row_of, strips_of, ui_points_of
+from ..drawing.arrow import Row, colors_of, places_of, points_of, row_of, strips_of, text_of, ui_points_of
 from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import WEIGHTS, keys_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import (
+    LUT,
     PALE,
     RGB,
     RUN_COLORS,
@@ -29,6 +30,7 @@ from ..style import (
     font_safe,
     heading_vector,
     weight_colors,
+    weight_shades,
 )
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, MAP, map_view, plane_view
@@ -66,11 +68,11 @@ class CloudPanel(Panel):
             draw_cloud(rec, path, few_of(record.weighted), self._scale)
             return
         # light ones first: equal colors together take a quarter off the bytes, and heavy ones are on top
-        order = np.argsort(record.weighted.log_weights, kind="stable")
+        shades = weight_shades(record.weighted.log_weights)
+        order = np.argsort(shades, kind="stable")
         draw_cloud(rec, path, in_order(record.predicted, order), self._scale)
         set_phase(rec, moment, Phase.WEIGHT)  # only colors: positions are most of a recording's size
-        colors = weight_colors(record.weighted.log_weights[order])
-        rec.log(path, row_of(rr.Points2D, colors=colors_of(colors)))
+        rec.log(path, row_of(rr.Points2D, colors=colors_of(LUT[shades[order]])))
 
 
 def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
@@ -305,8 +307,8 @@ class CloseupFrame:
         # a still view is easier to read and costs nothing
         if resized or np.abs(at - self._at).max() > FOLLOW_SHARE * self._half:
             self._half, self._at = needed if resized else self._half, at
-            size = [self._half] * 3
-            rec.log(self._path, rr.Transform3D.from_fields(translation=[*at.tolist(), 0], scale=size))
+            frame = places_of([*at.tolist(), 0]), places_of([self._half] * 3)
+            rec.log(self._path, row_of(rr.Transform3D, translation=frame[0], scale=frame[1]))
             self._draw_bar(rec)
         self._draw_away(rec, truths)
 
@@ -321,9 +323,10 @@ class CloseupFrame:
             [end, BAR_BOTTOM],
             [end, BAR_BOTTOM - 0.02],
         ]
-        rec.log(f"{self._path}/bar", rr.LineStrips2D.from_fields(strips=[np.array(bar)]))
-        at = [[max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - 0.18]]
-        rec.log(f"{self._path}/length", rr.Points2D.from_fields(positions=at, labels=[f"{length:g} {unit}"]))
+        rec.log(f"{self._path}/bar", row_of(rr.LineStrips2D, strips=strips_of([np.array(bar, np.float32)])))
+        at = points_of([max((BAR_LEFT + end) / 2, BAR_LEFT + 0.08), BAR_BOTTOM - 0.18])
+        label = text_of(f"{length:g} {unit}")
+        rec.log(f"{self._path}/length", row_of(rr.Points2D, positions=at, labels=label))
 
     def _draw_away(self, rec: rr.RecordingStream, truths: Sequence[F64]) -> None:
         """Point to a truth outside of the frame, with its distance from the frame's middle."""
@@ -351,8 +354,9 @@ def seen_whole(clouds: Sequence[F64], truths: Sequence[F64]) -> tuple[F64, float
 
     It also holds poses (3,) that would not make it more than `TRUTH_TIMES` times as large.
     """
-    ends = [np.quantile(cloud, [0.01, 0.99], axis=0) for cloud in clouds if len(cloud)]
-    low, high = np.min(ends, axis=0)[0], np.max(ends, axis=0)[1]
+    ends = [np.sort(cloud, axis=0) for cloud in clouds if len(cloud)]
+    low = np.min([ordered[len(ordered) // 100] for ordered in ends], axis=0)
+    high = np.max([ordered[-1 - len(ordered) // 100] for ordered in ends], axis=0)
     size = max(float((high - low).max()), LEAST_SIDE_M)
     for truth in truths:
         lower, upper = np.minimum(low, truth[:2]), np.maximum(high, truth[:2])

@@ -1,4 +1,4 @@
-"""What the robot saw: the picture and its edges; and pictures in general, by name or over a caption."""
+"""What the robot saw; and pictures in general, by name or over a caption."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from maurice_mcl.sensor.descriptors.histograms import edge_image
-from maurice_mcl.values import U8
-
 from .. import entities
 from ..drawing.arrow import blob_of, row_of
-from ..drawing.canvas import EDGE_GAIN, brightened, jpeg, put_text
+from ..drawing.canvas import EDGE_GAIN, jpeg, put_text
 from ..entities import Phase
 from ..scene import RunView
 from ..style import GROUND, MISSING, PALE, RGB, TRUTH, font_safe
@@ -25,14 +22,13 @@ NAME, SEES = "name", "the robot sees"
 CAMERA_QUALITY = (
     80  # three fifths of the bytes of 90, and no difference that one sees at three times the size
 )
-EDGES_QUALITY = 75  # for display; the channel measures the picture itself
 
 
 class CameraPanel(Panel):
-    """Draws the picture of each update, and its edges."""
+    """Draws the picture of each update."""
 
     def prepare(self, rec: rr.RecordingStream) -> None:
-        prepare_camera(rec)
+        prepare_jpeg(rec, entities.CAMERA)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the picture; in the very first phase, before a picture is taken, a gray one."""
@@ -44,22 +40,9 @@ class CameraPanel(Panel):
             gray = np.full(image.shape, MISSING, np.uint8)
             height, width = image.shape[:2]
             put_text(gray, "not taken yet", width * 0.08, height / 2, width / 14, PALE)
-            for path in (entities.CAMERA, entities.EDGES):
-                draw_jpeg(rec, path, jpeg(gray))
+            draw_jpeg(rec, entities.CAMERA, jpeg(gray))
         set_phase(rec, update.moment, Phase.MEASURE)
-        draw_camera(rec, image)
-
-
-def prepare_camera(rec: rr.RecordingStream) -> None:
-    """Log the media type of camera and edges, static."""
-    for path in (entities.CAMERA, entities.EDGES):
-        prepare_jpeg(rec, path)
-
-
-def draw_camera(rec: rr.RecordingStream, image: U8) -> None:
-    """Log a picture (H, W, 3) RGB and its edge image, which the edge channel measures."""
-    draw_jpeg(rec, entities.CAMERA, jpeg(image, CAMERA_QUALITY))
-    draw_jpeg(rec, entities.EDGES, jpeg(brightened(edge_image(image)), EDGES_QUALITY))
+        draw_jpeg(rec, entities.CAMERA, jpeg(image, CAMERA_QUALITY))
 
 
 NAME_ABOVE = 0.12  # of a picture's width: its name stands so far above it; in a narrow view more

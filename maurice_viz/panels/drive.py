@@ -12,6 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_loaders.reading.recording import PLACEHOLDER, SimplifiedPath
+from maurice_mcl.sensor.descriptors.histograms import edge_image
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.values.arrays import F32, F64
 from maurice_mcl.values.geometry import compose, compose_motions, inverse, motion_between, rotated
@@ -20,15 +21,16 @@ from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import Moment, SessionInfo
 
 from .. import entities, style
-from ..drawing.canvas import Extent, long_side, map_extent
+from ..drawing.canvas import Extent, brightened, jpeg, long_side, map_extent
 from ..style import BAR, RGB, TRUTH, Scale, font_safe, scale_for
 from ..text.narration import motion as said_motion
 from .belief import ARROW_SHARE, estimate_marker, truth_marker
-from .camera import draw_camera, prepare_camera
+from .camera import CAMERA_QUALITY, draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN
 from .views import MAP, Overrides, labeled, plane_view
 from .world import draw_world
 
+EDGES_QUALITY = 75  # for display; the channel measures the picture itself
 MOST_POINTS = 4000  # points of a path that are kept; of a longer one every second, fourth, ... point
 PATH_MARGIN = 0.08  # around the paths, as a share of the longer side
 LEAST_FREE_M = 1.0  # free on each side of them
@@ -173,7 +175,8 @@ def _prepare(rec: rr.RecordingStream, drive: DriveView) -> None:
     for path in DOTTED_TRACES:  # no line across the gaps that truth may have
         rec.log(f"{TRACE}/{path}", rr.SeriesPoints(colors=[BAR], marker_sizes=[2.5]), static=True)
     rec.log(TEXT, rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-    prepare_camera(rec)
+    for path in (entities.CAMERA, entities.EDGES):
+        prepare_jpeg(rec, path)
 
 
 class _Pen:
@@ -191,7 +194,9 @@ class _Pen:
 
     def draw(self, moment: Moment) -> None:
         if moment.frame.picture != PLACEHOLDER:
-            draw_camera(self.rec, moment.frame.image)
+            draw_jpeg(self.rec, entities.CAMERA, jpeg(moment.frame.image, CAMERA_QUALITY))
+            edges = brightened(edge_image(moment.frame.image))
+            draw_jpeg(self.rec, entities.EDGES, jpeg(edges, EDGES_QUALITY))
             self._draw_vectors(moment)
             self._trace("brightness", float(moment.frame.image.mean()))
         self._draw_poses(moment)

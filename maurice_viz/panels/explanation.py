@@ -26,8 +26,16 @@ from maurice_mcl.values import U8
 from .. import entities
 from .. import style as look
 from ..drawing.arrow import blob_of, points_of, row_of, text_of
-from ..drawing.canvas import png
-from ..drawing.contact_sheet import CARD_PX, CELL_PX, blank_card, card_of, card_with_edges, cell_height
+from ..drawing.canvas import Extent, png
+from ..drawing.contact_sheet import (
+    CARD_GAP_PX,
+    CARD_PX,
+    blank_card,
+    card_height,
+    card_of,
+    cell_height,
+    edges_of,
+)
 from ..drawing.heat import CHART
 from ..drawing.keys import EXPLAINED, explain_key
 from ..drawing.reference_chart import draw_chart_key, draw_reference_chart, scale_of
@@ -38,7 +46,7 @@ from ..text.explanation import GLOSSARY, headline, say_step
 from ..text.explanation_table import brief_table, winner_first
 from .camera import SEES, draw_jpeg, draw_name, named_view, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase
-from .views import MAP, map_view, picture_view
+from .views import MAP, map_view, picture_view, plane_view
 
 OUTSIDE_WORDS = "outside free space"
 NO_TRUTH_WORDS = "truth not known here"
@@ -62,7 +70,7 @@ LEFT_OUT_WORDS = "Not drawn at this step (`--detail`)."
 NO_LIBRARY = "What the picture was compared with is not available."
 CAMERA_CARD = "camera"
 NARROW = 0.17  # of a card's width: how far above it its name stands
-NAMES = {CAMERA_CARD: SEES, WINNER: "best match", TRUTH: "nearest to truth", ESTIMATE: "nearest to estimate"}
+NAMES = {WINNER: "best match", TRUTH: "nearest to truth", ESTIMATE: "nearest to estimate"}
 
 
 class ExplanationPanel(Panel):
@@ -73,6 +81,8 @@ class ExplanationPanel(Panel):
         self._has_truth = scene.has_truth
         self._references = None if run.sensor is None else _References(run.sensor)
         self._cards: dict[str, bytes] = {}  # last logged, by column
+        self._camera, self._edges = (run.paths.explain(CAMERA_CARD, *part) for part in ((), ("edges",)))
+        self._width = 0  # of the camera's pictures, in pixels; 0: not known yet
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         if self._references is None:
@@ -83,11 +93,12 @@ class ExplanationPanel(Panel):
         whose = columns_of(self._has_truth)
         for part in ("table", "words"):
             rec.log(self._paths.explain(part), rr.TextDocument.from_fields(media_type=MARKDOWN), static=True)
-        colors = colors_of(self._run.color) | {CAMERA_CARD: look.TRUTH}
-        for who in (CAMERA_CARD, *whose):
+        colors = colors_of(self._run.color)
+        prepare_jpeg(rec, self._edges, order=-10.0)
+        draw_name(rec, self._camera, SEES, CARD_PX, look.TRUTH, NARROW)
+        for who in whose:
             prepare_jpeg(rec, self._paths.explain("card", who), order=-10.0)
             draw_name(rec, self._paths.explain("card", who), NAMES[who], CARD_PX, colors[who], NARROW)
-        for who in whose:
             chart = rr.EncodedImage.from_fields(media_type="image/png", draw_order=-10.0)
             rec.log(self._paths.explain("chart", who), chart, static=True)
         key = rr.EncodedImage(contents=png(draw_chart_key()), media_type="image/png")
@@ -104,9 +115,10 @@ class ExplanationPanel(Panel):
         truth = update.moment.truth if self._has_truth else None
         step = winner_first(explain_step(record, references.sensor, truth))
         shown = [(who, step.of(who)) for who in columns_of(self._has_truth)]
-        set_phase(rec, update.moment, Phase.ESTIMATE)
-        cards = [(who, references.card(explained)) for who, explained in shown]
-        for who, card in [(CAMERA_CARD, references.card_of_camera(update.moment.frame.image)), *cards]:
+        set_phase(rec, update.moment, Phase.MEASURE)  # with the camera's picture, which is not logged twice
+        self._draw_edges(rec, update.moment.frame.image)
+        for who, explained in shown:
+            card = references.card(explained)
             if self._cards.get(who) != card:  # most of the size, and it often stays
                 draw_jpeg(rec, self._paths.explain("card", who), card)
                 self._cards[who] = card
@@ -122,12 +134,22 @@ class ExplanationPanel(Panel):
             return
         whose = columns_of(self._has_truth)
         charts = [self._paths.explain("chart", who) for who in whose]
-        cards = [self._paths.explain("card", who) for who in (CAMERA_CARD, *whose)]
-        for path in (*charts, *cards, self._paths.explain("marks")):
+        cards = [self._paths.explain("card", who) for who in whose]
+        for path in (*charts, *cards, self._edges, self._paths.explain("marks")):
             rec.log(path, rr.Clear(recursive=False))
         for part in ("table", "words"):
             rec.log(self._paths.explain(part), rr.TextDocument.from_fields(text=LEFT_OUT_WORDS))
         self._cards.clear()
+
+    def _draw_edges(self, rec: rr.RecordingStream, image: U8) -> None:
+        """Log the edges of the camera's picture (H, W, 3), which stand under it as on a card."""
+        height, width = image.shape[:2]
+        if width != self._width:  # seen from here, the picture is as wide as a card
+            self._width = width
+            rec.log(self._camera, rr.Transform3D(scale=width / CARD_PX), static=True)
+            below = [0, CARD_PX * height / width + CARD_GAP_PX, 0]
+            rec.log(self._edges, rr.Transform3D(translation=below), static=True)
+        draw_jpeg(rec, self._edges, edges_of(image))
 
     def _draw_charts(self, rec: rr.RecordingStream, shown: Sequence[Column]) -> None:
         entries = [None if explained is None else explained.entry for _, explained in shown]
@@ -157,17 +179,13 @@ class _References:
     def __init__(self, sensor: SensorModel) -> None:
         self.sensor = sensor
         self._thumbnail = cell_height(sensor.library.pictures)
-        self._height = max(1, round(CARD_PX * self._thumbnail / CELL_PX))  # of one picture on a card
+        self._height = card_height(sensor.library.pictures)
 
     def card(self, explained: Explained | None) -> bytes:
         """Return the card of a reference: its picture over its edges, as a JPEG."""
         if explained is None or explained.entry is None:
             return blank_card(self._height, NO_TRUTH_WORDS if explained is None else OUTSIDE_WORDS)
         return card_of(self.sensor.library.pictures[explained.entry.entry], self._thumbnail, self._height)
-
-    def card_of_camera(self, image: U8) -> bytes:
-        """Return the card of the camera's picture (H, W, 3)."""
-        return card_with_edges(image, round(CARD_PX * image.shape[0] / image.shape[1]))
 
 
 def references_map_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
@@ -185,8 +203,15 @@ def references_map_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     return map_view(name, contents, scene, key=explain_key(scene.has_truth))
 
 
+def camera_card_view(run: RunView, scene: Scene) -> rrb.Spatial2DView:
+    """Show what the robot saw by name, over its edges, as large as the cards beside it."""
+    path, camera = run.paths.explain(CAMERA_CARD), entities.camera_of(run.label, run.own_drive)
+    extent = Extent(0, CARD_PX, -NARROW * CARD_PX, 2 * card_height(scene.library.pictures) + CARD_GAP_PX)
+    return plane_view(SEES, [camera, f"{path}/**"], extent, origin=path)
+
+
 def card_view(paths: RunPaths, who: str) -> rrb.Spatial2DView:
-    """Show a picture by name, over its edges."""
+    """Show the picture of a reference by name, over its edges."""
     return named_view(NAMES[who], paths.explain("card", who))
 
 

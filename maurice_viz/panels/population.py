@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import cv2
 import numpy as np
@@ -227,35 +227,35 @@ class WeightBarsPanel(Panel):
         dots, held = shares_of(times, kind)
         bars = bars_of(heights_of(dots), heights_of(held))
         rec.log(self._paths.inside("bars"), row_of(rr.EncodedImage, blob=blob_of(bars)))
-        labels: list[tuple[float, float, str, int]] = []  # x, y, text, color
-        dots_color, weight_color, pale = (
-            style.packed(style.CLOUD),
-            style.packed(style.WEIGHT),
-            style.packed(style.PALE),
-        )
-        for values, left, color in ((dots, FIRST_PX, dots_color), (held, SECOND_PX, weight_color)):
+        labels = [*_names_of(kind)]
+        for values, left, color in ((dots, FIRST_PX, style.CLOUD), (held, SECOND_PX, style.WEIGHT)):
             labels += [
                 (
                     BINS_PX * k + left + COLUMN_PX / 2,
                     -HEIGHT_PX * value - VALUE_ABOVE,
                     f"{100 * value:.0f}",
-                    color,
+                    style.packed(color),
                 )
-                for k, value in enumerate(values)
+                for k, value in enumerate(values.tolist())
                 if value >= LEAST_SAID
             ]
-        labels += [(BINS_PX * (k + 0.48), NAME_BELOW, name, pale) for k, (_, name) in enumerate(kind.bins)]
-        width = BINS_PX * len(kind.bins)
-        labels.append((width / 2, UNDER, kind.under, pale))
-        labels.append((width / 4, -HEIGHT_PX - KEY_ABOVE, "% of the dots", dots_color))
-        labels.append((3 * width / 4, -HEIGHT_PX - KEY_ABOVE, kind.held, weight_color))
-        row = row_of(
-            rr.Points2D,
-            positions=points_of([label[:2] for label in labels]),
-            labels=texts_of([label[2] for label in labels]),
-            colors=colors_of([label[3] for label in labels]),
-        )
+        x, y, texts, colors = zip(*labels, strict=True)
+        places = points_of(np.array([x, y], np.float32).T)
+        row = row_of(rr.Points2D, positions=places, labels=texts_of(texts), colors=colors_of(colors))
         rec.log(self._paths.inside("values"), row)
+
+
+Label = tuple[float, float, str, int]  # x, y, text, packed color
+
+
+@cache
+def _names_of(kind: Kind) -> tuple[Label, ...]:
+    """Return the labels that all bars of a kind have."""
+    dots, weight, pale = (style.packed(color) for color in (style.CLOUD, style.WEIGHT, style.PALE))
+    width, top = BINS_PX * len(kind.bins), -HEIGHT_PX - KEY_ABOVE
+    names = [(BINS_PX * (k + 0.48), NAME_BELOW, name, pale) for k, (_, name) in enumerate(kind.bins)]
+    under = width / 2, UNDER, kind.under, pale
+    return *names, under, (width / 4, top, "% of the dots", dots), (3 * width / 4, top, kind.held, weight)
 
 
 def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:

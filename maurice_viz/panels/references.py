@@ -16,7 +16,7 @@ from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values import F32, F64, Comparison, Library
 
 from .. import entities
-from ..drawing.arrow import blob_of, floats_of, points_of, row_of
+from ..drawing.arrow import blob_of, floats_of, points_of, row_of, texts_of
 from ..drawing.canvas import Extent
 from ..drawing.contact_sheet import (
     BEST,
@@ -105,8 +105,8 @@ class MatchCircles:
         self._tell_nothing(rec, paths, comparison.log_likelihood)
         best = comparison.best(BEST)
         places, sizes = self.centers[best], floats_of(radii[best] * np.float32(self.spacing))
-        labels = rr.Points2D.from_fields(labels=rank_labels(places, LABEL_ROOM * self.spacing))
-        rec.log(paths.best, row_of(rr.Points2D, positions=points_of(places), radii=sizes), labels)
+        labels = texts_of(rank_labels(places, LABEL_ROOM * self.spacing))
+        rec.log(paths.best, row_of(rr.Points2D, positions=points_of(places), radii=sizes, labels=labels))
 
     def clear(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
         """Log no circles, until the next are drawn."""
@@ -156,7 +156,8 @@ def nearness(log_likelihood: F32) -> F32:
 
 def tells_apart(log_likelihood: F32) -> bool:
     """Return whether a picture tells places apart: half of the entries (L,) are well behind the best."""
-    return not float(log_likelihood.max() - np.median(log_likelihood)) < SAYS_NOTHING
+    middle = len(log_likelihood) // 2
+    return not float(log_likelihood.max() - np.partition(log_likelihood, middle)[middle]) < SAYS_NOTHING
 
 
 class BestReferencesPanel(Panel):

@@ -27,7 +27,16 @@ from maurice_viz.panels.inside import AFTER, BEFORE, DOT
 from maurice_viz.panels.population import outline
 from maurice_viz.playback import ResultCollector
 from maurice_viz.scene import DRAWS_WHERE_LIKELY
-from maurice_viz.style import DEAD, FRESH, STATES, mode_color, packed, scale_for, weight_colors
+from maurice_viz.style import (
+    DEAD,
+    FRESH,
+    STATES,
+    mode_color,
+    packed,
+    scale_for,
+    weight_colors,
+    weight_shades,
+)
 from maurice_viz.text import narration
 from maurice_viz.text.phases import phase_words, reseeded
 
@@ -101,7 +110,7 @@ def test_cloud_estimate_and_headings_are_those_of_each_phase(drive):
     )
     for moment, record in played:
         base = PHASES_PER_STEP * moment.frame.step
-        lightest_first = np.argsort(record.weighted.log_weights, kind="stable")
+        lightest_first = np.argsort(weight_shades(record.weighted.log_weights), kind="stable")
         places = positions(record.predicted, scale)[lightest_first]
         for phase in Phase:
             number = base + phase
