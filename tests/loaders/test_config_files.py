@@ -61,10 +61,7 @@ def test_a_table_is_found_from_where_the_file_lies_which_is_replaced_only_by_for
     ("text", "found"),
     [
         ("[reading]\nturn_scael = -1\n", r"found the key 'turn_scael', did you mean turn_scale\?"),
-        (
-            '[reading]\nturn_scale = "x"\n',
-            "turn_scale: found 'x', expected a number from -1e\\+09 to 1e\\+09",
-        ),
+        ('[reading]\nturn_scale = "x"\n', r"turn_scale: found 'x', expected a number from -1e\+09 to"),
         ("[reading]\nturn_scale = 0\n", "turn_scale: found 0, expected a number other than 0"),
         ('[reading]\ncamera = ""\n', "camera: found an empty text"),
         ("[reading]\ncamera = 3\n", "camera: found 3, expected a text"),
@@ -99,15 +96,8 @@ def test_the_documentation_lists_every_option_and_corrections_are_a_group() -> N
     assert len(CORRECTIONS) == 14
 
 
-MOTION = {
-    "model": "maurice",
-    "turn_gain": 0.73,
-    "straight_bias_m": -1e-05,
-    "drift": {
-        "": {"bias_rad_per_m": 0.1, "sd_rad_per_m": 0.2},
-        'old "oak".\x7f': {"bias_rad_per_m": -0.1, "sd_rad_per_m": 0.0},
-    },
-}
+DRIFT = {"bias_rad_per_m": 0.1, "sd_rad_per_m": 0.2}
+MOTION = {"model": "maurice", "straight_bias_m": -1e-05, "drift": {"": DRIFT, 'old "oak".\x7f': DRIFT}}
 
 
 def test_a_motion_that_is_written_reads_back(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 from rerun.chunk import RrdReader
 from typer.testing import CliRunner
 
-from helpers.commands import COMMAND, failure, no_display, process, run, runs_of
+from helpers.commands import COMMAND, failure, no_display, run, runs_of
 from helpers.small_session import write_small_session, write_small_survey
 from maurice_viz.cli.app import app
 
@@ -25,7 +25,7 @@ RUN_KEYS = {
 
 
 def test_a_session_alone_writes_a_recording_and_a_table(small_session, tmp_path):
-    done = process(small_session)
+    done = run(small_session)
     assert f"{tmp_path.name}.rrd written; open it with:" in done.stderr
     assert "error, mean (m)" in done.stdout
     assert "blended" in done.stdout
@@ -201,6 +201,9 @@ def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, 
     (found,) = json.loads(out)["runs"]
     assert 0 < found["updates"] < 14
     assert RrdReader(tmp_path / f"{tmp_path.name}-particles-300000.rrd").recordings()
+    kept = run("kept", "-o", "none", "--json")
+    assert runs_of(kept.stdout) == runs_of(out)
+    assert f"the run stopped; it holds {found['updates']} of 14 steps" in " ".join(kept.stderr.split())
 
 
 def test_a_start_outside_the_map_is_refused_and_one_in_no_free_space_is_told(small_session, tmp_path):
@@ -225,7 +228,7 @@ def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
 
 
 def test_a_dead_display_counts_as_none(small_session, tmp_path):
-    done = process(small_session, DISPLAY=":987")
+    done = run(small_session, "--particles", "50", env={"DISPLAY": ":987"})
     assert "writing a file instead" in done.stderr
     assert (tmp_path / f"{tmp_path.name}.rrd").exists()
 

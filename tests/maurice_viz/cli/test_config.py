@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -104,17 +101,6 @@ def test_check_reads_the_file_alone(tmp_path):
     wrong = _run(expect=1, MAURICE_FILTER_PARTICLES="x").stderr
     expect_facts(wrong, "MAURICE_FILTER_PARTICLES: particles: found 'x', expected a whole")
     assert "found no such file" in _run("--config", tmp_path / "none.toml", expect=1).stderr
-
-
-def test_the_command_is_known_to_the_app():
-    done = subprocess.run(
-        [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "config"],
-        env=os.environ,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert tomllib.loads(done.stdout)["particles"] == 2000
 
 
 values = st.recursive(

@@ -248,16 +248,3 @@ def test_a_run_without_a_step_is_shown_and_not_verified(small_session, monkeypat
     assert json.loads(out)["runs"][0]["updates"] == 0
     assert "holds 0 of 14 steps" in one_line(err)
     assert "nothing to verify" in one_line(maurice("verify", "kept", expect=1)[1])
-
-
-def test_a_stopped_run_keeps_every_step_and_says_so(small_session, tmp_path):
-    with start_slow(small_session, tmp_path) as going:
-        going.send_signal(signal.SIGINT)
-        out, err = going.communicate(timeout=60)
-    assert going.returncode == 130, err
-    manifest = read_manifest(tmp_path / "kept")
-    assert manifest.state == "stopped"
-    again, err_again = maurice("kept", "-o", "none")
-    # the table; above it the verdict of a few steps is wrapped to the width of each console
-    assert again[again.index("┏") :] == out.decode()[out.decode().index("┏") :]
-    assert f"the run stopped; it holds {manifest.steps} of 14 steps" in " ".join(err_again.split())

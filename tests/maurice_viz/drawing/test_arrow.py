@@ -30,46 +30,32 @@ IN_SPACE = np.random.default_rng(2).random((2, 4, 3), np.float32)
 POINTS = rr.components.Radius.ui_points
 
 
+STRIPS = PLACES[:6].reshape(3, 2, 2)
+CASES = [
+    (rr.Points2D, {"positions": points_of(PLACES)}, {"positions": PLACES}),
+    (rr.Points2D, {"positions": points_of([])}, {"positions": []}),
+    (rr.Points2D, {"colors": colors_of(PACKED)}, {"colors": PACKED}),
+    (rr.Points2D, {"radii": floats_of(NUMBERS)}, {"radii": NUMBERS}),
+    (rr.Points2D, {"radii": ui_points_of([2.5])}, {"radii": POINTS(2.5)}),
+    (rr.Arrows2D, {"origins": points_of(PLACES)}, {"origins": PLACES}),
+    (rr.Arrows2D, {"vectors": points_of(PLACES[::-1])}, {"vectors": PLACES[::-1]}),
+    (rr.LineStrips2D, {"strips": strips_of(LINES)}, {"strips": LINES}),
+    (rr.LineStrips2D, {"strips": strips_of([])}, {"strips": []}),
+    (rr.LineStrips2D, {"strips": strips_of(STRIPS)}, {"strips": STRIPS}),
+    (rr.LineStrips3D, {"strips": space_strips_of(IN_SPACE)}, {"strips": IN_SPACE}),
+    (rr.Points3D, {"positions": places_of(IN_SPACE[0])}, {"positions": IN_SPACE[0]}),
+    (rr.Transform3D, {"translation": places_of([1, 2, 3])}, {"translation": [1, 2, 3]}),
+    (rr.EncodedImage, {"blob": blob_of(b"picture")}, {"blob": b"picture"}),
+    (rr.TextDocument, {"text": text_of("0.5 m²")}, {"text": "0.5 m²"}),
+    (rr.BarChart, {"values": tensor_of(NUMBERS)}, {"values": NUMBERS}),
+    (rr.Measurements, {"values": doubles_of(1.5)}, {"values": 1.5}),
+    (rr.Measurements, {"variances": doubles_of(0.5)}, {"variances": 0.5}),
+]
+ROWS = [(row_of(kind, **ready), kind.from_fields(**usual)) for kind, ready, usual in CASES]
+
+
 @pytest.mark.parametrize(
-    ("ready", "usual"),
-    [
-        (row_of(rr.Points2D, positions=points_of(PLACES)), rr.Points2D.from_fields(positions=PLACES)),
-        (row_of(rr.Points2D, positions=points_of([])), rr.Points2D.from_fields(positions=[])),
-        (row_of(rr.Points2D, colors=colors_of(PACKED)), rr.Points2D.from_fields(colors=PACKED)),
-        (row_of(rr.Points2D, radii=floats_of(NUMBERS)), rr.Points2D.from_fields(radii=NUMBERS)),
-        (row_of(rr.Points2D, radii=ui_points_of([2.5])), rr.Points2D.from_fields(radii=POINTS(2.5))),
-        (
-            row_of(rr.Arrows2D, origins=points_of(PLACES), vectors=points_of(PLACES[::-1])),
-            rr.Arrows2D.from_fields(origins=PLACES, vectors=PLACES[::-1]),
-        ),
-        (row_of(rr.LineStrips2D, strips=strips_of(LINES)), rr.LineStrips2D.from_fields(strips=LINES)),
-        (row_of(rr.LineStrips2D, strips=strips_of([])), rr.LineStrips2D.from_fields(strips=[])),
-        (
-            row_of(rr.LineStrips2D, strips=strips_of(PLACES[:6].reshape(3, 2, 2))),
-            rr.LineStrips2D.from_fields(strips=PLACES[:6].reshape(3, 2, 2)),
-        ),
-        (
-            row_of(rr.LineStrips3D, strips=space_strips_of(IN_SPACE)),
-            rr.LineStrips3D.from_fields(strips=IN_SPACE),
-        ),
-        (
-            row_of(rr.Points3D, positions=places_of(IN_SPACE[0])),
-            rr.Points3D.from_fields(positions=IN_SPACE[0]),
-        ),
-        (
-            row_of(rr.Transform3D, translation=places_of([1, 2, 3])),
-            rr.Transform3D.from_fields(translation=[1, 2, 3]),
-        ),
-        (row_of(rr.EncodedImage, blob=blob_of(b"picture")), rr.EncodedImage.from_fields(blob=b"picture")),
-        (row_of(rr.TextDocument, text=text_of("0.5 m²")), rr.TextDocument.from_fields(text="0.5 m²")),
-        (row_of(rr.BarChart, values=tensor_of(NUMBERS)), rr.BarChart.from_fields(values=NUMBERS)),
-        (scalars(1.5), rr.Scalars(1.5)),
-        (scalars([1.5, 2.5]), rr.Scalars([1.5, 2.5])),
-        (
-            row_of(rr.Measurements, values=doubles_of(1.5), variances=doubles_of(0.5)),
-            rr.Measurements.from_fields(values=1.5, variances=0.5),
-        ),
-    ],
+    ("ready", "usual"), [*ROWS, *((scalars(x), rr.Scalars(x)) for x in (1.5, [1.5, 2.5]))]
 )
 def test_a_ready_row_is_what_rerun_would_have_made(ready, usual):
     wanted = {b.component_descriptor(): b.as_arrow_array() for b in usual.as_component_batches()}

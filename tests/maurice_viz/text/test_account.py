@@ -35,17 +35,7 @@ CLOUDS = {
     "s": [*at(2, 0, 0.4), *at(5, 0, 0.35), *at(8, 0, 0.25)],  # too far off, unsure
 }
 # what can happen for a while: a kidnapping, a loss, a search, a calm time; capital letters: doubted
-TIMES = [
-    "r" * 6,
-    "k" + "o" * 3,
-    "k" + "O" * 7,
-    "kR" + "r" * 5,
-    "o" * 3,
-    "oO" + "O" * 5,
-    "bB",
-    "s" * 9,
-    "rF" * 3,
-]
+TIMES = ["rrrrrr", "kooo", "kOOOOOOO", "kRrrrrr", "ooo", "oOOOOOO", "bB", "sssssssss", "rFrFrF"]
 
 
 def played(letters: str) -> tuple[RunResult, list[str], dict[str, list[str]]]:

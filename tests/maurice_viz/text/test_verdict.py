@@ -18,19 +18,9 @@ from maurice_viz.text.verdict import say_verdict, verdict_line
 
 INCHES = Scale(UNITS["in"])
 INCH_M = 0.0254
-GOOD = RunVerdict(
-    updates=90,
-    has_truth=True,
-    localized=1,
-    first=1,
-    error_mean_m=4 * INCH_M,
-    end=StepScore(2 * INCH_M, 0.1, True, True, False),
-    error_most_m=9 * INCH_M,
-    most_at=41,
-)
-
-
-OFF = StepScore(81 * INCH_M, 0.1, True, False, True)
+NEAR, OFF = (StepScore(2 * INCH_M, 0.1, True, True, False), StepScore(81 * INCH_M, 0.1, True, False, True))
+ERRORS = {"error_mean_m": 4 * INCH_M, "error_most_m": 9 * INCH_M, "most_at": 41, "end": NEAR}
+GOOD = RunVerdict(updates=90, has_truth=True, localized=1, first=1, **ERRORS)
 
 
 def wrong(*episodes, end=OFF, **more):
