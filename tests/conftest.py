@@ -27,8 +27,8 @@ sys.dont_write_bytecode = False  # and every run of the tests would rewrite thei
 
 HUNG_S = 600  # far longer than any test takes, however busy the machine
 
-# the same examples on every machine and day, however busy; `pytest --hypothesis-profile=default` draws others
-settings.register_profile("anywhere", derandomize=True, deadline=None)
+# the same examples on every machine and day; `pytest --hypothesis-profile=default` draws others, and more
+settings.register_profile("anywhere", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("anywhere")
 
 

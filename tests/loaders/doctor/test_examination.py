@@ -201,7 +201,7 @@ LINES = st.lists(
 )
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(lines=LINES, ordered=st.booleans())
 def test_no_numbers_bring_it_down(
     lines: list[tuple[float, str, list[float]]], ordered: bool, write_log: WriteLog

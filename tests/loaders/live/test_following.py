@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import re
 import signal
 import socket
@@ -288,12 +287,11 @@ def test_options_that_do_not_fit_are_usage_errors(
     assert run(*words).exit_code == 2
 
 
-def test_the_simulated_robot_is_followed(tmp_path: Path) -> None:
+def test_the_simulated_robot_is_followed() -> None:
     """The whole way, with the real simulator and a library made of its survey."""
-    environment = os.environ | {"MAURICE_CACHE": str(tmp_path / "cache")}
     serve = ["simulate", "tracking", "--updates", "6", "--rate", "20", "--serve", "tcp://127.0.0.1:0"]
     pipe = subprocess.PIPE
-    robot = subprocess.Popen([*MAIN, *serve], stdout=pipe, stderr=pipe, text=True, env=environment)
+    robot = subprocess.Popen([*MAIN, *serve], stdout=pipe, stderr=pipe, text=True)
     assert robot.stdout is not None
     address = robot.stdout.readline().strip()
     done = run("record", address, "-o", "rec", "--patience", "0.5", "--json")

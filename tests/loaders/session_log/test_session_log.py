@@ -237,9 +237,10 @@ def test_broken_pictures(write_log: WriteLog, tmp_path: Path, image: U8, picture
         moments(write_log({"t": 0, "image": picture}))
 
 
-@pytest.mark.parametrize(
-    "header", [{"robot": {"motion": {"a": "\ud800"}}}, {"robot": {"\ud800": 1}}, {"cameras": {"\ud800": {}}}]
-)
+HALF = {"motion": {"a": "\ud800"}}, {"motion": {"\ud800": 1}}
+
+
+@pytest.mark.parametrize("header", [{"robot": HALF[0]}, {"robot": HALF[1]}, {"cameras": {"\ud800": {}}}])
 def test_half_a_character_in_a_header_is_refused(write_log: WriteLog, header: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=r"session.log:1: found half a character in"):
         open_session(write_log(**header))

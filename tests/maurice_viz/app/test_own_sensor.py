@@ -11,6 +11,7 @@ import pytest
 
 import maurice_viz as mv
 from helpers.commands import failure, maurice, process, run
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders import InputError, open_run
 from maurice_mcl.config.build import make_localizer
 from maurice_mcl.config.parameters import Layer, configure
@@ -23,13 +24,14 @@ EXAMPLE = ROOT / "docs" / "examples" / "beacon"
 FILTER = ["-o", "none", "--particles", "100"]
 
 
-@pytest.fixture
-def drive(small_session, tmp_path):
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory):
     """The small drive with ranges, as the page makes it."""
-    log = small_session.parent / "beacon.log"
-    words = [sys.executable, "-m", "beacon", str(small_session), str(log)]
+    folder = tmp_path_factory.mktemp("beacon")
+    write_small_survey(folder)
+    words = [sys.executable, "-m", "beacon", write_small_session(folder), folder / "beacon.log"]
     subprocess.run(words, cwd=EXAMPLE, check=True, capture_output=True)
-    return log
+    return folder / "beacon.log"
 
 
 @pytest.fixture
@@ -76,11 +78,9 @@ def test_it_is_installed_used_by_name_saved_verified_and_refused_where_it_is_mis
     refused = process("verify", saved, expect=1).stderr.strip()
     assert refused.endswith("not installed here: pip install maurice-beacon==1.0")
     assert len(refused.splitlines()) == 1
-    assert "pip install maurice-beacon==1.0" in process(saved, "-o", "none").stderr
     (metadata,) = site.glob("*.egg-info/PKG-INFO")
     metadata.write_text(metadata.read_text().replace("Version: 1.0", "Version: 1.1"))
     assert "maurice-beacon was 1.0, is 1.1" in process("verify", saved, **installed).stdout
-    assert "maurice-beacon was 1.0, is 1.1" in process(saved, "-o", "none", **installed).stderr
 
 
 def test_saved_runs_what_if_check_and_the_python_api_carry_it(drive, module, tmp_path):

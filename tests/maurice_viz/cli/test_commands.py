@@ -228,7 +228,7 @@ def test_a_map_without_free_space_is_refused(small_session, tmp_path, strategy):
 
 
 def test_a_dead_display_counts_as_none(small_session, tmp_path):
-    done = run(small_session, "--particles", "50", env={"DISPLAY": ":987"})
+    done = run(small_session, env={"DISPLAY": ":987"})
     assert "writing a file instead" in done.stderr
     assert (tmp_path / f"{tmp_path.name}.rrd").exists()
 

@@ -52,11 +52,10 @@ CASES = [
     (rr.Measurements, {"variances": doubles_of(0.5)}, {"variances": 0.5}),
 ]
 ROWS = [(row_of(kind, **ready), kind.from_fields(**usual)) for kind, ready, usual in CASES]
+ROWS += [(scalars(value), rr.Scalars(value)) for value in (1.5, [1.5, 2.5])]
 
 
-@pytest.mark.parametrize(
-    ("ready", "usual"), [*ROWS, *((scalars(x), rr.Scalars(x)) for x in (1.5, [1.5, 2.5]))]
-)
+@pytest.mark.parametrize(("ready", "usual"), ROWS)
 def test_a_ready_row_is_what_rerun_would_have_made(ready, usual):
     wanted = {b.component_descriptor(): b.as_arrow_array() for b in usual.as_component_batches()}
     found = {b.component_descriptor(): b.as_arrow_array() for b in ready}

@@ -45,7 +45,7 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         (wrong(STAYS), ["Kidnapped at step 61: the filter stayed lost, sure of a wrong place", "78.7 in"]),
         (
             wrong(BACK, end=NEAR),
-            ["Kidnapped at step 61", "found itself again", "step 63", "100 new particles"],
+            ["Kidnapped at step 61", "found itself again", "step 63", "100 new"],
         ),
         (replace(GOOD, odometry_alone=ALONE), ["worse than odometry alone", "without the camera"]),
         (
@@ -54,7 +54,7 @@ ALONE = OdometryAlone(0.1, 0.2, ErrorDifference(0.3, (0.1, 0.4), 2, 87, 9, 78))
         ),
         (
             RunVerdict(updates=9, converged_share=0.5),
-            ["dots together (at 50% of the steps). No truth is known"],
+            ["together (at 50% of the steps). No truth is known"],
         ),
         (
             RunVerdict(updates=5, has_truth=True, end=OFF, off=5),
