@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,7 @@ from numpy.typing import NDArray
 from ..sensor.ahead import Compared
 from ..sensor.references import InterpolatedReference
 from ..values.arrays import F32, F64, I32, U64, Bool
-from ..values.randomness import (
-    Domain,
-    Purpose,
-    address_words,
-    generator,
-    normals_of,
-    random_bits,
-)
+from ..values.randomness import Domain, Purpose, address_words, generator, normals_at
 from ..values.records import Belief, Comparison, FilterState, RecoveryState, StepRecord, uniform_log_weights
 from ..values.session import Frame
 from .estimate import Clouds, are_wide, batch_estimates
@@ -131,13 +123,10 @@ class Batch:
         assert localizer.motion is not None, "see can_batch"
         poses: F32 = self.poses[:, runs].reshape(3, -1).T
         for number, motion in enumerate(frame.motions):
-            words = self._words(frame.step, Purpose.MOTION, number)[runs]
-            bits = [random_bits(seed_words, 2 * particles) for seed_words in words]
-            noise = normals_of(np.concatenate(bits))
+            noise = normals_at(self._words(frame.step, Purpose.MOTION, number)[runs], particles)
             if localizer.outliers.share > 0:
                 rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[runs])
-                rows = np.split(noise, len(runs))
-                noise = np.concatenate(list(map(with_outliers, rows, repeat(localizer.outliers), rngs)))
+                noise = with_outliers(noise, localizer.outliers, *rngs)
             poses = localizer.motion.move(poses, localizer.library.origin, motion, noise)
         return poses.T.reshape(3, len(runs), particles)
 
@@ -152,7 +141,7 @@ class Batch:
         else:
             cell, heading = nearest.bins_of(poses, self.localizer.library.origin)
             entries = nearest.entries_at(cell, heading)
-            likelihood, _ = references.among_places(values.take, cell, heading)
+            likelihood, _ = references.among_places(values.take, cell, heading, entries < 0)
         return entries.reshape(shape), likelihood.reshape(shape)
 
     def _sensed(self, moved: F32, comparison: Comparison) -> F32 | None:

@@ -87,13 +87,14 @@ def estimates(belief: Belief, radii: Radii = USUAL) -> tuple[Estimate, Estimate]
     """Return `heaviest_cluster` and `weighted_mean`, for less than both."""
     clouds = Clouds.of_belief(belief)
     cluster = clouds.weights * _heaviest(clouds, clouds.weights, radii.cluster_m)
-    return _estimate(clouds, cluster, radii), _estimate(clouds, clouds.weights, radii)
+    heaviest, mean = _estimates(clouds, np.concatenate([cluster, clouds.weights]), radii)
+    return heaviest, mean
 
 
 def weighted_mean(belief: Belief, radii: Radii = USUAL) -> Estimate:
     """Return the mean of the entire cloud. With several modes it lies between them."""
     clouds = Clouds.of_belief(belief)
-    return _estimate(clouds, clouds.weights, radii)
+    return _estimates(clouds, clouds.weights, radii)[0]
 
 
 def heaviest_cluster(belief: Belief, radii: Radii = USUAL) -> Estimate:
@@ -116,7 +117,7 @@ def modes(belief: Belief, radii: Radii = USUAL, *, most: int = 5, least: float =
         cluster = rest * _heaviest(clouds, rest, radii.cluster_m)
         if float(cluster.sum()) < least:
             break
-        clusters.append(_estimate(clouds, cluster, radii))
+        clusters += _estimates(clouds, cluster, radii)
         rest = np.asarray(np.where(cluster > 0, 0, rest))
     return tuple(sorted(clusters, key=cmp_to_key(_heavier_first)))
 
@@ -153,8 +154,9 @@ def share_within(belief: Belief, pose: F64, radius_m: float) -> float:
 
 def _heaviest(clouds: Clouds, weights: F64, reach_m: float) -> Bool:
     """Return which (R, N) particles lie within reach of the mode that most weight (R, N) lies about."""
-    starts = _starts(clouds.xy, weights, reach_m)
-    return _near(clouds.xy, _shift(starts, clouds.xy, weights, reach_m), reach_m)
+    start, shift = (_starts, _shift) if len(weights) > 1 else (_start_single, _shift_single)
+    centers = shift(start(clouds.xy, weights, reach_m), clouds.xy, weights, reach_m)
+    return _near(clouds.xy, centers, reach_m)
 
 
 def _starts(xy: F64, weights: F64, reach_m: float) -> F64:
@@ -184,12 +186,27 @@ def _starts(xy: F64, weights: F64, reach_m: float) -> F64:
     return xy[:, np.arange(len(nearest)), nearest]
 
 
+def _start_single(xy: F64, weights: F64, reach_m: float) -> F64:
+    """Return `_starts` of a single cloud, to the last bit, by fewer calls."""
+    offsets = xy[:, 0] - xy.min(axis=2)
+    side_m = max(reach_m / CELLS_A_CLUSTER, float(offsets.max()) / MOST_CELLS_A_SIDE)
+    column, row = (offsets / side_m).astype(np.int64)
+    width, height = int(column.max()) + 1, int(row.max()) + 1
+    row *= width
+    row += column
+    raster = np.bincount(row, weights[0], width * height).reshape(height, width)
+    within = cv2.filter2D(raster, -1, disc(reach_m / side_m), borderType=cv2.BORDER_CONSTANT)
+    down, right = divmod(first_heaviest(within), width)
+    offsets -= [[side_m * (right + 0.5)], [side_m * (down + 0.5)]]
+    squared, other = np.square(offsets, out=offsets)
+    squared += other
+    squared[weights[0] <= 0] = np.inf
+    return xy[:, :, (squared <= squared.min() * (1 + TIE)).argmax()]
+
+
 def _fullest(within: F64, firsts: I64, rows: I64, columns: I64) -> I64:
     """Return column and row (2, R) of the first fullest cell of each raster, within the raster."""
     width = within.shape[1]
-    if len(firsts) == 1:  # the same for a single cloud, for less
-        row, column = divmod(first_heaviest(within[: rows[0]]), width)
-        return np.array([[column], [row]])
     heights = np.diff(np.append(firsts, len(within)))
     ends = np.stack([columns, 0 * columns], axis=1).ravel()  # none of the empty rows below
     lengths = np.stack([rows, heights - rows], axis=1).ravel()
@@ -209,8 +226,6 @@ def disc(radius: float) -> F64:
 
 def _shift(centers: F64, xy: F64, weights: F64, reach_m: float) -> F64:
     """Shift every center (2, R) to the mean of the particles in reach until it converges: flat mean shift."""
-    if len(weights) == 1:
-        return _shift_single(centers, xy, weights, reach_m)
     now, moving = centers, np.arange(len(weights))  # clouds whose center has not converged
     for _ in range(MOST_SHIFTS):
         near = weights * _near(xy, now, reach_m)
@@ -252,23 +267,21 @@ def _near(xy: F64, centers: F64, radius_m: float) -> Bool:
 # The pose and the spread of a part of each cloud.
 
 
-def _estimate(clouds: Clouds, part: F64, radii: Radii) -> Estimate:
-    """Summarize a part (1, N) of a single cloud."""
-    columns = _summaries(clouds, part, radii)
-    sd_x_m, sd_y_m = columns["sd_m"][0].tolist()
-    return Estimate(
-        pose=columns["poses"][0],
-        sd_m=(sd_x_m, sd_y_m),
-        heading_sd_rad=columns["heading_sd_rad"].item(),
-        mass=columns["mass"].item(),
-        confidence=columns["confidence"].item(),
-        converged=columns["converged"].item(),
-        radii=radii,
-    )
+def _estimates(clouds: Clouds, parts: F64, radii: Radii) -> list[Estimate]:
+    """Summarize each of some parts (n, N) of a single cloud."""
+    poses, *others = _summaries(clouds, parts, radii).values()
+    numbers = zip(*(column.tolist() for column in others), strict=True)
+    return [
+        Estimate(pose, (sd_x_m, sd_y_m), *rest, radii=radii)
+        for pose, ((sd_x_m, sd_y_m), *rest) in zip(poses, numbers, strict=True)
+    ]
 
 
 def _summaries(clouds: Clouds, part: F64, radii: Radii) -> dict[str, F64]:
-    """Return the fields of `Estimate`, in columns, of a part (R, N) of every cloud."""
+    """Return the fields of `Estimate`, in its order and in columns, of a part (R, N) of every cloud.
+
+    Where there is a single cloud, R is any number of its parts.
+    """
     mass = part.sum(axis=1)
     poses, sd_m, away = _means(clouds, part, mass)
     return {

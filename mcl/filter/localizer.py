@@ -10,8 +10,7 @@ the filter cannot see it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Literal
 
@@ -26,7 +25,7 @@ from ..values.geometry import wrap
 from ..values.library import Library
 from ..values.map import SOLID, Arena, spacing
 from ..values.radii import USUAL, Radii
-from ..values.randomness import Domain, Purpose, normals, stream
+from ..values.randomness import Domain, Purpose, normals, normals_at, stream, words_at
 from ..values.records import (
     Belief,
     Comparison,
@@ -122,35 +121,32 @@ class Localizer:
         `compared` is what the sensor model made of the frame, where it did so ahead of the filter.
         Raises InputError for a localizer without a motion model: see `of_session`.
         """
-        took: dict[str, float] = {}
-        if compared is not None:
-            comparison, took["measure"] = compared.comparison, compared.took_s
-        else:
-            with _timed(took, "measure"):
-                comparison = self.sensor.see(frame)
-        with _timed(took, "propose"):
-            proposal = self.propose(state.belief, frame, comparison)
-        with _timed(took, "weight"):
+        watch = _Watch()
+        comparison = self.sensor.see(frame) if compared is None else compared.comparison
+        watch.lap("measure", 0.0 if compared is None else compared.took_s)
+        proposal = self.propose(state.belief, frame, comparison)
+        watch.lap("propose")
+        sighting = self.sensor.at(comparison, proposal.belief.poses)
+        weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
+        broken = log_evidence == -np.inf and bool(np.isnan(sighting.log_likelihood).any())
+        left = log_evidence == -np.inf and not broken and self._is_inside(state.belief)
+        if left:
+            # of every particle its own turn, which a mixture has mixed
+            predicted = self._predict(state.belief, frame)
+            proposal = ProposedParticles(keep_in(state.belief, predicted))
             sighting = self.sensor.at(comparison, proposal.belief.poses)
             weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
-            broken = log_evidence == -np.inf and bool(np.isnan(sighting.log_likelihood).any())
-            left = log_evidence == -np.inf and not broken and self._is_inside(state.belief)
-            if left:
-                # of every particle its own turn, which a mixture has mixed
-                predicted = self._predict(state.belief, frame)
-                proposal = ProposedParticles(keep_in(state.belief, predicted))
-                sighting = self.sensor.at(comparison, proposal.belief.poses)
-                weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
-            evidence, by_channel = calibrated_evidence(proposal, sighting)
-        with _timed(took, "estimate"):
-            estimate, mean_estimate = estimates(weighted, self.radii)
-        with _timed(took, "resample"):
-            recovery = Recovery(0.0, state.recovery)
-            if left or references_speak(proposal, sighting):
-                recovery = self.recovery.strategy(usable_evidence(evidence, left), state.recovery)
-            resampled = self.resample(weighted, recovery, frame.step)
-        with _timed(took, "recover"):
-            recovered = self.recover(resampled, recovery, comparison, frame.step)
+        evidence, by_channel = calibrated_evidence(proposal, sighting)
+        watch.lap("weight")
+        estimate, mean_estimate = estimates(weighted, self.radii)
+        watch.lap("estimate")
+        recovery = Recovery(0.0, state.recovery)
+        if left or references_speak(proposal, sighting):
+            recovery = self.recovery.strategy(usable_evidence(evidence, left), state.recovery)
+        resampled = self.resample(weighted, recovery, frame.step)
+        watch.lap("resample")
+        recovered = self.recover(resampled, recovery, comparison, frame.step)
+        watch.lap("recover")
         record = StepRecord(
             frame=frame,
             predicted=proposal.belief,
@@ -166,7 +162,7 @@ class Localizer:
             injected=recovered.injected,
             belief=recovered.belief,
             events=_events(proposal.is_guided, left, broken, log_evidence, recovery, recovered),
-            took_s=took,
+            took_s=watch.took_s,
             recovery_test=recovery.test,
             library_evidence=comparison.library_evidence,
         )
@@ -217,14 +213,25 @@ class Localizer:
         return ProposedParticles(Belief(poses, belief.log_weights, belief.origin), correction, is_guided=True)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
-        noise = []
-        # one generator per movement, so that a larger N keeps the draws of a smaller one in each of them
-        for number in range(len(frame.motions)):
-            drawn = normals(self._rng(frame.step, Purpose.MOTION, number), belief.size)
-            if self.outliers.share > 0:
-                drawn = with_outliers(drawn, self.outliers, self._rng(frame.step, Purpose.OUTLIER, number))
-            noise.append(drawn)
-        return Belief(self._moved(belief, frame, noise), belief.log_weights, belief.origin)
+        if not len(frame.motions):
+            return belief
+        noise = self._normals(frame, belief.size)
+        if self.outliers.share > 0:
+            noise = with_outliers(noise, self.outliers, *self._outlier_rngs(frame))
+        poses = self._moved(belief, frame, _by_movement(noise, belief.size))
+        return Belief(poses, belief.log_weights, belief.origin)
+
+    def _normals(self, frame: Frame, n: int) -> F32:
+        """Return standard normals (M N, 3), one movement after another.
+
+        Each has a generator of its own, so that a larger N keeps the draws of a smaller one.
+        """
+        address, movements = (Domain.FILTER, self.seed, frame.step, Purpose.MOTION), range(len(frame.motions))
+        return normals_at([words_at(*address, number) for number in movements], n)
+
+    def _outlier_rngs(self, frame: Frame) -> list[np.random.Generator]:
+        """Return what chooses the motion outliers of each movement."""
+        return [self._rng(frame.step, Purpose.OUTLIER, number) for number in range(len(frame.motions))]
 
     def _moved(self, belief: Belief, frame: Frame, noise: Sequence[F32]) -> F32:
         """Return poses (N, 3) after every movement of a frame, with the noise (N, 3) of each."""
@@ -237,14 +244,9 @@ class Localizer:
 
     def _drawn(self, frame: Frame, n: int) -> DrawnNoise:
         """Return the noise that `_predict` draws, and how much of it is that of outliers."""
-        movements = range(len(frame.motions))
-        drawn = [normals(self._rng(frame.step, Purpose.MOTION, number), n) for number in movements]
-        wide = np.ones((n, len(drawn)))
-        if self.outliers.share > 0:
-            for number in movements:
-                rng = self._rng(frame.step, Purpose.OUTLIER, number)
-                wide[:, number] = widths(n, self.outliers, rng)
-        return DrawnNoise(np.concatenate(drawn, axis=1, dtype=np.float64), np.repeat(wide, 3, axis=1))
+        drawn = np.concatenate(_by_movement(self._normals(frame, n), n), axis=1, dtype=np.float64)
+        wide = [widths(n, self.outliers, rng) for rng in self._outlier_rngs(frame)]
+        return DrawnNoise(drawn, np.repeat(np.stack(wide, axis=1), 3, axis=1))
 
     def _is_inside(self, belief: Belief) -> bool:
         """Return whether a particle with any weight is in free space."""
@@ -313,6 +315,11 @@ def usable_evidence(evidence: float, left: bool) -> float:
     return -np.inf if left or np.isnan(evidence) else evidence
 
 
+def _by_movement(noise: F32, n: int) -> list[F32]:
+    """Split noise (M N, 3) into that of each movement (N, 3)."""
+    return [noise[first : first + n] for first in range(0, len(noise), n)]
+
+
 def _events(
     guided: bool, left: bool, broken: bool, log_evidence: float, recovery: Recovery, recovered: Resampled
 ) -> tuple[str, ...]:
@@ -328,11 +335,17 @@ def _events(
     return tuple(event for event, true in happened.items() if true)
 
 
-@contextmanager
-def _timed(took: dict[str, float], stage: str) -> Iterator[None]:
-    began = perf_counter()
-    yield
-    took[stage] = perf_counter() - began
+@dataclass(slots=True)
+class _Watch:
+    """How long the stages of a step took."""
+
+    began: float = field(default_factory=perf_counter)  # of the stage
+    took_s: dict[str, float] = field(default_factory=dict)
+
+    def lap(self, stage: str, before_s: float = 0.0) -> None:
+        """End a stage, which took some seconds before, too."""
+        now = perf_counter()
+        self.took_s[stage], self.began = before_s + now - self.began, now
 
 
 def run(

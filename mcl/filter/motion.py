@@ -16,7 +16,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values import F32, F64, INCH_M, SHARE, Belief, Grid, number, wrap
+from ..values import F32, F64, INCH_M, SHARE, Belief, Bool, Grid, number, wrap
 
 MOST_CONSTANT = 1e6  # of a header's constants; larger ones lead to poses beyond float32
 
@@ -366,13 +366,25 @@ class MotionOutliers:
     widen: Annotated[float, number(1, 1000)] = 4.0  # times the noise
 
 
-def with_outliers(noise: F32, outliers: MotionOutliers, rng: np.random.Generator) -> F32:
-    """Return standard normals (N, 3) with some rows, chosen at random, multiplied by `outliers.widen`."""
+def with_outliers(noise: F32, outliers: MotionOutliers, *rngs: np.random.Generator) -> F32:
+    """Return standard normals (N, 3) with some rows, chosen at random, multiplied by `outliers.widen`.
+
+    Each of the generators chooses among as many rows as the others, in order.
+    """
     if outliers.share <= 0:
         return noise
-    return np.asarray(noise * widths(len(noise), outliers, rng)[:, None], np.float32)
+    wide = np.concatenate([_are_outliers(len(noise) // len(rngs), outliers, rng) for rng in rngs])
+    rows, columns = np.flatnonzero(wide), noise.T.copy()
+    columns[:, rows] = columns[:, rows] * np.float64(outliers.widen)
+    return columns.T
 
 
 def widths(n: int, outliers: MotionOutliers, rng: np.random.Generator) -> F64:
     """Return what the noise of each of n particles is multiplied with: 1, or `outliers.widen`."""
-    return np.where(rng.random(n) < outliers.share, outliers.widen, 1.0)
+    return np.where(_are_outliers(n, outliers, rng), outliers.widen, 1.0)
+
+
+def _are_outliers(n: int, outliers: MotionOutliers, rng: np.random.Generator) -> Bool:
+    """Choose some of n particles."""
+    chosen: Bool = rng.random(n) < outliers.share
+    return chosen

@@ -278,12 +278,23 @@ class InterpolatedReference:
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the interpolated log-likelihood (N,) at poses (N, 3) relative to `origin`; -inf outside."""
-        return self._values_at(log_likelihood, *self.nearest.bins_of(poses, origin))[0]
+        return self.look(log_likelihood, poses, origin)[1]
 
     def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
         """Return the nearest entry of each pose, its interpolated log-likelihood, and how far it is known."""
         cell, heading = self.nearest.bins_of(poses, origin)
-        return self.nearest.entries_at(cell, heading), *self._values_at(log_likelihood, cell, heading)
+        entries = self.nearest.entries_at(cell, heading)
+
+        def value_at(at: NDArray[np.intp]) -> F32:
+            value = log_likelihood.take(self.before.take(at))
+            step = log_likelihood.take(self.after.take(at))
+            step -= value
+            step *= self.share.take(at)
+            value += step
+            return value
+
+        values, known = self.among_places(value_at, cell, heading, entries < 0)
+        return entries, _mixed(values, known, log_likelihood), known
 
     def pays_for(self, poses: int) -> bool:
         """Return whether so many poses look up more values than `at_headings` computes."""
@@ -298,48 +309,32 @@ class InterpolatedReference:
         values += step
         return values
 
-    def among_places(self, value_at: Callable[[I32], F32], cell: I32, heading: I32) -> tuple[F32, F32 | None]:
-        """Return the mean (N,) of values at places and headings, for cells and bins (N,); -inf outside.
+    def among_places(
+        self, value_at: Callable[[NDArray[np.intp]], F32], cell: I32, heading: I32, outside: Bool
+    ) -> tuple[F32, F32 | None]:
+        """Return the mean (N,) of values at places and headings (n, N), for cells and bins (N,); -inf outside.
 
         Places count by their distance, and as far as they speak for the heading. Also returns how far any
         does, (N,) from 0 to 1; None: everywhere.
         """
-        total, known = np.zeros(len(cell), np.float32), np.zeros(len(cell), np.float32)
         cell = cell.astype(np.intp)  # once: every lookup would convert it
-        for place, weight in zip(self.places, self.weights, strict=True):
-            at = place.take(cell)
-            at *= np.int32(HEADING_BINS)
-            at += heading
-            value, share = value_at(at), weight.take(cell)
-            if self.faced is not None:
-                share *= self.faced.take(at)
-                known += share
-            value *= share
-            total += value
-        outside = self.nearest.place_of_cell.take(cell) < 0
+        at = np.multiply(self.places.take(cell, axis=1), HEADING_BINS, dtype=np.intp)
+        at += heading
+        values, shares = value_at(at), self.weights.take(cell, axis=1)
+        if self.faced is not None:
+            shares *= self.faced.take(at)
+        values *= shares
+        total = np.add.reduce(values)  # place after place
         np.copyto(total, np.float32(-np.inf), where=outside)
         if not self.is_partial:
             return total, None
-        if self.faced is None:
-            known += 1
+        known = np.ones(len(cell), np.float32) if self.faced is None else np.add.reduce(shares)
         total /= np.where(known > 0, known, np.float32(1))
         known = np.minimum(known / np.float32(ENOUGH_PLACES_SHARE), 1)
         if self.nearest.reached is not None:
             known *= self.nearest.reached.take(cell)
         known[outside] = 1
         return total, known
-
-    def _values_at(self, log_likelihood: F32, cell: I32, heading: I32) -> tuple[F32, F32 | None]:
-        def value_at(at: I32) -> F32:
-            value = log_likelihood.take(self.before.take(at))
-            step = log_likelihood.take(self.after.take(at))
-            step -= value
-            step *= self.share.take(at)
-            value += step
-            return value
-
-        values, known = self.among_places(value_at, cell, heading)
-        return _mixed(values, known, log_likelihood), known
 
 
 def interpolated_reference(

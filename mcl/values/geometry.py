@@ -6,6 +6,7 @@ Headings are radians, counter-clockwise from +x (REP-103); poses are (..., 3): x
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -16,6 +17,11 @@ from .arrays import F64, dot
 Real = TypeVar("Real", bound=np.floating[Any])
 
 INCH_M = 0.0254
+# the least and the greatest angle of each precision
+_ENDS: Mapping[Any, Any] = {
+    np.dtype(kind): (-kind(math.pi), np.nextafter(kind(math.pi), kind(0)))
+    for kind in (np.float32, np.float64)
+}
 
 
 def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
@@ -27,9 +33,9 @@ def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
     turned *= -2 * math.pi
     turned += angle_rad
     # rounding can leave an angle a hair outside
-    pi = angle_rad.dtype.type(math.pi)
-    np.minimum(turned, np.nextafter(pi, -pi), out=turned)
-    return np.maximum(turned, -pi, out=turned)
+    least, most = _ENDS[angle_rad.dtype]
+    np.minimum(turned, most, out=turned)
+    return np.maximum(turned, least, out=turned)
 
 
 Numbers = TypeVar("Numbers", float, F64)

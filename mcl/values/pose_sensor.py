@@ -58,11 +58,12 @@ def spread_between(poses: F32) -> PoseSpread:
     """
     if len(poses) < LEAST_CLOUD:
         return EXACT
-    x, y, heading = poses[:: max(len(poses) // MEDIAN_OF, 1)].T
-    middle = np.arctan2(np.sin(heading).sum(), np.cos(heading).sum())
+    some = poses[:: max(len(poses) // MEDIAN_OF, 1)].T.copy()
+    heading = some[2]
+    some[2] = wrap(heading - np.arctan2(np.sin(heading).sum(), np.cos(heading).sum()))
     share = NORMAL_SD * OF_SD / len(poses) ** (1 / 3)
-    position_m = share * math.sqrt(_median_off(x) * _median_off(y))
-    heading_rad = share * _median_off(wrap(heading - middle))
+    off_x, off_y, turned = _medians(np.abs(some - _medians(some)[:, None])).tolist()
+    position_m, heading_rad = share * math.sqrt(off_x * off_y), share * turned
     if position_m > WIDE_M:
         near = _near_share(poses / np.array([position_m, position_m, heading_rad]))
         position_m, heading_rad = position_m * near, heading_rad * near
@@ -75,11 +76,11 @@ def _near_share(scaled: F64) -> float:
     return min(float(np.quantile(nearest, DENSEST)) / DENSEST_APART, 1.0)
 
 
-def _median_off(values: F32) -> float:
-    """Return the median absolute deviation from the median; of an even number the greater one."""
-    half = len(values) // 2
-    off = np.abs(values - np.partition(values, half)[half])
-    return float(np.partition(off, half)[half])
+def _medians(rows: F32) -> F32:
+    """Return the median of each row (n, N); of an even number the greater one."""
+    half = rows.shape[1] // 2
+    medians: F32 = np.partition(rows, half, axis=1)[:, half]
+    return medians
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from enum import IntEnum
 from functools import lru_cache
 from itertools import permutations
@@ -53,11 +53,14 @@ def stream(
     Draw per-particle noise row by row: a larger N then keeps the draws of a smaller one.
     Raises ValueError if a part of the address is not in 0 to 2**32 - 1.
     """
-    words = [int(domain), int(seed), int(step), int(purpose), int(child or 0)]
-    if any(not 0 <= w < 2**32 for w in words):
-        raise ValueError(f"a random address needs whole numbers from 0 to 2**32 - 1, found {words[:4]}")
-    block = _block(words[0], words[1], words[2] // BLOCK, words[3], child)
-    return generator(block[words[2] % BLOCK])
+    return generator(words_at(domain, seed, step, purpose, child))
+
+
+def words_at(domain: int, seed: int, step: int, purpose: int, child: int | None = None) -> U64:
+    """Return the words (4,) that begin the generator at one address; arguments as for `stream`."""
+    block = _block(int(domain), int(seed), int(step) // BLOCK, int(purpose), child)
+    words: U64 = block[int(step) % BLOCK]
+    return words
 
 
 def generator(words: U64) -> np.random.Generator:
@@ -69,14 +72,11 @@ def generator(words: U64) -> np.random.Generator:
 @lru_cache(256)
 def _block(domain: int, seed: int, block: int, purpose: int, child: int | None) -> U64:
     first = block * BLOCK
+    address = [domain, seed, first, purpose, child or 0]
+    if any(not 0 <= word < 2**32 for word in address):
+        raise ValueError(f"a random address needs whole numbers from 0 to 2**32 - 1, found {address[:4]}")
     words: U64 = address_words(domain, seed, np.arange(first, first + BLOCK), purpose, child)[0]
     return words
-
-
-def random_bits(words: U64, n: int) -> U64:
-    """Return the first n numbers of 64 random bits of `generator(words)`, for less."""
-    bits: U64 = np.random.PCG64(cast(Any, _Known(words))).random_raw(n)
-    return bits
 
 
 POOL = 4  # words that are mixed
@@ -144,6 +144,12 @@ def normals(rng: np.random.Generator, n: int) -> F32:
     is the generator's bits; no value is beyond 5.8.
     """
     return normals_of(rng.bit_generator.random_raw(2 * n))  # the bits of `rng.integers` over all 64
+
+
+def normals_at(addresses: Iterable[U64], n: int) -> F32:
+    """Return what `normals` draws from generators that words (4,) begin: n rows of each, one after another."""
+    bits = [np.random.PCG64(cast(Any, _Known(words))).random_raw(2 * n) for words in addresses]
+    return normals_of(bits[0] if len(bits) == 1 else np.concatenate(bits))
 
 
 def normals_of(bits: U64) -> F32:
