@@ -272,8 +272,10 @@ def _estimates(clouds: Clouds, parts: F64, radii: Radii) -> list[Estimate]:
     poses, *others = _summaries(clouds, parts, radii).values()
     numbers = zip(*(column.tolist() for column in others), strict=True)
     return [
-        Estimate(pose, (sd_x_m, sd_y_m), *rest, radii=radii)
-        for pose, ((sd_x_m, sd_y_m), *rest) in zip(poses, numbers, strict=True)
+        Estimate(pose, (sd_x_m, sd_y_m), heading_sd_rad, mass, confidence, converged, radii)
+        for pose, ((sd_x_m, sd_y_m), heading_sd_rad, mass, confidence, converged) in zip(
+            poses, numbers, strict=True
+        )
     ]
 
 

@@ -312,7 +312,7 @@ class InterpolatedReference:
     def among_places(
         self, value_at: Callable[[NDArray[np.intp]], F32], cell: I32, heading: I32, outside: Bool
     ) -> tuple[F32, F32 | None]:
-        """Return the mean (N,) of values at places and headings (n, N), for cells and bins (N,); -inf outside.
+        """Return the mean (N,) of values (n, N) at places and headings, by cells and bins (N,); -inf outside.
 
         Places count by their distance, and as far as they speak for the heading. Also returns how far any
         does, (N,) from 0 to 1; None: everywhere.

@@ -6,7 +6,6 @@ Headings are radians, counter-clockwise from +x (REP-103); poses are (..., 3): x
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,11 +16,9 @@ from .arrays import F64, dot
 Real = TypeVar("Real", bound=np.floating[Any])
 
 INCH_M = 0.0254
-# the least and the greatest angle of each precision
-_ENDS: Mapping[Any, Any] = {
-    np.dtype(kind): (-kind(math.pi), np.nextafter(kind(math.pi), kind(0)))
-    for kind in (np.float32, np.float64)
-}
+_PRECISIONS = (np.float32, np.float64)
+# the least and the greatest angle
+_ENDS = {np.dtype(kind): (-kind(math.pi), np.nextafter(kind(math.pi), kind(0))) for kind in _PRECISIONS}
 
 
 def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
@@ -35,7 +32,8 @@ def wrap(angle_rad: NDArray[Real]) -> NDArray[Real]:
     # rounding can leave an angle a hair outside
     least, most = _ENDS[angle_rad.dtype]
     np.minimum(turned, most, out=turned)
-    return np.maximum(turned, least, out=turned)
+    np.maximum(turned, least, out=turned)
+    return turned
 
 
 Numbers = TypeVar("Numbers", float, F64)

@@ -147,7 +147,7 @@ def normals(rng: np.random.Generator, n: int) -> F32:
 
 
 def normals_at(addresses: Iterable[U64], n: int) -> F32:
-    """Return what `normals` draws from generators that words (4,) begin: n rows of each, one after another."""
+    """Return what `normals` draws from generators that some words (4,) begin: n rows of each, in turn."""
     bits = [np.random.PCG64(cast(Any, _Known(words))).random_raw(2 * n) for words in addresses]
     return normals_of(bits[0] if len(bits) == 1 else np.concatenate(bits))
 
