@@ -23,18 +23,14 @@ def python(code: str, cwd: Path, path: Path) -> str:
     return done.stdout.strip()
 
 
-def stub_datasets(folder: Path) -> Path:
-    (folder / "datasets").mkdir()
-    (folder / "datasets" / "__init__.py").write_text("OWNER = 'somebody else'\n")
-    return folder
-
-
-def test_an_installed_datasets_is_not_hidden(tmp_path):
-    stub = stub_datasets(tmp_path)
-    assert python("import datasets; print(datasets.OWNER)", ROOT, stub) == "somebody else"
-    (stub / "datasets" / "features.py").write_text("KIND = 'theirs'\n")
-    code = "from datasets import OWNER; from datasets.features import KIND; print(OWNER, KIND)"
-    assert python(code, ROOT, stub) == "somebody else theirs"
+def test_an_installed_datasets_is_not_hidden_and_ours_works_beside_it(tmp_path):
+    (tmp_path / "datasets").mkdir()
+    (tmp_path / "datasets" / "__init__.py").write_text("OWNER = 'somebody else'\n")
+    (tmp_path / "datasets" / "features.py").write_text("KIND = 'theirs'\n")
+    code = (
+        "from datasets import OWNER; from datasets.features import KIND; import maurice_datasets.sessions; "
+    )
+    assert python(code + "print(OWNER, KIND)", ROOT, tmp_path) == "somebody else theirs"
 
 
 def test_without_it_the_folder_is_no_package_of_that_name(tmp_path):
@@ -45,19 +41,6 @@ except ModuleNotFoundError as problem:
     print(problem)
 """
     assert "maurice_datasets" in python(code, ROOT, tmp_path)
-
-
-def test_ours_works_beside_it(tmp_path):
-    stub = stub_datasets(tmp_path)
-    code = "import datasets, maurice_datasets.sessions as ours; print(datasets.OWNER, bool(ours.__doc__))"
-    assert python(code, tmp_path, stub) == "somebody else True"
-
-
-def test_the_command_starts_without_importing_rerun(tmp_path):
-    """Nor whatever else is slow to import, and that few commands need."""
-    slow = {"rerun", "matplotlib", "scipy.signal", "scipy.stats", "scipy.optimize"}
-    code = f"import sys, maurice_viz.cli.app; print(sorted({slow} & set(sys.modules)))"
-    assert python(code, tmp_path, tmp_path) == "[]"
 
 
 def test_a_replay_is_ready_without_what_others_need(tmp_path):

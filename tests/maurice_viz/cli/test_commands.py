@@ -186,17 +186,16 @@ def test_mistakes_are_one_line(tmp_path, small_session):
     run(small_session, "--web", "-o", "x.rrd", expect=2)
 
 
-@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, tmp_path, sent, status):
+def test_being_stopped_leaves_a_recording_and_the_figures_so_far(small_session, tmp_path):
     """Stop a replay that is slow because it has very many particles."""
     args = [*COMMAND, str(small_session), "--particles", "300000", "--save-run", "kept", "--json"]
     with subprocess.Popen(args, env=no_display(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as going:
         while not any((tmp_path / "kept" / "steps").glob("0*.parquet")):  # one a step, as these are large
             assert going.poll() is None, "it should still be running"
             time.sleep(0.02)
-        going.send_signal(sent)
+        going.send_signal(signal.SIGINT)
         out, err = going.communicate(timeout=120)
-    assert going.returncode == status, err.decode()
+    assert going.returncode == 130, err.decode()
     assert b"Traceback" not in err
     (found,) = json.loads(out)["runs"]
     assert 0 < found["updates"] < 14

@@ -6,6 +6,7 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -66,12 +67,17 @@ def part(folder: Path, table: str) -> Path:
     return folder / table / "00000001.parquet"
 
 
+@cache
+def whole(file: Path) -> pl.DataFrame:
+    return pl.read_parquet(file)
+
+
 def replace(kept: Path, bad: Path, damage: Damage, rows: list[int]) -> None:
     """Write the run with one value replaced in some rows of a table, and all else as it was."""
     table, column, value = damage
     for name in TABLES:
         shutil.copyfile(part(kept, name), part(bad, name))
-    frame = pl.read_parquet(part(kept, table))
+    frame = whole(part(kept, table))
     values = frame[column].to_list()
     for row in rows:
         values[row] = value

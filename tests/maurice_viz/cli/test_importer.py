@@ -5,27 +5,41 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
 
+from helpers.commands import one_line
+from maurice_viz.cli import importer as program
 from maurice_viz.cli.importer import NOT_MINE, is_ours
 
 CODE = "from maurice_viz.cli.importer import main; main()"
 
 
-def importer(*words: str | Path, expect: int = 0) -> subprocess.CompletedProcess[bytes]:
-    command = [sys.executable, "-c", CODE, *map(str, words)]
-    done = subprocess.run(command, capture_output=True, check=False, timeout=120)
-    assert done.returncode == expect, done.stderr
-    assert b"Traceback" not in done.stderr
-    return done
+Importer = Callable[..., tuple[bytes, str]]
 
 
-def recording(done: subprocess.CompletedProcess[bytes], folder: Path) -> RrdReader:
+@pytest.fixture
+def importer(monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]) -> Importer:
+    """Run it in this process; return what it wrote to standard output, and what it said."""
+    monkeypatch.setattr(program, "_end_with_reader", lambda: None)  # this process has another one
+
+    def run(*words: str | Path, expect: int = 0) -> tuple[bytes, str]:
+        monkeypatch.setattr(sys, "argv", ["", *map(str, words)])
+        with pytest.raises(SystemExit) as end:
+            program.main()
+        out, said = capfdbinary.readouterr()
+        assert end.value.code == expect, said
+        return out, said.decode()
+
+    return run
+
+
+def recording(data: bytes, folder: Path) -> RrdReader:
     file = folder / "imported.rrd"
-    file.write_bytes(done.stdout)
+    file.write_bytes(data)
     return RrdReader(file)
 
 
@@ -51,13 +65,13 @@ def test_files_of_others_are_given_back(tmp_path, name, data):
     assert not is_ours(tmp_path / name)
 
 
-def test_other_files_are_given_back(tmp_path):
+def test_other_files_are_given_back(tmp_path, importer):
     assert not is_ours(tmp_path)
     assert not is_ours(tmp_path / "nothing")
     os.mkfifo(tmp_path / "pipe.log")
     assert not is_ours(tmp_path / "pipe.log")
     (tmp_path / "a.txt").write_text("hello")
-    assert importer(tmp_path / "a.txt", "--recording-id", "x", expect=NOT_MINE).stdout == b""
+    assert importer(tmp_path / "a.txt", "--recording-id", "x", expect=NOT_MINE) == (b"", "")
     code = f"import sys; sys.argv = ['x', {str(tmp_path / 'a.txt')!r}]\n"
     code += f"try:\n  {CODE}\nexcept SystemExit: pass\n"
     code += "print([m for m in ('rerun', 'numpy', 'typer', 'cv2') if m in sys.modules])"
@@ -65,9 +79,9 @@ def test_other_files_are_given_back(tmp_path):
     assert done.stdout.strip() == "[]"
 
 
-def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session, tmp_path):
+def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session, tmp_path, importer):
     words = ("--application-id", "session", "--recording-id", "rec_1", "--opened-recording-id", "rec_0")
-    reader = recording(importer(small_session, *words), tmp_path)
+    reader = recording(importer(small_session, *words)[0], tmp_path)
     (found,) = reader.recordings()
     assert (found.application_id, found.recording_id) == ("maurice-replay", "rec_1")
     assert len(reader.blueprints()) == 1
@@ -76,23 +90,22 @@ def test_a_session_becomes_a_replay_in_the_recording_asked_for(small_session, tm
     assert any(path.startswith("/blended/") and "particles" in path for path in shown)
 
 
-def test_without_a_library_drive_or_survey_are_shown(small_session, tmp_path):
+def test_without_a_library_drive_or_survey_are_shown(small_session, tmp_path, importer):
     survey = small_session.with_name("survey.log")
-    assert "/session/camera" in entities(recording(importer(survey), tmp_path))
+    assert "/session/camera" in entities(recording(importer(survey)[0], tmp_path))
     survey.unlink()
-    done = importer(small_session)
-    assert b"only the drive itself is shown" in done.stderr
-    shown = entities(recording(done, tmp_path))
+    data, said = importer(small_session)
+    assert "only the drive itself is shown" in said
+    shown = entities(recording(data, tmp_path))
     assert {"/session/camera", "/world/walls"} <= shown
     assert not any("particles" in path for path in shown)
 
 
-def test_a_broken_session_is_one_line(small_session):
+def test_a_broken_session_is_one_line(small_session, importer):
     small_session.write_text(
         small_session.read_text().splitlines()[0].replace('"version": 1', '"version": 9')
     )
-    (line,) = importer(small_session, expect=1).stderr.decode().strip().splitlines()
-    assert "expected 1" in line
+    assert "expected 1" in one_line(importer(small_session, expect=1)[1])
 
 
 def test_rerun_itself_opens_a_session_through_it(small_session, tmp_path):

@@ -10,7 +10,17 @@ import pytest
 
 from maurice_viz.cli.app import COMMANDS
 
-HEAVY = ("rerun", "matplotlib", "pandas", "jinja2", "av", "dask")
+HEAVY = (
+    "rerun",
+    "matplotlib",
+    "pandas",
+    "jinja2",
+    "av",
+    "dask",
+    "scipy.signal",
+    "scipy.stats",
+    "scipy.optimize",
+)
 
 
 def _seen(code: str) -> dict[str, object]:

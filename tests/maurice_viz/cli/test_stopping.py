@@ -231,7 +231,7 @@ maurice_viz.cli.main.main()
 """
 
 
-@pytest.mark.parametrize("status", [0, 1, 130])
+@pytest.mark.parametrize("status", [0, 130])
 def test_at_the_end_all_is_written_and_nothing_freed_piece_by_piece(status):
     code = LEAVING.format(status=status)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -26,7 +26,7 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive and a survey in a folder of such a name; names, notes, events and pictures have it, too."""
     folder = tmp_path_factory.mktemp("hostile") / HOSTILE
     folder.mkdir()
-    for path in (write_small_survey(folder), write_small_session(folder)):
+    for path in (write_small_survey(folder), write_small_session(folder, updates=6)):
         lines = []
         for number, text in enumerate(path.read_text(encoding="utf-8").splitlines()):
             record = json.loads(text)
@@ -110,13 +110,12 @@ def test_sentences_break_between_words_and_commands_do_not():
         ("doctor", "session.log"),
         ("doctor", "session.log", "--json"),
         ("inspect", "kept", "--json"),
-        ("explain", "kept", "--step", "5"),
-        ("explain", "kept", "--step", "5", "--json"),
+        ("explain", "kept", "--step", "3"),
         ("diagnose", "kept"),
         ("diagnose", "kept", "--json"),
         ("verify", "kept"),
         ("budget", "session.log", "--seeds", "1"),
-        ("what-if", "kept", "--from", "4", "--particles", "300", "-o", "none"),
+        ("what-if", "kept", "--from", "2", "--particles", "300", "-o", "none"),
         ("library", "show", "survey.log"),
         ("library", "check", "survey.log"),
         ("library", "build", "session.log", "-o", "built"),
