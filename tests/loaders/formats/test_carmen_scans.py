@@ -183,6 +183,7 @@ REAL = {  # scans, used, meters by truth and by odometry, reach
     "freiburg-079": (4791, 1550, 422.90, 392.91, 81.91),
     "orebro": (237, 237, 221.40, 221.40, 32.759),
 }
+EACH = [pytest.param(name, marks=pytest.mark.slow if REAL[name][0] > 1000 else ()) for name in REAL]
 
 
 def length(poses: list[F64]) -> float:
@@ -190,7 +191,7 @@ def length(poses: list[F64]) -> float:
 
 
 @real
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", EACH)
 def test_real_logs_by_their_counts_and_lengths(name: str) -> None:
     count, used, truth_m, odometry_m, max_m = REAL[name]
     path = DATA / f"{name}-corrected.log.gz"
@@ -220,7 +221,7 @@ def apart(moments: list[Moment], points_of: Callable[[LaserScan], F64]) -> float
 
 
 @real
-@pytest.mark.parametrize("name", REAL)
+@pytest.mark.parametrize("name", EACH)
 def test_real_scans_line_up_at_the_true_poses_and_mirrored_or_turned_do_not(name: str) -> None:
     moments = list(islice(open_session(DATA / f"{name}-corrected.log.gz").moments(), 250))
     right = apart(moments, LaserScan.points)

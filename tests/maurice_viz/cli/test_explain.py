@@ -10,15 +10,21 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import maurice, one_line, run
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_viz.viewer.snapshot import software_driver
 
 
-@pytest.fixture
-def saved(small_session: Path, tmp_path: Path) -> Path:
+def kept_in(folder: Path) -> Path:
     """Save a run to a folder with a name in another script."""
-    kept = tmp_path / "gefüllt 東"
-    run(small_session, "--particles", 200, "--save-run", kept, "-o", "none")
-    return kept
+    write_small_survey(folder)
+    words = ["--particles", 200, "--save-run", folder / "gefüllt 東", "-o", "none"]
+    run(write_small_session(folder), *words)
+    return folder / "gefüllt 東"
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kept_in(tmp_path_factory.mktemp("explained"))
 
 
 def ask(*words: object, expect: int = 0) -> tuple[str, str]:
@@ -68,7 +74,8 @@ def test_what_cannot_be_is_said(saved, options, status, words):
     assert words in " ".join(err.replace("│", " ").split())
 
 
-def test_what_cannot_be_explained(tmp_path, saved, monkeypatch):
+def test_what_cannot_be_explained(tmp_path, monkeypatch):
+    saved = kept_in(tmp_path)
     (tmp_path / "empty").mkdir()
     assert "Traceback" not in one_line(ask("empty", expect=1)[1])
     monkeypatch.setattr("maurice_viz.viewer.snapshot.DRIVER_FOLDERS", ())
@@ -84,6 +91,9 @@ def test_of_a_comparison_one_run_is_chosen(small_session):
     words = one_line(ask("both", expect=1)[1])
     assert "holds 2 runs; name one of them: both/color, both/blended" in words
     assert ask("both/color")[0].startswith("color, step 14")
+    assert ask("both", "--run", "color", "--step", "2")[0].startswith("color, step 2\n")
+    err = one_line(ask("both", "--run", "none", expect=1)[1])
+    assert err.endswith("found no run 'none'; it has color, blended")
 
 
 @pytest.mark.skipif(software_driver() is None, reason="pictures need Mesa's software Vulkan driver")
@@ -109,10 +119,3 @@ def test_the_command_it_prints_opens_that_phase(saved, tmp_path):
     written = next(line for line in err.splitlines() if "open it with: " in line)
     assert shlex.split(written)[-5:] == ["open", f"{saved.name}.rrd", *words[3:]][-5:]
     assert "--phase goes with --step" in maurice("open", saved, "--phase", "resample", expect=2)[1]
-
-
-def test_a_run_of_a_comparison_is_named(small_session, tmp_path):
-    run("compare", small_session, "--particles", 50, "--save-run", tmp_path / "both", "-o", "none")
-    assert ask(tmp_path / "both", "--run", "color", "--step", "2")[0].startswith("color, step 2\n")
-    err = one_line(ask(tmp_path / "both", "--run", "none", expect=1)[1])
-    assert err.endswith("found no run 'none'; it has color, blended")

@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -23,8 +22,8 @@ def command(*args: str) -> list[str]:
     return [*COMMAND, "simulate", *args]
 
 
-def environment(folder: Path) -> dict[str, str]:
-    return os.environ | {"MAURICE_CACHE": str(folder), "TERM": "dumb", "COLUMNS": "200"}
+def environment(**own: str) -> dict[str, str]:
+    return os.environ | {"TERM": "dumb", "COLUMNS": "200"} | own
 
 
 @pytest.mark.parametrize(
@@ -50,7 +49,7 @@ def test_wrong_options_are_usage_errors(args, told, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_port_in_use_is_one_line(tmp_path):
+def test_a_port_in_use_is_one_line():
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
@@ -59,7 +58,7 @@ def test_a_port_in_use_is_one_line(tmp_path):
             command("tracking", "--updates", "1", "--serve", address),
             capture_output=True,
             text=True,
-            env=environment(tmp_path),
+            env=environment(),
             check=False,
         )
     assert done.returncode == 1
@@ -67,13 +66,13 @@ def test_a_port_in_use_is_one_line(tmp_path):
     assert done.stderr.startswith(f"maurice-replay: {address}: cannot listen there")
 
 
-def test_ctrl_c_ends_the_live_robot_with_its_account(tmp_path):
+def test_ctrl_c_ends_the_live_robot_with_its_account():
     with subprocess.Popen(
         command("tracking", "--serve", "tcp://127.0.0.1:0"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=environment(tmp_path),
+        env=environment(),
     ) as robot:
         address = robot.stdout.readline().strip()
         with socket.create_connection(("127.0.0.1", int(address.rsplit(":", 1)[1])), PATIENCE_S) as reader:
@@ -92,7 +91,7 @@ def test_being_stopped_half_way_leaves_no_folder(tmp_path):
     with subprocess.Popen(
         command("tracking", "-o", str(out / "drive"), "--updates", "100000"),
         stderr=subprocess.PIPE,
-        env=environment(tmp_path / "cache"),
+        env=environment(MAURICE_CACHE=str(tmp_path / "cache")),
         text=True,
     ) as going:
         until = time.monotonic() + PATIENCE_S
