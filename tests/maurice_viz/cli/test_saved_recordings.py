@@ -60,14 +60,7 @@ def test_a_run_of_a_recording_is_shown_and_verified(name, small_session, tmp_pat
 def test_a_run_of_pictures_with_a_table_holds_columns_units_and_gating(small_session, tmp_path):
     folder, table = views(small_session, tmp_path / "views")
     columns = "time=ms:ms,odometry_x=px,odometry_y=py,odometry_heading=yaw:rad"
-    options = (
-        "--reading",
-        f"table={table}",
-        "--reading",
-        f"columns={columns}",
-        "--reading",
-        "min_distance_m=0.2",
-    )
+    options = f"--reading table={table} --reading columns={columns} --reading min_distance_m=0.2".split()
     survey = small_session.with_name("survey.log")
     kept_and_shown(tmp_path / "kept", folder, survey, options)
     assert read_manifest(tmp_path / "kept").pictures == 7

@@ -49,13 +49,7 @@ def drawn(library: Library, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
 def test_every_entity_is_on_three_timelines(drawn):
     found = recordings.entities_of(drawn[0])
     traces = ("position_error", "heading_error", "spread", "confidence", "effective_sample")
-    world = {
-        entities.FLOORS,
-        entities.WALLS,
-        entities.NODES,
-        RUN.key(WEIGHTS),
-        RUN.key(MATCHES),
-    }
+    world = {entities.FLOORS, entities.WALLS, entities.NODES, RUN.key(WEIGHTS), RUN.key(MATCHES)}
     expected = {entities.CAMERA, entities.TRUTH, RUN.particles, RUN.estimate, RUN.text}
     expected |= {RUN.circles, RUN.best, RUN.match(1)} | world | {RUN.trace(t) for t in traces}
     assert expected <= found
@@ -65,14 +59,7 @@ def test_every_entity_is_on_three_timelines(drawn):
     assert recordings.static(drawn[0], "/__properties")["RecordingInfo:name"] == ["Büro 東京"]
 
 
-OF_A_RUN = (
-    "estimate",
-    "answer",
-    "ellipses",
-    "name",
-    "rose",
-    "marks",
-)  # last parts of paths
+OF_A_RUN = ("estimate", "answer", "ellipses", "name", "rose", "marks")  # last parts of paths
 
 
 def test_a_runs_color_is_of_its_estimate_path_ellipse_and_curves_alone(drawn):
