@@ -18,14 +18,19 @@ from ...values import F32, F64, U8, Bool, OccupancyMap
 
 BLOCK_POSES = 1000  # whose lookups stay in the cache
 MOST_CELLS = 32_000  # along an axis: `cv2.remap` numbers cells by 16 bits
+MOST_CELLS_APART = 1000  # cells between two of a map that are told; the square of more is no exact float32
 FINE_CELLS = 4_000_000  # a map with more has its field in bytes: the lookups are bound by memory
 LEVELS = 255
 
 
 def cell_distances(blocked: Bool) -> F32:
-    """Return how many cells each cell (H, W) is from the nearest blocked one, at most `MOST_CELLS`."""
+    """Return how many cells each cell (H, W) is from the nearest blocked one, at most `MOST_CELLS_APART`.
+
+    The last bit of OpenCV's roots is not the same in every process, so they are drawn again.
+    """
     apart = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    return np.asarray(np.minimum(apart, np.float32(MOST_CELLS)), np.float32)
+    apart = np.minimum(apart, np.float32(MOST_CELLS_APART))
+    return np.asarray(np.sqrt(np.rint(apart * apart)), np.float32)
 
 
 def distances_m(occupancy: OccupancyMap, most_m: float) -> F32:
