@@ -12,7 +12,8 @@ import numpy as np
 
 from maurice_datasets.trials.statistics import Interval, holm, mean, of_one_drive, share, sign_flip
 from maurice_loaders.errors import InputError
-from maurice_mcl.config.parameters import PRECISE, PRESETS, FilterParameters
+from maurice_mcl.config.build import equipped
+from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
 from maurice_mcl.filter.batch import RunTrace, run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
@@ -25,6 +26,7 @@ from maurice_mcl.scoring.metrics import (
 )
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
+from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Moment
 
@@ -33,14 +35,24 @@ from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_toget
 from ..text.what_if import USUAL_SHARE, remedies_line
 from .branch import BranchChange, BranchPoint, open_branch
 
-SEEDS = 20
+SEEDS = 14
 AS_IT_WAS = "as it was"
 BETTER, WORSE, UNCLEAR = "better", "worse", "no difference seen"
 STRATEGIES = ("none", "always", "threshold", "sensor", "augmented", "expansion", "mixture")
 TIMES_PARTICLES = 4
 MANY_TIMES = (16, 64)  # the particles, where that is
 MOST_PARTICLES = 32_000  # at most
+MOST_UPDATES = 150  # after the branch, by which remedies are judged
+TIMES_ALPHAS = {"twice": 4.0, "half": 0.25}  # AMCL's alphas are variances
 OUTLIER_COST: float = PRECISE["sensor.outlier_cost"]
+AMCL_RECOVERY = {  # as its documentation advises
+    "recovery.strategy": "augmented",
+    "recovery.augmented.slow": 0.001,
+    "recovery.augmented.fast": 0.1,
+    "recovery.augmented.most": 1.0,
+    "recovery.augmented.resets": 0.0,
+}
+MORE_NOISE = {"motion_outliers.share": 1.0, "motion_outliers.widen": 2.0}
 ROBUST = "robust"  # the preset that is also tried with more particles
 P_BELOW = 0.05  # of all that is tried together: p-values are adjusted for their number
 
@@ -121,10 +133,11 @@ def remedies(
 ) -> Remedies:
     """Try what might have kept a saved run localized, from a step on, and rank it.
 
-    Tried are every recovery strategy, more particles, particles anywhere, other features and presets, the
-    filter without one of its channels, more motion noise, motion outliers, roughening and a weaker sensor
-    model; with `names` only those. Each is run with the same `seeds` (their number, or the seeds themselves)
-    from the belief after `from_step` (None: before the first loss), and so is the run as it was.
+    Tried are recovery strategies, more particles, particles anywhere, other features, presets and models of a
+    laser, the filter without one of its channels, other motion noise, motion outliers, roughening and a
+    weaker sensor model; with `names` only those. Each is run with the same `seeds` (their number, or the
+    seeds themselves) from the belief after `from_step` (None: before the first loss), and so is the run as it
+    was; at most `MOST_UPDATES` after the branch count.
 
     InputError where session, library or truth is gone, or fewer than ten updates follow; OptionError for a
     step that is not there.
@@ -184,6 +197,8 @@ class _Past:
         past, label = cls(point, step, sensors), point.run.manifest.label
         seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
         for moment, records in seen:
+            if len(past.moments) == MOST_UPDATES:
+                break
             if moment.frame.step <= step:
                 past.evidences.append(recovery_evidence(records[label]))
                 past.belief = records[label].belief
@@ -280,9 +295,12 @@ def _verdict(outcome: SeedResults, first: SeedResults, p_localized: float, p_err
 
 def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
     """Return what can be tried on a run, and what cannot, with the reason."""
-    own = point.run.configuration.parameters
-    remedies = [Remedy(name, BranchChange(settings=values)) for name, values in _settings(own)]
-    remedies += [Remedy(name, change) for name, change in _clouds(own.particles)]
+    configuration = point.run.configuration
+    own = configuration.parameters
+    by_laser = set(own.sensor.weights) == {LASER}
+    settings = _laser_settings(own) if by_laser else _settings(own)
+    remedies = [Remedy(name, BranchChange(settings=values)) for name, values in settings]
+    remedies += [Remedy(name, change) for name, change in _clouds(own, () if by_laser else MANY_TIMES)]
     sensors = {f"feature {name}": (BranchChange(feature=name), weights) for name, weights in FEATURES.items()}
     for name, values in PRESETS.items():
         if name == "thesis-exact":  # it has one robot's constants
@@ -290,39 +308,66 @@ def candidates(point: BranchPoint) -> tuple[list[Remedy], list[str]]:
         sensors[f"preset {name}"] = BranchChange(preset=name), values["sensor.weights"]
     more = BranchChange(preset=ROBUST, particles=TIMES_PARTICLES * own.particles)
     sensors[f"preset {ROBUST}, particles x{TIMES_PARTICLES}"] = more, PRESETS[ROBUST]["sensor.weights"]
-    left_out = []
+    left_out, holds = [], {*point.library.index, *equipped(point.library, own.sensor).sensors}
     for name, (change, weights) in sensors.items():
-        missing = [channel for channel in weights if channel not in point.library.index]
+        missing = [channel for channel in weights if channel not in holds]
         if missing:
-            left_out.append(f"{name}: the library has no channel {missing[0]}")
-        elif change.configuration(point.run.configuration).parameters != own:
+            left_out.append(f"{name}: the library has no {missing[0]}")
+        else:
             remedies.append(Remedy(name, change))
-    return remedies, left_out
+    others = [
+        remedy
+        for remedy in remedies
+        if remedy.change.anywhere or remedy.change.configuration(configuration).parameters != own
+    ]
+    return others, left_out
 
 
-def _clouds(particles: int) -> Iterator[tuple[str, BranchChange]]:
+def _clouds(own: FilterParameters, many_times: Sequence[int]) -> Iterator[tuple[str, BranchChange]]:
     """Yield other clouds to go on with, by name."""
-    larger = BranchChange(particles=TIMES_PARTICLES * particles)
-    yield f"particles x{TIMES_PARTICLES}", larger
-    for times in MANY_TIMES:
-        if times * particles <= MOST_PARTICLES:
-            yield f"particles x{times}", BranchChange(particles=times * particles)
+
+    def larger(times: int) -> BranchChange:
+        particles = times * own.particles
+        limit = {"resampling.kld.most": particles} if own.resampling.adaptive else {}
+        return BranchChange(particles=particles, settings=limit)
+
+    affordable = [times for times in many_times if times * own.particles <= MOST_PARTICLES]
+    for times in (TIMES_PARTICLES, *affordable):
+        yield f"particles x{times}", larger(times)
     yield "anywhere", BranchChange(anywhere=True)
-    yield f"anywhere, particles x{TIMES_PARTICLES}", replace(larger, anywhere=True)
+    if many_times:
+        yield f"anywhere, particles x{TIMES_PARTICLES}", replace(larger(TIMES_PARTICLES), anywhere=True)
+
+
+def _laser_settings(own: FilterParameters) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield what can be set of a filter that has a laser alone, by name; AMCL's where AMCL has it."""
+    prob = {"sensor.laser.model": "likelihood_field_prob"}
+    yield "model calibrated", {"sensor.laser.model": "calibrated"}
+    yield "likelihood_field_prob", prob
+    yield "likelihood_field_prob, do_beamskip", prob | {"sensor.laser.do_beamskip": True}
+    yield "likelihood_field_prob, recovery augmented", prob | AMCL_RECOVERY
+    yield "recovery none", {"recovery.strategy": "none"}
+    yield "recovery augmented", AMCL_RECOVERY
+    yield "recovery mixture", {"recovery.strategy": "mixture"}
+    motion = dict(own.motion or {})
+    for name, times in TIMES_ALPHAS.items():
+        if alphas := {alpha: times * float(str(motion[alpha])) for alpha in ALPHAS if alpha in motion}:
+            yield f"alphas x{times:g} ({name} the noise)", {"motion": motion | alphas}
+    if not motion:
+        yield "motion noise x2", MORE_NOISE
 
 
 def _settings(own: FilterParameters) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield what can be set, by name, without what the run has already."""
     for name in STRATEGIES:
-        if name != own.recovery.strategy:
-            yield f"recovery {name}", {"recovery.strategy": name}
+        yield f"recovery {name}", {"recovery.strategy": name}
     if own.resampling.roughening <= 0:
         yield "roughening 0.2", {"resampling.roughening": 0.2}
     if own.resampling.when == "always":
         yield "resampling when needed", {"resampling.when": "effective"}
     if own.resampling.scheme != "systematic":
         yield "resampling systematic", {"resampling.scheme": "systematic"}
-    yield "motion noise x2", {"motion_outliers.share": 1.0, "motion_outliers.widen": 2.0}
+    yield "motion noise x2", MORE_NOISE
     moved = {"map.obstacles": MOVABLE, "sensor.outlier_cost": OUTLIER_COST}
     if own.map.obstacles != MOVABLE:
         yield "obstacles movable", {"map.obstacles": MOVABLE}

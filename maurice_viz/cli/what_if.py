@@ -79,7 +79,7 @@ def what_if(
     ] = False,
     seeds: Annotated[
         int, option("--seeds", "Seeds that each remedy is tried with.", REMEDIES, min=1, max=10_000)
-    ] = 20,
+    ] = 14,
     json_output: opt.Json = False,
 ) -> None:
     """Branch a saved run at a step with something changed, and show the branch beside the run.
