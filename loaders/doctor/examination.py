@@ -284,16 +284,18 @@ def examine(
     if library is not None and not np.isfinite(drive.size_m):
         drive = replace(drive, size_m=max(library.arena.size_m))
     movement_s = movement_apart(drive)
-    clocks = clocks_apart(drive, movement_s) or truth_apart(drive)
+    scans = replace(gathered.scans, t_s=gathered.scans.t_s * factor)
+    seen = drive if len(drive.picture_t_s) else replace(drive, picture_t_s=scans.t_s, sees="scans")
+    clocks = clocks_apart(seen, movement_s) or truth_apart(seen)
     checks, without = ["times"], list[str]()
-    known = [*_about_reading(gathered), *coarse_times(drive), *units, *clocks]
+    known = [*_about_reading(gathered), *coarse_times(seen), *units, *clocks]
     if (made := made_odometry(gathered.info, options)) and drive.odometry.size:
         without.append(f"odometry: {made}")
     else:
         known += _about_odometry(drive, movement_s, checks, without)
-    if gathered.scans.size:
+    if scans.size:
         there = None if library is None else library.occupancy
-        more, asked = examine_scans(gathered.scans, drive, there)
+        more, asked = examine_scans(scans, seen, there, options.max_dt_s)
         known, checks = [*known, *more], [*checks, *asked]
         without += ["the map: none was given"] if there is None else []
     if not len(drive.picture_t_s):
@@ -323,7 +325,7 @@ def examine(
     examination = Examination(
         path, name, *counts, gathered.cut, gathered.warnings, *answers, fixed, shown_in, fov_known
     )
-    return replace(examination, scans=gathered.scans.size)
+    return replace(examination, scans=scans.size)
 
 
 def _about_odometry(

@@ -69,9 +69,10 @@ class RecordedDrive:
 
     odometry: RecordedOdometry
     truth: RecordedTruth
-    picture_t_s: F64  # (P,)
+    picture_t_s: F64  # (P,) of scans where nothing else was seen
     size_m: float = float("inf")  # the longer side of the map; infinite without one
     turn_gain: float = 1.0  # actual over measured, as the header has it
+    sees: str = "pictures"  # or "scans"
 
     def slowed(self, factor: float) -> RecordedDrive:
         """Return the same with all times multiplied."""

@@ -71,7 +71,7 @@ def coarse_times(drive: RecordedDrive) -> list[Finding]:
     odometry, truth = drive.odometry, drive.truth
     moves = np.abs(motions_of(odometry)).sum(axis=1) > 0 if odometry.size else np.zeros(0, bool)
     went = np.abs(np.diff(truth.poses, axis=0, prepend=truth.poses[:1])).sum(axis=1) > 0
-    kinds = {"odometry": odometry.t_s[moves], "truth": truth.t_s[went], "pictures": drive.picture_t_s}
+    kinds = {"odometry": odometry.t_s[moves], "truth": truth.t_s[went], drive.sees: drive.picture_t_s}
     findings = []
     for name, t_s in kinds.items():
         times = np.unique(t_s)
@@ -181,8 +181,10 @@ def clocks_apart(drive: RecordedDrive, movement_s: float | None = None) -> list[
         late, by = _late(times, ours, moved_s if name == "odometry" or moved_s is None else -moved_s)
         spans: dict[str, Value] = {"name": name, "from_s": float(times.min()), "to_s": float(times.max())}
         spans |= {"pictures_from_s": float(ours.min()), "pictures_to_s": float(ours.max())}
+        spans["sees"] = drive.sees
         evidence, options = (Evidence("spans", spans),), {f"{name}_offset_s": -round(late, 3)}
-        findings.append(Finding(f"{name}-clock", evidence, {"late_s": late}, options, {"by": by}))
+        details: dict[str, Value] = {"by": by, "sees": drive.sees}
+        findings.append(Finding(f"{name}-clock", evidence, {"late_s": late}, options, details))
     return findings
 
 
@@ -213,5 +215,6 @@ def truth_apart(drive: RecordedDrive) -> list[Finding]:
     if known >= FEW:
         return []
     late = float(np.median(pictures - truth.t_s[before]))
-    seen = {"share": known, "pictures": len(pictures), "gap_s": MAX_GAP_S, "age_s": late}
-    return [Finding("truth-apart", (Evidence("no-truth", seen),), {"share": known, "age_s": late})]
+    seen: dict[str, Value] = {"share": known, "pictures": len(pictures), "gap_s": MAX_GAP_S, "age_s": late}
+    evidence, details = (Evidence("no-truth", {**seen, "sees": drive.sees}),), {"sees": drive.sees}
+    return [Finding("truth-apart", evidence, {"share": known, "age_s": late}, details=details)]

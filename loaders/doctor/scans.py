@@ -13,11 +13,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.laser.fit import OFF_NATS, YAWS
-from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, Matcher
+from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, THROUGH_M, Matcher
+from maurice_mcl.sensor.laser.parameters import LaserParameters
+from maurice_mcl.sensor.laser.reading import LEAST_HITS, read_scan
+from maurice_mcl.sensor.laser.sensor import laser_of
 from maurice_mcl.values import F64, LaserScan, OccupancyMap, motion_between, path_of, wrap_angle
 
 from .findings import Evidence, Finding, RecordedDrive, motions_of
 
+LEAST_USED = 0.5  # share of the scans
 BEAMS, MOST_SCANS = 180, 20_000  # that are kept: of one scan, and of a recording
 PAIRS, LATE_PAIRS = 60, 120  # of scans, spread over the drive: for the mount, and for the clock
 WAY_M, TURN_RAD = (0.3, 1.2), (0.25, 0.9)  # between the two of a pair
@@ -32,6 +36,8 @@ CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
 MATCHED = 8  # scans that are searched on a map
 FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
 SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
+CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
+PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1  # of a laser on the robot, along each axis; told from
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,22 +67,23 @@ class _Pair:
 
 
 def examine_scans(
-    scans: RecordedScans, drive: RecordedDrive, occupancy: OccupancyMap | None
+    scans: RecordedScans, drive: RecordedDrive, occupancy: OccupancyMap | None, near_s: float
 ) -> tuple[list[Finding], list[str]]:
-    """Return what is wrong with scans, and what could be asked."""
+    """Return what is wrong with scans, and what could be asked; pictures take scans within `near_s`."""
     findings, checks = [*_truth_is_odometry(drive), *_capped(scans)], [f"{scans.size} scans"]
+    findings += _unused(scans, drive, near_s)
     paths = [path for path in (_truth_path(drive), _odometry_path(drive)) if path is not None]
     pairs = _pairs(scans, *paths[0]) if paths else []
     mirrored = False
     if len(pairs) >= FEWEST_PAIRS:
         checks[0] += f", {len(pairs)} pairs of them against each other"
-        mount = _mounts(scans, pairs)
+        mount = _mounts(scans, pairs) or _elsewhere(scans, pairs)
         findings += mount
         mirrored = any(finding.code == "scan-mirrored" for finding in mount)
         findings += [] if mount else _late(scans, *paths[-1])
     if occupancy is not None:
-        checks.append(f"{min(scans.size, MATCHED)} scans against the map")
-        findings += _about_map(scans, occupancy, mirrored)
+        about, asked = _about_map(scans, occupancy, mirrored)
+        findings, checks = [*findings, *about], [*checks, asked]
     return findings, checks
 
 
@@ -84,8 +91,8 @@ Path = tuple[F64, F64]  # times (K,) and poses (K, 3)
 
 
 def _truth_path(drive: RecordedDrive) -> Path | None:
-    truth = drive.truth
-    return (truth.t_s, truth.poses) if truth.size >= FEWEST_PAIRS and not truth.part.any() else None
+    truth = drive.truth  # carried off it went too far between two scans for a pair
+    return (truth.t_s, truth.poses) if truth.size >= FEWEST_PAIRS else None
 
 
 def _odometry_path(drive: RecordedDrive) -> Path | None:
@@ -122,10 +129,15 @@ def _pairs(scans: RecordedScans, t_s: F64, poses: F64, most: int = PAIRS) -> lis
 
 
 def _apart(
-    scans: RecordedScans, pair: _Pair, yaw_rad: float = 0.0, sign: int = 1, motion: F64 | None = None
+    scans: RecordedScans,
+    pair: _Pair,
+    yaw_rad: float = 0.0,
+    sign: int = 1,
+    motion: F64 | None = None,
+    shift: tuple[float, float] = (0.0, 0.0),
 ) -> float:
     """Return how far the points of a pair's second scan are from the first's, on average, in meters."""
-    points = [_points(scans.scans[k], yaw_rad, sign) for k in (pair.first, pair.second)]
+    points = [_points(scans.scans[k], yaw_rad, sign) + shift for k in (pair.first, pair.second)]
     if min(map(len, points)) < 10:
         return FAR_M
     x, y, turn = pair.motion if motion is None else motion
@@ -163,6 +175,48 @@ def _mounts(scans: RecordedScans, pairs: list[_Pair]) -> list[Finding]:
     return [Finding("scan-yaw", (seen,), {"yaw_deg": yaw_deg}, {"scan_yaw_rad": float(np.radians(yaw_deg))})]
 
 
+def _elsewhere(scans: RecordedScans, pairs: list[_Pair]) -> list[Finding]:
+    """Return where the laser is on the robot, if elsewhere than recorded: only turns tell."""
+    turning = [pair for pair in pairs if abs(wrap_angle(float(pair.motion[2]))) >= TURN_RAD[0]]
+    if len(turning) < FEWEST_PAIRS:
+        return []
+    usual = np.array([_apart(scans, pair) for pair in turning])
+    shift, spacing_m = (0.0, 0.0), PLACES_M
+    for places in (spacing_m, spacing_m[3:6] / 2):
+        tried = [(shift[0] + x, shift[1] + y) for x in places for y in places]
+        totals = [np.array([_apart(scans, pair, shift=place) for pair in turning]) for place in tried]
+        best = int(np.argmin([total.mean() for total in totals]))
+        shift, moved = tried[best], totals[best]
+    if np.hypot(*shift) < LEAST_PLACE_M or not _is_clear(usual, moved):
+        return []
+    seen = Evidence("scan-pairs", {"pairs": len(turning), "before": usual.mean(), "after": moved.mean()})
+    return [Finding("scan-place", (seen,), {"ahead_m": float(shift[0]), "left_m": float(shift[1])})]
+
+
+def _unused(scans: RecordedScans, drive: RecordedDrive, near_s: float) -> list[Finding]:
+    """Return why most scans, or most pictures with a scan, say nothing to a filter, if that is so."""
+    hits = np.array([int(scan.hits.sum()) for scan in scans.scans]) >= LEAST_HITS
+    others = {"pictures": drive.picture_t_s if drive.sees == "pictures" else np.zeros(0)}
+    others |= {"odometry": drive.odometry.t_s if drive.odometry.poses else np.zeros(0)}
+    used = {"hits": float(hits.mean())}
+    used |= {name: _near(scans.t_s, times, near_s) for name, times in others.items() if len(times)}
+    why = min(used, key=lambda name: used[name])
+    if used[why] >= LEAST_USED:
+        return []
+    values = {"share": used[why], "near_s": near_s, "hits": LEAST_HITS}
+    return [Finding("scans-unused", (Evidence(f"scans-{why}", values),), details={"why": why, **values})]
+
+
+def _near(t_s: F64, others: F64, near_s: float) -> float:
+    """Return the share of the rarer of two lists of times that has one of the other within `near_s`."""
+    few, many = sorted((np.sort(t_s), np.sort(others)), key=len)
+    after = (
+        np.clip(np.searchsorted(many, few), 1, len(many) - 1) if len(many) > 1 else np.zeros(len(few), int)
+    )
+    apart = np.minimum(np.abs(many[after] - few), np.abs(many[after - 1] - few))
+    return float((apart <= near_s).mean())
+
+
 def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
     """Return by how much the scans' clock is off the odometry's."""
     pairs, totals = _pairs(scans, t_s, poses, LATE_PAIRS), []
@@ -174,7 +228,8 @@ def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
         totals.append(np.array([_apart(scans, p, motion=m) for p, m in zip(pairs, motions, strict=True)]))
     usual, best = totals[len(OFFSETS_S) // 2], int(np.argmin([total.mean() for total in totals]))
     offset_s = float(round(OFFSETS_S[best], 3))
-    if abs(offset_s) < LEAST_OFFSET_S or not _is_clear(usual, totals[best], LATE_SHARE):
+    at_edge = best in (0, len(OFFSETS_S) - 1)  # whatever is there, it is no minimum
+    if at_edge or abs(offset_s) < LEAST_OFFSET_S or not _is_clear(usual, totals[best], LATE_SHARE):
         return []
     seen = Evidence("scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": totals[best].mean()})
     return [Finding("scan-delay", (seen,), {"delay_s": -offset_s}, {"picture_offset_s": offset_s})]
@@ -219,32 +274,55 @@ def _capped(scans: RecordedScans) -> list[Finding]:
     return [Finding("max-range", (seen,), {"range_m": most})]
 
 
-def _about_map(scans: RecordedScans, occupancy: OccupancyMap, mirrored: bool) -> list[Finding]:
-    """Return a finding where scans fit nowhere on the map better than mirrored ones, which fit by chance."""
+def _about_map(scans: RecordedScans, occupancy: OccupancyMap, mirrored: bool) -> tuple[list[Finding], str]:
+    """Return what is wrong with the map, and how well scans fit it; mirrored ones fit by chance."""
     chosen = np.linspace(0, scans.size - 1, min(scans.size, MATCHED)).round().astype(int)
     some = [scans.scans[k] for k in dict.fromkeys(chosen.tolist())]
-    signs = (-1, 1) if mirrored else (1, -1)
-    own, chance = (_best_off(some, occupancy, sign) for sign in signs)
-    if np.isnan(own) or own <= FITS_OFF or own < CHANCE * chance:
-        return []
+    check, signs = f"{len(some)} scans against the map", (-1, 1) if mirrored else (1, -1)
+    fits, by_chance = (_best_fits(some, occupancy, sign) for sign in signs)
+    own, chance = fits.off, by_chance.off
+    if np.isnan(own):
+        return [], check
+    check += f" ({fits.short:.0%} of the beams end before its walls, {fits.beyond:.0%} behind)"
+    if own <= FITS_OFF or own < CHANCE * chance:
+        seen = Evidence("fit-where", {"scans": len(some)})
+        numbers = {"short": fits.short, "beyond": fits.beyond}
+        changed = fits.short + fits.beyond >= CHANGED_SHARE
+        return [Finding("map-changed", (seen,), numbers)] if changed else [], check
     seen = Evidence("fit-anywhere", {"scans": len(some), "off": own, "chance": chance})
-    scaled = {scale: _best_off(some, _scaled(occupancy, scale), signs[0]) for scale in SCALES}
+    scaled = {scale: _best_fits(some, _scaled(occupancy, scale), signs[0]).off for scale in SCALES}
     scale = min(scaled, key=lambda name: scaled[name])
-    if scaled[scale] <= FITS_OFF and scaled[scale] < CHANCE * own:
-        return [Finding("map-scale", (seen,), {"scale": scale, "cell_m": occupancy.cell_m * scale})]
-    return [Finding("map-place", (seen,))]
+    if scaled[scale] < CHANCE * own:
+        numbers = {"scale": scale, "cell_m": occupancy.cell_m * scale}
+        return [Finding("map-scale", (seen,), numbers)], check
+    return [Finding("map-place", (seen,))], check
 
 
 def _scaled(occupancy: OccupancyMap, scale: float) -> OccupancyMap:
     return replace(occupancy, cell_m=occupancy.cell_m * scale)
 
 
-def _best_off(scans: list[LaserScan], occupancy: OccupancyMap, sign: int) -> float:
-    """Return the share of the beams that disagree where each scan fits best, in the median."""
-    matcher, shares = Matcher(occupancy), []
+@dataclass(frozen=True, slots=True)
+class _Fits:
+    """Shares of the beams where each of some scans fits best; NaN: none was matched."""
+
+    off: float  # that disagree, by their nats: the median of the scans
+    short: float  # that end before a wall of the map
+    beyond: float  # that end behind one
+
+
+def _best_fits(scans: list[LaserScan], occupancy: OccupancyMap, sign: int) -> _Fits:
+    matcher, laser, shares = Matcher(occupancy), laser_of(occupancy, LaserParameters()), list[list[float]]()
     for scan in scans:
-        points = _points(scan, 0.0, sign)
+        turned = replace(scan, start_rad=sign * scan.start_rad, step_rad=sign * scan.step_rad)
+        points, reading = turned.points(), read_scan(turned, laser.parameters)
         matches = matcher.search(points, scan.mount)
-        if matches is not None:
-            shares.append(-float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points))))
-    return float(np.median(shares)) if shares else float("nan")
+        if matches is None or reading is None:
+            continue
+        judged = laser.judged(reading, matches.poses[0])
+        off = -float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points)))
+        behind = reading.hits & (judged.measured_m > judged.expected_m + THROUGH_M)  # on whatever is there
+        shares.append([off, judged.are("short").mean(), behind.mean()])
+    if not shares:
+        return _Fits(*[float("nan")] * 3)
+    return _Fits(float(np.median(np.array(shares)[:, 0])), *np.mean(shares, axis=0)[1:].tolist())

@@ -98,9 +98,9 @@ WHAT: Mapping[str, Text] = {
     "too-large": "{records} records hold numbers of more than {most:g}",
     "broken": "{records} records cannot be read",
     "time-unit": "times are in {unit}",
-    "odometry-clock": "pictures and odometry have no time in common",
-    "truth-clock": "pictures and truth have no time in common",
-    "truth-apart": "pictures have no truth",
+    "odometry-clock": "{sees} and odometry have no time in common",
+    "truth-clock": "{sees} and truth have no time in common",
+    "truth-apart": "{sees} have no truth",
     "truth-degrees": "the truth's headings are in degrees",
     "truth-mast": lambda v: f"the truth is of a place {_place(v)} the wheels' center, not of that center",
     "disagreement": "odometry and truth do not describe the same drive",
@@ -115,11 +115,17 @@ WHAT: Mapping[str, Text] = {
     "odometry-delay": lambda v: f"odometry is {abs(v['delay_s']):.2g} s too {_late(v)} for the truth",
     "picture-delay": _picture_delay,
     "scan-yaw": "the laser is turned by {yaw_deg:+.0f} deg from where the recording has it on the robot",
+    "scan-place": lambda v: f"the laser is {_place(v)} where the recording has it on the robot",
+    "scans-unused": lambda v: _UNUSED[str(v["why"])][0].format_map(v),
     "scan-mirrored": "the scans are mirrored: the laser is upside down, or its beams are counted clockwise",
     "scan-delay": lambda v: f"scans are stamped {abs(v['delay_s']):.2g} s too {_late(v)} for the odometry",
     "odometry-is-truth": "odometry repeats the truth: it was made from it, and has no errors to localize by",
     "max-range": "beams that hit nothing read {range_m:.4g} m, as if they had hit something there",
     "map-scale": "the scans fit the map if its cells are {cell_m:.4g} m: {scale:g} times as large",
+    "map-changed": lambda v: (
+        f"{v['short']:.0%} of the beams end before the map's walls, {v['beyond']:.0%} behind them: the map "
+        "is not as the place is now"
+    ),
     "map-place": "the scans fit nowhere on the map better than by chance: it is of another place",
     "camera-yaw": (
         "the camera looks {yaw_deg:+d} deg ({low_deg:+.0f} to {high_deg:+.0f}) off where the library's "
@@ -127,8 +133,23 @@ WHAT: Mapping[str, Text] = {
     ),
 }
 
+_UNUSED: Mapping[str, tuple[str, str]] = {
+    "hits": (
+        "only {share:.0%} of the scans have {hits} beams or more that hit something",
+        "check range_min and range_max, and that ranges are in meters",
+    ),
+    "pictures": (
+        "only {share:.0%} of pictures and scans have the other within {near_s:g} s",
+        "--reading picture_offset_s=... if a clock is off; max_dt_s=... lets them be farther apart",
+    ),
+    "odometry": (
+        "only {share:.0%} of scans and odometry have the other within {near_s:g} s",
+        "--reading odometry_offset_s=... if a clock is off; max_dt_s=... lets them be farther apart",
+    ),
+}
+
 _BY = {
-    "pictures": "the offset puts records at the times of pictures",
+    "pictures": "the offset puts records at the times of {sees}",
     "movement": "the offset makes odometry and truth move together",
     "beginnings": "the offset aligns their beginnings; whether they began together is for you to know",
 }
@@ -142,8 +163,8 @@ FIX: Mapping[str, Text] = {
     "too-large": "`maurice-replay inspect SESSION` names the lines; --keep-going leaves them out",
     "broken": "`maurice-replay inspect SESSION` lists them; --keep-going leaves them out",
     "time-unit": IN_LOG + "divide times by {per_s:.0e}",
-    "odometry-clock": lambda v: _BY[v["by"]],
-    "truth-clock": lambda v: _BY[v["by"]],
+    "odometry-clock": lambda v: _BY[v["by"]].format_map(v),
+    "truth-clock": lambda v: _BY[v["by"]].format_map(v),
     "truth-apart": (
         "--reading truth_offset_s=..., or the same in the log, if a clock is late; else more frequent truth"
     ),
@@ -172,11 +193,14 @@ FIX: Mapping[str, Text] = {
     ),
     "picture-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the pictures')}",
     "scan-yaw": "correct the transform from base_link to the laser by {yaw_deg:+.0f} deg",
+    "scan-place": "correct the transform from base_link to the laser; a wrong wheel base looks the same",
+    "scans-unused": lambda v: _UNUSED[str(v["why"])][1].format_map(v),
     "scan-mirrored": "turn the roll of the laser's transform by 180 deg, or negate angle_increment",
     "scan-delay": lambda v: f"{IN_LOG}{_shift(v['delay_s'], 'the scans')}",
     "odometry-is-truth": "take wheel odometry; --reading odometry_from_truth=true makes some with noise",
     "max-range": "--set sensor.laser.laser_max_range={range_m:.4g}, or a range_max below it in the scans",
     "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
+    "map-changed": "map the place anew; until then --preset laser, or likelihood_field_prob with do_beamskip",
     "map-place": "give the map.yaml of this drive; `map build` makes one from scans with truth",
     "camera-yaw": "survey with the same mounting, or `maurice-replay library build SURVEY --yaw {yaw_deg}`",
 }
@@ -222,12 +246,12 @@ EVIDENCE: Mapping[str, Text] = {
     "limits": "a session log may not hold them; truth and odometry are at most {most:g} in size",
     "first-problem": "the first: {problem}",
     "spans": (
-        "pictures go from {pictures_from_s:.3f} to {pictures_to_s:.3f} s, "
+        "{sees} go from {pictures_from_s:.3f} to {pictures_to_s:.3f} s, "
         "{name} from {from_s:.3f} to {to_s:.3f} s"
     ),
     "no-truth": (
-        "{share:.0%} of {pictures} pictures have truth at their time or within "
-        "{gap_s:g} s before and after; the truth before a picture is {age_s:.2g} s old (median)"
+        "{share:.0%} of {pictures} {sees} have truth at their time or within "
+        "{gap_s:g} s before and after; the truth before them is {age_s:.2g} s old (median)"
     ),
     "degrees": (
         "headings up to {largest:.0f}; odometry leaves {if_degrees:.1%} of the movement "
@@ -251,6 +275,10 @@ EVIDENCE: Mapping[str, Text] = {
     ),
     "equal-steps": "{share:.0%} of {steps} steps are those of the truth, to 2 mm",
     "capped": "{share:.0%} of the beams read that range, the longest of all; the reach is {reach:.4g} m",
+    "fit-where": "where each of {scans} scans fits best on the map",
+    "scans-hits": "so few are a model's least, and a scan with fewer says nothing",
+    "scans-pictures": "pictures make the steps, each with the scan nearest to it",
+    "scans-odometry": "a scan is used at its place by the odometry",
     "fit-anywhere": (
         "where each of {scans} scans fits best {off:.0%} of its beams disagree, "
         "and as many of mirrored ones, by chance: {chance:.0%}"

@@ -20,6 +20,8 @@ from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values.library import Library
+from maurice_mcl.values.occupancy import OCCUPIED
+from maurice_viz.text.findings import describe
 
 LOGS = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "logs"
 USUAL = ReadingOptions()
@@ -71,6 +73,42 @@ def test_a_laser_turned_on_the_robot_is_found_and_put_right(
     assert codes(examine(log, found.fixed, drive[1])) == []
 
 
+@pytest.mark.parametrize("place_m", [(0.2, 0.0), (-0.15, 0.1)])
+def test_a_laser_elsewhere_on_the_robot_is_found(
+    drive: tuple[Path, Library], tmp_path: Path, place_m: tuple[float, float]
+) -> None:
+    def moved(scan: dict[str, Any]) -> None:
+        x, y, heading = scan.get("mount", [0.0, 0.0, 0.0])
+        scan["mount"] = [x - place_m[0], y - place_m[1], heading]
+
+    found = examine(broken(drive[0], tmp_path / "p.log", moved), USUAL, None)
+    assert codes(found) == ["scan-place"]
+    numbers = found.findings[0].numbers
+    assert [numbers["ahead_m"], numbers["left_m"]] == pytest.approx(place_m, abs=0.06)
+
+
+def test_scans_that_say_nothing_are_named_with_the_reason(
+    drive: tuple[Path, Library], tmp_path: Path
+) -> None:
+    def empty(scan: dict[str, Any]) -> None:
+        scan["ranges_m"] = [*scan["ranges_m"][:4], *["inf"] * (len(scan["ranges_m"]) - 4)]
+
+    found = examine(broken(drive[0], tmp_path / "e.log", empty), USUAL, None)
+    assert codes(found) == ["scans-unused"]
+    assert "8 beams" in describe(found.findings[0])
+
+
+def test_odometry_of_another_clock_is_told_of_scans(drive: tuple[Path, Library], tmp_path: Path) -> None:
+    records = [json.loads(line) for line in drive[0].read_text(encoding="utf-8").splitlines()]
+    scans = [record | {"t": record["t"] + 1e6} for record in records if "scan" in record]
+    others = [record for record in records if "scan" not in record]
+    log = tmp_path / "clock.log"
+    log.write_text("\n".join(map(json.dumps, [*others, *scans])) + "\n", encoding="utf-8")
+    found = examine(log, USUAL, None)
+    said = {finding.code: describe(finding) for finding in found.findings}
+    assert said["odometry-clock"] == "scans and odometry have no time in common"
+
+
 def test_scans_that_are_mirrored_are_found(drive: tuple[Path, Library], tmp_path: Path) -> None:
     def mirrored(scan: dict[str, Any]) -> None:
         scan["start_rad"], scan["step_rad"] = -scan["start_rad"], -scan["step_rad"]
@@ -95,6 +133,13 @@ def test_a_map_of_another_scale_or_place_is_found(drive: tuple[Path, Library]) -
     found = examine(log, USUAL, map_library(replace(grid, cell_m=grid.cell_m * 1.25), "scaled"))
     assert codes(found) == ["map-scale"]
     assert found.findings[0].numbers["scale"] == 0.8
+    changed, rng = grid.cells.copy(), np.random.default_rng(3)
+    side = round(0.6 / grid.cell_m)
+    for row, column in rng.integers(0, np.array(changed.shape) - side, (40, 2)):
+        changed[row : row + side, column : column + side] = OCCUPIED
+    found = examine(log, USUAL, map_library(replace(grid, cells=changed), "changed"))
+    assert codes(found) == ["map-changed"]
+    assert found.findings[0].numbers["beyond"] > found.findings[0].numbers["short"]
     cells = np.random.default_rng(1).permutation(grid.cells.reshape(-1)).reshape(grid.cells.shape)
     assert codes(examine(log, USUAL, map_library(replace(grid, cells=cells), "noise"))) == ["map-place"]
 
