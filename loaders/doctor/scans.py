@@ -36,6 +36,7 @@ CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
 MATCHED = 8  # scans that are searched on a map
 FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
 SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
+NEAR_M, FITS_AT_TRUTH = 0.5, 0.6
 CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
 PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1  # of a laser on the robot, along each axis; told from
 
@@ -82,7 +83,7 @@ def examine_scans(
         mirrored = any(finding.code == "scan-mirrored" for finding in mount)
         findings += [] if mount else _late(scans, *paths[-1])
     if occupancy is not None:
-        about, asked = _about_map(scans, occupancy, mirrored)
+        about, asked = _about_map(scans, occupancy, _truth_path(drive), mirrored=mirrored)
         findings, checks = [*findings, *about], [*checks, asked]
     return findings, checks
 
@@ -274,27 +275,31 @@ def _capped(scans: RecordedScans) -> list[Finding]:
     return [Finding("max-range", (seen,), {"range_m": most})]
 
 
-def _about_map(scans: RecordedScans, occupancy: OccupancyMap, mirrored: bool) -> tuple[list[Finding], str]:
+def _about_map(
+    scans: RecordedScans, occupancy: OccupancyMap, truth: Path | None, *, mirrored: bool
+) -> tuple[list[Finding], str]:
     """Return what is wrong with the map, and how well scans fit it; mirrored ones fit by chance."""
     chosen = np.linspace(0, scans.size - 1, min(scans.size, MATCHED)).round().astype(int)
-    some = [scans.scans[k] for k in dict.fromkeys(chosen.tolist())]
+    numbers = list(dict.fromkeys(chosen.tolist()))
+    some = [scans.scans[k] for k in numbers]
+    places = None if truth is None else _at(scans.t_s[numbers], *truth)
     check, signs = f"{len(some)} scans against the map", (-1, 1) if mirrored else (1, -1)
-    fits, by_chance = (_best_fits(some, occupancy, sign) for sign in signs)
+    fits, by_chance = (_best_fits(some, occupancy, sign, places) for sign in signs)
     own, chance = fits.off, by_chance.off
     if np.isnan(own):
         return [], check
     check += f" ({fits.short:.0%} of the beams end before its walls, {fits.beyond:.0%} behind)"
-    if own <= FITS_OFF or own < CHANCE * chance:
+    if own <= FITS_OFF or own < CHANCE * chance or fits.at_truth >= FITS_AT_TRUTH:
         seen = Evidence("fit-where", {"scans": len(some)})
-        numbers = {"short": fits.short, "beyond": fits.beyond}
+        shares = {"short": fits.short, "beyond": fits.beyond}
         changed = fits.short + fits.beyond >= CHANGED_SHARE
-        return [Finding("map-changed", (seen,), numbers)] if changed else [], check
+        return [Finding("map-changed", (seen,), shares)] if changed else [], check
     seen = Evidence("fit-anywhere", {"scans": len(some), "off": own, "chance": chance})
     scaled = {scale: _best_fits(some, _scaled(occupancy, scale), signs[0]).off for scale in SCALES}
     scale = min(scaled, key=lambda name: scaled[name])
     if scaled[scale] < CHANCE * own:
-        numbers = {"scale": scale, "cell_m": occupancy.cell_m * scale}
-        return [Finding("map-scale", (seen,), numbers)], check
+        cells = {"scale": scale, "cell_m": occupancy.cell_m * scale}
+        return [Finding("map-scale", (seen,), cells)], check
     return [Finding("map-place", (seen,))], check
 
 
@@ -309,11 +314,14 @@ class _Fits:
     off: float  # that disagree, by their nats: the median of the scans
     short: float  # that end before a wall of the map
     beyond: float  # that end behind one
+    at_truth: float  # share of the scans that fit best within `NEAR_M` of their true places; 0: unknown
 
 
-def _best_fits(scans: list[LaserScan], occupancy: OccupancyMap, sign: int) -> _Fits:
+def _best_fits(
+    scans: list[LaserScan], occupancy: OccupancyMap, sign: int, places: F64 | None = None
+) -> _Fits:
     matcher, laser, shares = Matcher(occupancy), laser_of(occupancy, LaserParameters()), list[list[float]]()
-    for scan in scans:
+    for number, scan in enumerate(scans):
         turned = replace(scan, start_rad=sign * scan.start_rad, step_rad=sign * scan.step_rad)
         points, reading = turned.points(), read_scan(turned, laser.parameters)
         matches = matcher.search(points, scan.mount)
@@ -322,7 +330,8 @@ def _best_fits(scans: list[LaserScan], occupancy: OccupancyMap, sign: int) -> _F
         judged = laser.judged(reading, matches.poses[0])
         off = -float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points)))
         behind = reading.hits & (judged.measured_m > judged.expected_m + THROUGH_M)  # on whatever is there
-        shares.append([off, judged.are("short").mean(), behind.mean()])
+        near = places is not None and np.hypot(*(matches.poses[0] - places[number])[:2]) < NEAR_M
+        shares.append([off, judged.are("short").mean(), behind.mean(), float(near)])
     if not shares:
-        return _Fits(*[float("nan")] * 3)
+        return _Fits(*[float("nan")] * 4)
     return _Fits(float(np.median(np.array(shares)[:, 0])), *np.mean(shares, axis=0)[1:].tolist())

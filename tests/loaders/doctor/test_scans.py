@@ -19,8 +19,7 @@ from maurice_loaders.doctor.examination import Examination, examine
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.occupancy import OCCUPIED
+from maurice_mcl.values import OCCUPIED, Library
 from maurice_viz.text.findings import describe
 
 LOGS = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "logs"
@@ -135,7 +134,7 @@ def test_a_map_of_another_scale_or_place_is_found(drive: tuple[Path, Library]) -
     assert found.findings[0].numbers["scale"] == 0.8
     changed, rng = grid.cells.copy(), np.random.default_rng(3)
     side = round(0.6 / grid.cell_m)
-    for row, column in rng.integers(0, np.array(changed.shape) - side, (40, 2)):
+    for row, column in rng.integers(0, np.array(changed.shape) - side, (20, 2)):
         changed[row : row + side, column : column + side] = OCCUPIED
     found = examine(log, USUAL, map_library(replace(grid, cells=changed), "changed"))
     assert codes(found) == ["map-changed"]
