@@ -30,7 +30,7 @@ from .particle_rules import no_particle, unlucky, weights_vanish
 from .picture_rules import ambiguity, library_gap, lighting, unlike_references
 from .story import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, Story
 from .surroundings import Surroundings, light_fit
-from .suspicion import suspected
+from .suspicion import scan_doubts, suspected
 
 RULES: tuple[Callable[[Story], Failure | None], ...] = (
     gap_in_log,
@@ -173,10 +173,17 @@ class DiagnosisBuilder:
         count, failures = self._known
         if count != len(self._updates):
             judged = any(update.score.correct is not None for update in self._updates)
-            doubts = self.episodes.doubts
-            failures = tuple(map(decide, self.stories())) if judged else suspected(self._updates, doubts)
+            failures = tuple(map(decide, self.stories())) if judged else suspected(self._updates, self.doubts)
             self._known = len(self._updates), failures
         return failures
+
+    @property
+    def doubts(self) -> tuple[tuple[int, int], ...]:
+        """The first and last step of each time that the run was probably lost, without truth.
+
+        The lost signal says so; of a run that it never trusted, the scans do.
+        """
+        return self.episodes.doubts or scan_doubts(self._updates)
 
     @property
     def has_laser(self) -> bool:

@@ -110,6 +110,7 @@ class UpdateEvidence:
     light: LightFit | None = None  # of the picture, brightened or darkened
     began_together: bool = False  # whether it is the first, and its cloud was together before the picture
     scan: ScanFit | None = None  # of a robot that has a laser, and a map in place of references
+    scan_here: ScanFit | None = None  # the same at the estimate, where no truth is known
     elements: F32 | None = None  # (D,) what those of the costliest channel cost the true place
 
     @property
@@ -171,7 +172,10 @@ class EvidenceFinder:
             knows=episodes.signal.knows,
             driven_m=driven(motions),
         )
-        return evidence if truth is None else self._with_truth(evidence, before, truth, moment, record)
+        if truth is not None:
+            return self._with_truth(evidence, before, truth, moment, record)
+        here = None if evidence.broken else self._scan(evidence, record, record.estimate.pose)
+        return replace(evidence, scan_here=here)
 
     def _with_truth(
         self, evidence: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord

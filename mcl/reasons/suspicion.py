@@ -2,20 +2,24 @@
 
 Two numbers tell: how well the best reference of the whole library explains a picture, and how well the cloud
 does. Where both fall, the pictures have changed. Where only the cloud's falls, it is at the wrong place.
+Over a map in place of references one number tells: how well the scan fits the map at the estimate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
 from ..scoring.episodes import PROBABLY_LOST, Episode
 from ..scoring.lost_signal import KNOWS_ABOVE
-from .causes import DATA, KIDNAPPED, LEFT_MAP, LIGHTING, UNKNOWN, VIEW, Failure
+from ..sensor.laser.fit import OFF_SHARE, ScanFit
+from .causes import DATA, KIDNAPPED, LEFT_MAP, LIGHTING, START, UNKNOWN, VIEW, Failure
 from .drive_rules import STUCK_PICTURES, VERY_LONG_GAP, cloud_left, stuck_pictures
 from .evidence import UpdateEvidence
+from .laser_rules import UNKNOWN_SHARE
 from .particle_rules import weights_vanish
 from .story import Story
 
@@ -23,7 +27,10 @@ USUAL_UPDATES = 20  # before, of which the usual level is taken
 FALLEN_NATS = 4.0  # below the usual level
 BEGAN_UPDATES = 10  # before it is probably lost, in which that began
 LIGHT_TIMES = 1.5  # as bright or as dark as usual
-LOG_SAYS, PICTURES_SAY = "the log says so", "the cloud stopped to fit, other places do"  # that it was carried
+SCANS_IN_A_ROW = 3  # that do not fit: fewer may be people in view
+# that it was carried
+LOG_SAYS, PICTURES_SAY = "the log says so", "the cloud stopped to fit, other places do"
+SCANS_SAY = "scans that fitted fit no more, all at once"
 
 
 def suspected(updates: Sequence[UpdateEvidence], doubts: Sequence[tuple[int, int]]) -> tuple[Failure, ...]:
@@ -35,6 +42,42 @@ def suspected(updates: Sequence[UpdateEvidence], doubts: Sequence[tuple[int, int
         failures = [failure for rule in rules if (failure := rule(story)) is not None]
     failures.sort(key=lambda failure: failure.first)
     return tuple(replace(failure, truth_known=False) for failure in failures)
+
+
+def scan_doubts(updates: Sequence[UpdateEvidence]) -> tuple[tuple[int, int], ...]:
+    """Return from which step to which several scans in a row did not fit the map at a cloud's place."""
+    rows = [[u.step for u in group] for is_off, group in groupby(updates, _is_off) if is_off]
+    return tuple((steps[0], steps[-1]) for steps in rows if len(steps) >= SCANS_IN_A_ROW)
+
+
+def _is_off(update: UpdateEvidence) -> bool:
+    fit = update.scan_here
+    return fit is not None and update.score.converged and fit.off >= OFF_SHARE
+
+
+def _by_scans(story: Story) -> Failure:
+    """Return what is suspected where scans stopped to fit the map at the estimate."""
+    updates, begin = story.updates, story.lost
+    while begin > 0 and (fit := updates[begin - 1].scan_here) is not None and fit.off >= OFF_SHARE:
+        begin -= 1
+    first = updates[begin].step
+    off = _scans([update for update in updates[begin:] if update.step <= story.episode.last])
+    before = _scans(updates[max(begin - SCANS_IN_A_ROW, 0) : begin])
+    numbers = {"off_beams": float(np.median([fit.off for fit in off])), "scans": len(off)}
+    unknown, short = (
+        float(np.median([fit.shares.get(name, 0.0) for fit in off])) for name in ("unknown", "short")
+    )
+    if not before:
+        return story.failure(START, first, **numbers)
+    if unknown >= UNKNOWN_SHARE:
+        return story.failure(LEFT_MAP, first, unknown_beams=unknown, **numbers)
+    if len(before) == SCANS_IN_A_ROW and all(fit.off < OFF_SHARE / 2 for fit in before):
+        return story.failure(KIDNAPPED, first, told=SCANS_SAY, **numbers)
+    return story.failure(VIEW, first, short_beams=short, **numbers)
+
+
+def _scans(updates: Sequence[UpdateEvidence]) -> list[ScanFit]:
+    return [update.scan_here for update in updates if update.scan_here is not None]
 
 
 def _began(updates: Sequence[UpdateEvidence], lost: int) -> int:
@@ -58,11 +101,13 @@ def _cause(updates: Sequence[UpdateEvidence], episode: Episode) -> Failure:
     """Return what is suspected to have made a run lost, of what can be seen without truth."""
     story = Story(updates, episode)
     lost, begin = story.lost, _began(updates, story.lost)
-    before, since = updates[max(0, begin - USUAL_UPDATES) : begin], updates[begin : lost + 1]
+    by_scans, since = updates[lost].scan_here is not None, updates[begin : lost + 1]
+    before = updates[max(0, begin - USUAL_UPDATES) : begin] or since
     first = updates[begin]
     cloud, best, gray = (_medians(before, since, name) for name in ("cloud", "best", "gray"))
     evidence = {"knows": updates[lost].knows or 0.0, "cloud_nats": cloud[1], "usual_cloud_nats": cloud[0]}
     evidence |= {"best_nats": best[1], "usual_best_nats": best[0]}
+    evidence = {} if by_scans else evidence
     for update in updates[max(begin - 1, 0) : lost + 1]:
         if update.kidnapped:
             return story.failure(KIDNAPPED, update.step, told=LOG_SAYS, **evidence)
@@ -71,6 +116,8 @@ def _cause(updates: Sequence[UpdateEvidence], episode: Episode) -> Failure:
         if story.usual_s > 0 and (update.after_s or 0.0) >= VERY_LONG_GAP * story.usual_s:
             gap = {"gap_s": update.after_s or 0.0, "usual_s": story.usual_s}
             return story.failure(DATA, update.step, **gap, **evidence)
+    if by_scans:
+        return _by_scans(story)
     for rule in (stuck_pictures, weights_vanish):
         if (failure := rule(story)) is not None:
             return failure

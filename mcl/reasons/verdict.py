@@ -215,7 +215,7 @@ def _divided(step: int, record: StepRecord, truth: F64 | None) -> Ambiguity | No
         truth_in = int(np.argmin(off_m)) + 1 if min(off_m) <= reach_m else 0
     fits = [_fit(record, mode.pose, reach_m) for mode in (first, second)]
     quality = record.sighting.comparison.quality
-    known = len(quality) > 0 and None not in fits
+    known = bool(record.sighting.comparison.channels) and None not in fits
     return Ambiguity(
         step,
         step,
@@ -282,7 +282,6 @@ class VerdictBuilder:
             radii=record.estimate.radii,
             left_map=(*verdict.left_map, step) if left else verdict.left_map,
             episodes=episodes.episodes,
-            doubts=episodes.doubts,
             sure_and_wrong=_worse(verdict.sure_and_wrong, step, score, record, episodes.is_bereft),
         )
 
@@ -298,6 +297,7 @@ class VerdictBuilder:
             self._verdict,
             has_truth=self._verdict.end is not None,
             has_laser=self._diagnosis.has_laser,
+            doubts=self._diagnosis.doubts,
             error_mean_m=self._sum_m / self._scored if self._scored else None,
             converged_share=self._converged / count,
             in_obstacles=self._obstacles.stays,

@@ -30,7 +30,7 @@ NAMES: Mapping[str, str] = {  # of evidence
     "unseen_beams": "share of the beams that pass through walls, or miss them",
     "short_beams": "share of the beams that end short of the wall",
     "short_m": "short of the wall by",
-    "off_beams": "share of the beams that disagree with the map at the truth",
+    "off_beams": "share of the beams that disagree with the map, at the truth or else at the estimate",
     "skill": "fit at the truth (1: perfect, 0: as anywhere)",
     "yaw_deg": "the laser would have to be turned by (deg)",
     "beams": "its beams would have to be counted",
@@ -64,6 +64,11 @@ REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
 Clause = Callable[[Failure, Mapping[str, Any], Scale], str]
 
 
+def _kidnapped(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the estimate"
+    return f"from step {failure.first} on {off}, and hardly any did before: as after a kidnapping"
+
+
 def _left_map(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     beams = f"{e['unknown_beams']:.0%} of the beams end where nobody has mapped"
     return f"the robot left the mapped part at step {failure.first} ({beams})"
@@ -89,8 +94,11 @@ def _unseen(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 def _view(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
     by = f" by {scale.say(e['short_m'])}" if "short_m" in e else ""
     short = f"{e['short_beams']:.0%} end short of the wall{by}"
-    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the true places"
-    return f"{off} from step {failure.first} on ({short}): something stands in view, or was moved"
+    where = "true places" if failure.truth_known else "estimates"
+    off = f"{e['off_beams']:.0%} of the beams disagree with the map at the {where}"
+    why = "something stands in view, or was moved"
+    why += "" if failure.truth_known else ", or the filter is at a wrong place"
+    return f"{off} from step {failure.first} on ({short}): {why}"
 
 
 def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
@@ -101,6 +109,9 @@ def _ambiguity(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _start(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
+    if not failure.truth_known:
+        off = f"from the start on {e['off_beams']:.0%} of the beams disagree with the map at the estimate"
+        return f"{off}: a wrong start, or a wrong map"
     return f"the filter began {scale.say(e['start_off_m'])} from the true place, and sure of it"
 
 
@@ -111,6 +122,7 @@ def _flat(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 CLAUSES: Mapping[str, Clause] = {
+    KIDNAPPED: _kidnapped,
     LEFT_MAP: _left_map,
     MOUNT: _mount,
     WRONG_MAP: _wrong_map,

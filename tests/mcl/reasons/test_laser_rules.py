@@ -10,6 +10,7 @@ import pytest
 from helpers.lost_runs import ALL, GONE, OFF, SINCE, UPDATES, healthy, stories
 from maurice_mcl.reasons.causes import CAUSES
 from maurice_mcl.reasons.diagnosis import decide
+from maurice_mcl.reasons.suspicion import scan_doubts, suspected
 from maurice_mcl.sensor.laser.fit import Mounting, ScanFit
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.causes import say_cause, say_evidence, say_remedy
@@ -80,3 +81,30 @@ def test_a_start_is_wrong_only_where_the_cloud_was_together_at_first():
     assert failure_of(FITS, ALL, **lost, began_together=True).kind == "wrong_start"
     assert failure_of(FITS, ALL, **lost).kind == "impoverished"
     assert failure_of(BAD, SINCE).title == "the map changed"  # nothing is said of a view
+
+
+WITHOUT_TRUTH = {
+    "carried off": ("kidnapped", BAD, SINCE),
+    "out of the mapped part": ("left_map", replace(BAD, shares=SHARES | {"unknown": 0.6}), SINCE),
+    "from the start": ("wrong_start", BAD, ALL),
+    "little by little": ("changed_view", BAD, [*range(SINCE[0] - 4, SINCE[0], 2), *SINCE]),
+}
+
+
+@pytest.mark.parametrize("case", WITHOUT_TRUTH)
+def test_without_truth_the_scans_at_the_estimate_tell_what_is_suspected(case):
+    kind, scan, steps = WITHOUT_TRUTH[case]
+    updates = [replace(healthy(k), scan_here=scan if k in steps else FITS) for k in ALL]
+    doubts = scan_doubts(updates)
+    assert [first for first, _ in doubts] == [SINCE[0] if kind != "wrong_start" else updates[0].step]
+    (failure,) = suspected(updates, doubts)
+    assert (failure.kind, failure.truth_known) == (kind, False)
+    scale = Scale(units_named("m"))
+    text = " ".join([say_cause(failure, scale), *say_evidence(failure, scale)])
+    for word in ("picture", "camera", "reference", "library", "true place"):
+        assert word not in text
+
+
+def test_two_scans_that_do_not_fit_are_no_doubt():
+    updates = [replace(healthy(k), scan_here=BAD if k in (20, 21) else FITS) for k in ALL]
+    assert scan_doubts(updates) == ()
