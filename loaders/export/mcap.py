@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from maurice_mcl.values import F64, U8, Arena, Camera, SessionInfo, compose, inverse
+from maurice_mcl.values import F64, U8, Arena, Camera, LaserScan, OccupancyMap, SessionInfo, compose, inverse
 
 from ..bags.readers import HEADER, MOTIONS, READINGS
 from ..bags.source import INSTALL
@@ -124,14 +124,19 @@ class McapScene:
     info: SessionInfo | None  # None where the session no longer exists
     arena: Arena | None
     camera: Camera | None  # whose pictures are written; None where it is unknown
+    occupancy: OccupancyMap | None = None  # of a robot with a laser: the map itself
 
     def write(self, mcap: McapWriter, begin_s: float) -> None:
         """Write header, map and camera pose."""
+        from .ros_messages import drawn, percents
+
         make = mcap.at(begin_s)
         if self.info is not None:
             mcap.write(HEADER, begin_s, make.header(self.info, mcap.folder))
-        if self.arena is not None:
-            mcap.write(GRID, begin_s, make.occupancy_grid(MAP, self.arena))
+        if self.occupancy is not None:
+            mcap.write(GRID, begin_s, make.occupancy_grid(MAP, *percents(self.occupancy)))
+        elif self.arena is not None:
+            mcap.write(GRID, begin_s, make.occupancy_grid(MAP, *drawn(self.arena)))
         mcap.write(MOUNT, begin_s, make.camera_mount(ROBOT, CAMERA, self.camera))
 
     def write_picture(self, mcap: McapWriter, t_s: float, image: U8, kind: PictureKind) -> None:
@@ -162,6 +167,22 @@ def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, Simplified
             mcap.write(topic, begin_s, mcap.at(begin_s).path(MAP, poses))
 
 
+class ScanTopic:
+    """Writes scans, and where the laser is on the robot whenever that changes."""
+
+    def __init__(self, mcap: McapWriter) -> None:
+        self._mcap = mcap
+        self._laser: F64 | None = None  # its pose (3,) as it was written last
+
+    def write(self, t_s: float, scan: LaserScan) -> None:
+        """Write a scan and its mount."""
+        make = self._mcap.at(t_s)
+        if self._laser is None or not np.array_equal(self._laser, scan.mount):
+            self._laser = scan.mount
+            self._mcap.write(MOUNT, t_s, make.transforms((ROBOT, LASER, scan.mount)))
+        self._mcap.write(SCAN, t_s, make.scan(LASER, scan))
+
+
 # A saved run as an MCAP file of ROS 2 messages.
 
 
@@ -171,6 +192,7 @@ class RunSink:
     def __init__(self, mcap: McapWriter, origin: F64, scene: McapScene) -> None:
         self._mcap, self._origin, self._scene = mcap, origin, scene
         self._begin_s: float | None = None
+        self._scans = ScanTopic(mcap)
         self._paths = {TRUE_PATH: new_path(), ESTIMATED_PATH: new_path()}
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
@@ -186,6 +208,8 @@ class RunSink:
         self._put(step, TF, make.transforms((MAP, ODOM, correction), (ODOM, ROBOT, step.odometry)))
         if image is not None:
             self._scene.write_picture(self._mcap, step.time_s, image, "jpeg")
+        if step.scan is not None:
+            self._scans.write(step.time_s, step.scan)
         self._add_poses(step, make)
         self._add_clouds(step, make)
         if step.readings:

@@ -21,7 +21,7 @@ from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, Qo
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from maurice_mcl.values import F64, Arena, Camera, LaserScan, SessionInfo
+from maurice_mcl.values import F64, Arena, Camera, LaserScan, OccupancyMap, SessionInfo
 
 from ..bags.source import EXTRA_TYPES
 from ..session_log.header import header_to_json
@@ -130,10 +130,9 @@ class Messages:
         stamped = [self._make(kind, header, self._pose(pose)) for pose in poses]
         return self._bytes("nav_msgs/msg/Path", header, stamped)
 
-    def occupancy_grid(self, frame: str, arena: Arena) -> bytes:
-        """Return a nav_msgs/OccupancyGrid: walls and obstacles are occupied, all else is free."""
-        cell_m, cells = occupancy(arena)
-        origin = self._pose(np.array([*arena.bounds[:2], 0.0]))
+    def occupancy_grid(self, frame: str, corner: F64, cell_m: float, cells: NDArray[np.int8]) -> bytes:
+        """Return a nav_msgs/OccupancyGrid of cells (H, W): percent, -1 where nobody has mapped."""
+        origin = self._pose(np.array([*corner, 0.0]))
         header, (rows, columns) = self._header(frame), cells.shape
         about = self._make("nav_msgs/msg/MapMetaData", header.stamp, cell_m, columns, rows, origin)
         return self._bytes("nav_msgs/msg/OccupancyGrid", header, about, cells.ravel())
@@ -220,8 +219,14 @@ OCCUPIED = 100  # percent
 SHIFT = 8  # fractional bits of the coordinates for OpenCV
 
 
-def occupancy(arena: Arena) -> tuple[float, NDArray[np.int8]]:
-    """Return a cell's side in meters, and the cells (rows, columns), 0 or 100, smallest y first."""
+def percents(occupancy: OccupancyMap) -> tuple[F64, float, NDArray[np.int8]]:
+    """Return a map's corner (2,), a cell's side in meters, and the cells (H, W) as ROS has them."""
+    values = np.array([0, OCCUPIED, -1], np.int8)  # of FREE, OCCUPIED, UNKNOWN
+    return occupancy.corner, occupancy.cell_m, values[occupancy.cells]
+
+
+def drawn(arena: Arena) -> tuple[F64, float, NDArray[np.int8]]:
+    """Return the same of drawn walls and obstacles, smallest y first: all else is free."""
     width_m, depth_m = arena.size_m
     cell_m = max(CELL_M, math.sqrt(width_m * depth_m / MOST_CELLS))
     rows, columns = (max(1, math.ceil(side_m / cell_m - 1e-6)) for side_m in (depth_m, width_m))
@@ -232,7 +237,7 @@ def occupancy(arena: Arena) -> tuple[float, NDArray[np.int8]]:
     for wall in arena.walls:
         start, end = _pixels(wall.reshape(2, 2), arena, cell_m).tolist()
         cv2.line(cells, start, end, OCCUPIED, lineType=cv2.LINE_8, shift=SHIFT)
-    return cell_m, cells.astype(np.int8)
+    return np.array(arena.bounds[:2]), cell_m, cells.astype(np.int8)
 
 
 def _pixels(points: NDArray[np.float64], arena: Arena, cell_m: float) -> NDArray[np.int32]:

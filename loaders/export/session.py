@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_mcl.values import F64, LaserScan, Moment, Session, SessionInfo, compose, inverse, motion_between
+from maurice_mcl.values import F64, Moment, Session, SessionInfo, compose, inverse, motion_between
 
 from ..bags.readers import MOTIONS, READINGS
 from ..errors import InputError, ReadingNotes
@@ -37,18 +37,16 @@ from ..session_log.header import FORMAT, header_to_json
 from ..session_log.writer import SessionWriter
 from .mcap import (
     EVENTS,
-    LASER,
     MAP,
-    MOUNT,
     ODOM,
     ODOMETRY,
     ROBOT,
-    SCAN,
     TF,
     TRUE_PATH,
     TRUTH,
     McapScene,
     McapWriter,
+    ScanTopic,
     mcap_file,
     new_path,
     scene_of,
@@ -281,7 +279,7 @@ class DriveWriter:
         self._links = (ODOM, ROBOT) if odometry else (ROBOT,)
         self._moved = self._in_motions = False  # whether any odometry came, and whether as motions
         self._odometry_s = -math.inf  # when it was written last
-        self._laser: F64 | None = None  # its pose (3,) on the robot, as it was written last
+        self._scans = ScanTopic(mcap)
         self._due_s: float | None = None  # when the transforms changed that are not written yet
         self._path = new_path()
 
@@ -320,7 +318,8 @@ class DriveWriter:
             self._mcap.write(READINGS, t_s, make.readings(record.values))
             self.done.readings += 1
         elif isinstance(record, Scan):
-            self._write_scan(t_s, record.scan)
+            self._scans.write(t_s, record.scan)
+            self.done.scans += 1
         elif isinstance(record, Picture) and moment is not None and record.name != PLACEHOLDER:
             if self._in_motions and t_s > self._odometry_s:  # other readers pair by time
                 self._write_odometry(t_s)
@@ -341,14 +340,6 @@ class DriveWriter:
     def _write_odometry(self, t_s: float) -> None:
         self._mcap.write(ODOMETRY, t_s, self._mcap.at(t_s).odometry(ODOM, ROBOT, self._odometry))
         self._odometry_s = t_s
-
-    def _write_scan(self, t_s: float, scan: LaserScan) -> None:
-        make = self._mcap.at(t_s)
-        if self._laser is None or not np.array_equal(self._laser, scan.mount):
-            self._laser = scan.mount
-            self._mcap.write(MOUNT, t_s, make.transforms((ROBOT, LASER, scan.mount)))
-        self._mcap.write(SCAN, t_s, make.scan(LASER, scan))
-        self.done.scans += 1
 
     def _place(self, pose: F64) -> None:
         self._correction = compose(pose, inverse(self._odometry))

@@ -24,7 +24,7 @@ import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
 
 from maurice_mcl.scoring.metrics import FIRST_SCORED
-from maurice_mcl.values import F64, U8, compose
+from maurice_mcl.values import F64, U8, LaserScan, compose
 
 from ..errors import InputError
 from ..files.writing import filling
@@ -44,6 +44,7 @@ class ExportStep:
     truth: F64 | None  # in the map's frame; None where it is not known
     odometry: F64  # as measured, uncorrected, in a frame of its own that begins at 0, 0, 0
     readings: Mapping[str, float] = field(default_factory=dict)  # of other sensors, if known
+    scan: LaserScan | None = None  # that was used, if known
 
     @property
     def scored(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -49,7 +49,7 @@ from maurice_mcl.values import F64, LaserScan, OccupancyMap, Session
 from ..errors import OptionError
 from ..listener import SILENT, Listener
 from ..running.open import open_session
-from ..running.saved import frames_of, session_of
+from ..running.saved import frames_of, library_of, session_of
 from ..running.saved_steps import Pictures
 
 LOG, MCAP = ".log", ".mcap"
@@ -288,7 +288,7 @@ def export(
         for number, step in enumerate(export_steps(saved, begin_s=begin_s), start=1):
             image = None if pictures is None else pictures.of(step.rows)
             if pictures is not None and image is not None:
-                step = replace(step, readings=pictures.readings)
+                step = replace(step, readings=pictures.readings, scan=pictures.scan)
             image = None if step.rows.step["picture"] == PLACEHOLDER else image
             if step.scored or not scored:
                 for sink in (*sinks, errors):
@@ -377,9 +377,11 @@ def _session(run: SavedRun, pictured: bool, listener: Listener) -> tuple[Session
 
 def _scene(run: SavedRun, session: Session | None) -> McapScene:
     """Return what does not change with time; the map is the one that the run was made with."""
-    if session is None:
-        return McapScene(None, run.arena(), None)
-    scene = scene_of(session.info, run.manifest.reading.camera)
+    camera = run.manifest.reading.camera
+    scene = McapScene(None, None, None) if session is None else scene_of(session.info, camera)
+    with suppress(InputError):  # a map that is gone or was changed; its walls are saved
+        by_laser = not (run.manifest.channels or run.manifest.recorded)
+        scene = replace(scene, occupancy=library_of(run).occupancy if by_laser else None)
     return replace(scene, arena=run.arena())
 
 

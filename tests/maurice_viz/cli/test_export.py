@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import failure, run
+from maurice_datasets.sessions import write_simulation
+from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.tasks import TASKS
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
@@ -192,3 +195,18 @@ def test_odometry_without_pictures_becomes_a_path_in_mcap(tmp_path):
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
     told = {name: counts[name] for name in ("/session/motions", "/truth", "/events")}
     assert told == {"/session/motions": 2, "/truth": 1, "/events": 1}
+
+
+def test_a_lasers_run_is_exported_with_its_scans_and_its_map(tmp_path):
+    reading = pytest.importorskip("rosbags.highlevel")
+    plan = SimulationPlan(TASKS["tracking"], world="office", arena_seed=2, seed=3, updates=5, laser=True)
+    session = write_simulation(tmp_path / "s", plan).session
+    run("replay", session, "--particles", "100", "-o", "none", "--save-run", tmp_path / "run")
+    run("export", tmp_path / "run", "-o", tmp_path / "run.mcap")
+    with reading.AnyReader([tmp_path / "run.mcap"]) as reader:
+        messages = {c.topic: reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages()}
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+    assert counts["/scan"] == counts["/estimate"]
+    assert len(messages["/scan"].ranges) == 360
+    assert messages["/scan"].header.frame_id == "laser"
+    assert set(messages["/map"].data.tolist()) == {-1, 0, 100}
