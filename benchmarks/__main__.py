@@ -2,6 +2,7 @@
 
 Prints every table as it is done, and saves it to out/bench.json, beside those of earlier runs. `--resume`
 leaves out what is saved there. `--write` also puts the tables into docs/performance.md, between their marks.
+After `check`, which CI runs, the status is 1 where a ratio fell by half.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import cv2
 from rich.console import Console
 from rich.table import Table as Shown
 
-from .speed import filter_step, growth, laser, libraries, many_runs, pictures, recording, replays
+from .speed import check, filter_step, growth, laser, libraries, many_runs, pictures, recording, replays
 from .speed.measure import Table, machine
 from .speed.peers import install
 
@@ -25,6 +26,7 @@ DOCS = Path(__file__).parents[1] / "docs" / "performance.md"
 SAVED = Path("out/bench.json")
 
 SECTIONS: Mapping[str, Callable[[bool], Table]] = {
+    "check": check.check,
     "filter-step": lambda quick: filter_step.filter_steps(install(), quick),
     "laser": laser.laser,
     "one-picture": pictures.one_picture,
@@ -62,6 +64,8 @@ def main() -> None:
         SAVED.write_text(json.dumps(results, indent=1))
     if asked.write:
         write([tables[name] for name in names], on)
+    if "check" in names and any(check.FELL in row for row in tables["check"].rows):
+        raise SystemExit(1)
 
 
 def saved() -> dict[str, Table]:

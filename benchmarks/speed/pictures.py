@@ -26,7 +26,7 @@ def one_picture(quick: bool) -> Table:
         for name, size in COMPARED.items():
             index = random_index(np.random.default_rng([2007, 3]), references, size)
             sample = index.references[300] + np.float32(0.25)
-            naive = partial(_broadcast, name, sample.astype(np.float64), index)
+            naive = partial(broadcast, name, sample.astype(np.float64), index)
             distance = DISTANCES[name]
             distance(sample, index)  # what a library computes once
             works = {"ours": partial(distance, sample, index), "naive": naive}
@@ -42,7 +42,8 @@ def one_picture(quick: bool) -> Table:
     )
 
 
-def _broadcast(name: str, sample: F64, index: ChannelIndex) -> F64:
+def broadcast(name: str, sample: F64, index: ChannelIndex) -> F64:
+    """Return the distances (L,) of a descriptor (D,) in float64, as one writes them first."""
     references = index.references.astype(np.float64)
     match name:
         case "hellinger":

@@ -37,7 +37,7 @@ Chosen = Callable[[Panel], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class _Drive:
+class Drive:
     """A drive that was localized."""
 
     session: mcl.Session
@@ -47,17 +47,18 @@ class _Drive:
 
 
 @cache
-def _drive(updates: int) -> _Drive:
+def drive_of(updates: int) -> Drive:
+    """Localize the demo's drive."""
     paths = demo_paths()
     library, session = ml.build_library(paths.survey), ml.open_session(paths.session)
     localizer = mcl.make_localizer(library, feature="blended", particles=PARTICLES)
     pairs = [pair for pair, _ in zip(mcl.run(localizer, session, None), range(updates), strict=False)]
-    return _Drive(session, library, localizer, pairs)
+    return Drive(session, library, localizer, pairs)
 
 
 def recordings(quick: bool) -> Table:
     """Measure every detail, into a file and live."""
-    drive, rows = _drive(20 if quick else UPDATES), []
+    drive, rows = drive_of(20 if quick else UPDATES), []
     for detail in Detail:
         for way in ("file", "live"):
             milliseconds, kilobytes = _least(drive, detail, lambda _: True, quick, live=way == "live")
@@ -72,7 +73,7 @@ def recordings(quick: bool) -> Table:
 
 def panels(quick: bool) -> Table:
     """Measure each panel alone, into a file, with what sending its rows costs."""
-    drive = _drive(20 if quick else UPDATES)
+    drive = drive_of(20 if quick else UPDATES)
     costs: dict[str, list[Cost]] = {name: [] for name in (BARE, *_names(drive))}
     for detail in (Detail.FULL, Detail.LIGHT):
         bare = _least(drive, detail, lambda _: False, quick)
@@ -98,24 +99,25 @@ def _name(panel: Panel) -> str:
     return type(panel).__name__.removesuffix("Panel")
 
 
-def _names(drive: _Drive) -> list[str]:
-    view, scene = RunView.of("run", drive.localizer), _scene(drive)
+def _names(drive: Drive) -> list[str]:
+    view, scene = RunView.of("run", drive.localizer), scene_of(drive)
     return [_name(panel) for panel in RerunObserver(sinks.recording("names"), view, scene).panels]
 
 
-def _scene(drive: _Drive) -> Scene:
+def scene_of(drive: Drive) -> Scene:
+    """Return what is drawn around it."""
     return Scene(SessionInfo("x", drive.library.display_units), drive.library, True)
 
 
-def _least(drive: _Drive, detail: Detail, chosen: Chosen, quick: bool, live: bool = False) -> Cost:
+def _least(drive: Drive, detail: Detail, chosen: Chosen, quick: bool, live: bool = False) -> Cost:
     """Return the least of some rounds: other work on the machine only adds to it."""
     rounds = [_measure(drive, detail, chosen, live) for _ in range(1 if quick else 5)]
     return min(took for took, _ in rounds), min(held for _, held in rounds)
 
 
-def _measure(drive: _Drive, detail: Detail, chosen: Chosen, live: bool = False) -> Cost:
+def _measure(drive: Drive, detail: Detail, chosen: Chosen, live: bool = False) -> Cost:
     """Draw a drive with some panels; return what an update took and held the second time."""
-    view, scene = RunView.of("run", drive.localizer), _scene(drive)
+    view, scene = RunView.of("run", drive.localizer), scene_of(drive)
     layout = runs_blueprint([view], scene)
     with tempfile.TemporaryDirectory() as folder:
         path, port = Path(folder) / "run.rrd", sinks.free_port() if live else None

@@ -98,14 +98,14 @@ def commands(quick: bool) -> Table:
     with tempfile.TemporaryDirectory() as folder:
         places = {"SESSION": str(demo_paths().session), "OUT": str(Path(folder) / "out.rrd")}
         works: dict[str, Work] = {
-            name: partial(_run, [places.get(word, word) for word in words])
-            for name, words in COMMANDS.items()
+            name: partial(run, [places.get(word, word) for word in words]) for name, words in COMMANDS.items()
         }
         took = interleaved(works, 1 if quick else 5)
     rows = [[name, f"{times.median:.1f}"] for name, times in took.items()]
     return Table("commands", "Commands, from typing to the end, seconds", ["command", "seconds"], rows)
 
 
-def _run(words: Sequence[str]) -> None:
+def run(words: Sequence[str]) -> None:
+    """Run our command."""
     command = Path(sys.executable).with_name("maurice-replay")
     subprocess.run([str(command), *words], check=True, capture_output=True)

@@ -28,7 +28,7 @@ from ..running.open import (
     open_session,
     read_as_amcl,
 )
-from ..running.output import OutputOptions, output_of, show_recording
+from ..running.output import OutputOptions, output_of, show_recording, window_ahead
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.run_spec import RunSpec, words_of
 from ..running.saving import Inputs, filters_to_save, saving
@@ -182,13 +182,14 @@ def replay_session(
         shown = "a replay into a recording, without options of the filter, shows the drive"
         hint = shown if place is None else "`inspect` lists what it holds"
         raise InputError(opened.path, f"found neither pictures nor scans, which the filter needs; {hint}")
-    references = open_library_for(opened, place, keep_going=reading.keep_going, listener=listener)
-    runs = make_runs(opened, references, specs, listener)
-    playback = playback_of_session(opened, references, runs, overview, listener)
-    survey = place if isinstance(place, Path) else opened.path
-    inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
-    savers = saving(filters_to_save(runs, inputs), output)
-    return play(playback, output.named(words_of(specs)), listener, savers, report)
+    with window_ahead(output) as output:  # comes up while the filter is made and Rerun imported
+        references = open_library_for(opened, place, keep_going=reading.keep_going, listener=listener)
+        runs = make_runs(opened, references, specs, listener)
+        playback = playback_of_session(opened, references, runs, overview, listener)
+        survey = place if isinstance(place, Path) else opened.path
+        inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
+        savers = saving(filters_to_save(runs, inputs), output)
+        return play(playback, output.named(words_of(specs)), listener, savers, report)
 
 
 def playback_of_session(

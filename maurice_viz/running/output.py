@@ -12,7 +12,7 @@ import shutil
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,7 @@ from ..errors import OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
 from ..listener import Listener
 from ..scene import Detail, Ending, RunView, Scene
+from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
 from .run_spec import check_name
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ class OutputOptions:
     fixed_stem: bool = False  # the stem is the whole name, whatever is drawn
     alone: bool = True  # draw a drive without a library by itself; else that is an error
     web: WebViewer | None = None  # show it in browsers: no window opens, and only a live source has a file
+    window: Window | None = None  # a viewer that was started ahead
 
     def __post_init__(self) -> None:
         check_name(self.layout, LAYOUT_NAMES, "layout")
@@ -94,6 +96,12 @@ class OutputOptions:
             raise OptionError(f"--detail light has the layouts {names}, found {self.layout!r}")
         if self.no_recording and self.rrd is not None:
             raise OptionError("a recording is both asked for and excluded; give one of the two")
+
+    @property
+    def opens_window(self) -> bool:
+        """Whether a viewer opens on this display."""
+        elsewhere = self.headless or self.no_recording or self.rrd is not None or self.web is not None
+        return not elsewhere and has_display()
 
     def named(self, words: Iterable[str]) -> OutputOptions:
         """Name the recording after its stem and what it holds, so that another one does not replace it."""
@@ -135,6 +143,21 @@ def output_of(
             "`output` says all that `to`, `save_run`, `layout`, `detail` and `force` do; give one"
         )
     return output
+
+
+@contextmanager
+def window_ahead(output: OutputOptions) -> Iterator[OutputOptions]:
+    """Start the viewer that the block will draw to: it comes up meanwhile. It is closed after an error."""
+    window = None
+    if output.opens_window:
+        with suppress(SinkError):  # it is tried again, and told, when there is something to draw
+            window = Window()
+    try:
+        yield replace(output, window=window)
+    except BaseException:
+        if window is not None and not window.is_shown:
+            window.close()
+        raise
 
 
 @dataclass(slots=True)
@@ -180,7 +203,7 @@ def _live_sink(
     from ..viewer import sinks
 
     path = _path(output)
-    window = output.rrd is None and not output.headless and sinks.has_display()
+    window = output.rrd is None and not output.headless and has_display()
     with sinks.to_file_and_viewers(
         path,
         name,
@@ -221,9 +244,9 @@ def sink_of(
             yield rec
         _serve(output.web, shown, output.place or _place(drawn.step), listener, output)
         return
-    if output.rrd is None and not output.headless and sinks.has_display():
+    if output.opens_window:
         try:
-            port = sinks.bring_up_viewer()
+            port = (output.window or Window()).port()
         except SinkError as problem:
             listener.warning(f"{problem}; writing a file instead")
         else:
@@ -248,8 +271,6 @@ def _look_at(port: int, place: Place | None, keys: str, listener: Listener, outp
 
     OptionError for a tab that it does not have.
     """
-    from ..viewer.open_viewers import LayoutError, look_at
-
     try:
         if place is not None and look_at(port, place, output.layout, output.run):
             listener.remark(f"the viewer stands at {place}")
@@ -318,16 +339,14 @@ def show_recording(path: Path, listener: Listener, output: OutputOptions) -> Non
 
     InputError, OptionError, SinkError.
     """
-    from ..viewer import sinks
-
     web, place = output.web, output.place or _place(decisive_step_of(path))
     if web is not None:
         _serve(web, path, place, listener, output)
         return
-    if not sinks.has_display():
+    if not has_display():
         how = "found no display to open it on; add --web for a browser, or copy it to where there is one"
         raise SinkError(path, how)
-    _look_at(sinks.bring_up_viewer([str(path)]), place, KEYS_HINT, listener, output)
+    _look_at(Window([str(path)]).port(), place, KEYS_HINT, listener, output)
 
 
 def decisive_step_of(path: Path) -> int | None:

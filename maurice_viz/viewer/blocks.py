@@ -75,10 +75,11 @@ class ComponentLists:
         """Return lists, one per row; null where the component is not in the row."""
         present = [values for values in self.values if values is not None]
         lengths = [0 if values is None else values.length for values in self.values]
-        ends = pa.array(np.cumsum([0, *lengths], dtype=np.int32))
+        ends, inner = pa.py_buffer(np.cumsum([0, *lengths], dtype=np.int32)), joined(present)
         gaps = len(present) < len(lengths)
-        absent = pa.array([values is None for values in self.values]) if gaps else None
-        return pa.ListArray.from_arrays(ends, joined(present), mask=absent)
+        there = np.packbits([values is not None for values in self.values], bitorder="little")
+        buffers = [pa.py_buffer(there) if gaps else None, ends]
+        return pa.Array.from_buffers(pa.list_(inner.type), len(lengths), buffers, children=[inner])
 
 
 class BlockRecording(rr.RecordingStream):

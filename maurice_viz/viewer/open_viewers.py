@@ -10,6 +10,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -17,12 +18,14 @@ from pathlib import Path
 from typing import Any
 
 import rerun_cli  # type: ignore[import-untyped]  # has no types, comes with rerun-sdk
-from rerun.experimental import ViewerClient
 
 from ..entities import Place
+from ..errors import SinkError
 
 HOST = "127.0.0.1"
 PROBE_EVERY_S = 0.1
+PATIENCE_S = 20.0  # for a viewer to come up
+SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 LOADS_S = 10.0  # for a viewer to show what it was given
 
 
@@ -58,6 +61,46 @@ def start_viewer(
         env=os.environ | (environment or {}),
         start_new_session=True,
     )
+
+
+class Window:
+    """A viewer on this display, which comes up while we go on, and stays open afterwards."""
+
+    def __init__(self, options: Sequence[str] = ("--expect-data-soon",)) -> None:
+        """Start it. Raises SinkError when that cannot be."""
+        self._port, self._is_open = free_port(), False
+        self.is_shown = False  # whether somebody draws to it
+        try:
+            self._process = start_viewer(self._port, options)
+        except OSError as error:
+            raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
+        self._waiting = threading.Thread(target=self._wait, daemon=True)
+        self._waiting.start()
+
+    def port(self) -> int:
+        """Return the port it listens on, once it does.
+
+        Raises SinkError when it does not come up, or ends again at once (the display may be dead).
+        """
+        self._waiting.join()
+        if not self._is_open:
+            raise SinkError(viewer_binary(), "opened no window on this display")
+        self.is_shown = True
+        return self._port
+
+    def close(self) -> None:
+        """Close it: there is nothing to show."""
+        self._process.terminate()
+
+    def _wait(self) -> None:
+        came_up = wait_until_listening(self._process, self._port, PATIENCE_S)
+        self._is_open = came_up and not ends_within(self._process, SETTLE_S)
+
+
+def has_display() -> bool:
+    """Return whether there is a screen to open a window on."""
+    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return sys.platform in ("win32", "darwin") or bool(screen)
 
 
 ENDS_S = 5.0  # for a viewer to end
@@ -170,6 +213,8 @@ def look_at(
 
     LayoutError if it shows no tab of the name `layout`, or none of `run` in it.
     """
+    from rerun.experimental import ViewerClient  # takes as long as a viewer to come up
+
     deadline = time.monotonic() + patience_s
     while time.monotonic() < deadline:
         try:

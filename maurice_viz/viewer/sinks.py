@@ -9,9 +9,8 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,12 +24,12 @@ from ..errors import SinkError
 from .blocks import BlockRecording
 from .open_viewers import (
     HOST,
+    SETTLE_S,
     address,
     ends_within,
     free_port,
     start_viewer,
     viewer_binary,
-    wait_until_listening,
 )
 
 if TYPE_CHECKING:
@@ -40,8 +39,6 @@ APPLICATION = "maurice-replay"
 FLUSH_S = 60.0
 GIVE_UP_S = 5.0  # for closing what could not be written
 CANNOT_WRITE = (RuntimeError, OSError, ValueError)  # what flushing raises
-PATIENCE_S = 20.0  # for a viewer to come up
-SETTLE_S = 0.7  # a viewer that finds no display listens for a moment before it ends
 ELSEWHERE_ADVICE = "use -o FILE.rrd, and open it where there is a screen"
 SERVED_MEMORY = "25MB"  # of a live recording, kept for viewers that come late; takes some 100 MB of memory
 LEAST_FREE_BYTES = 1 << 20  # bytes: a disk with less than that is called full
@@ -61,12 +58,6 @@ def _named(rec: rr.RecordingStream, name: str) -> rr.RecordingStream:
     rec.set_log_tick_enabled(False)
     rec.send_recording_name(name)
     return rec
-
-
-def has_display() -> bool:
-    """Return whether there is a screen to open a window on."""
-    screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return sys.platform in ("win32", "darwin") or bool(screen)
 
 
 def part_of(path: Path) -> Path:
@@ -113,21 +104,6 @@ def to_file(
         raise
     _check_written(part, _close(rec))
     part.replace(path)
-
-
-def bring_up_viewer(options: Sequence[str] = ("--expect-data-soon",)) -> int:
-    """Start a viewer on this display, which stays open afterwards; return the port it listens on.
-
-    Raises SinkError when none comes up, or it ends again at once (the display may be dead).
-    """
-    port = free_port()
-    try:
-        viewer = start_viewer(port, options)
-    except OSError as error:
-        raise SinkError(viewer_binary(), f"does not start ({error.strerror})") from error
-    if not wait_until_listening(viewer, port, PATIENCE_S) or ends_within(viewer, SETTLE_S):
-        raise SinkError(viewer_binary(), "opened no window on this display")
-    return port
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from rerun.experimental import ViewerClient
 
 from helpers.commands import maurice
 from maurice_viz.entities import Phase, Place
@@ -69,7 +70,7 @@ def test_a_viewer_is_moved_to_a_phase_and_a_tab(small_session, tmp_path, monkeyp
     monkeypatch.setattr(snapshot, "free_port", lambda: port)
     with snapshot.headless_viewer(tmp_path / "a.rrd"):
         assert open_viewers.look_at(port, Place(3, Phase.RESAMPLE), "inside-a-step", "blended")
-        client = open_viewers.ViewerClient.connect(open_viewers.address(port))
+        client = ViewerClient.connect(open_viewers.address(port))
         until = time.monotonic() + 20
         while (recording := client.get_state().recordings[0]).current_timeline != "phase":
             assert time.monotonic() < until

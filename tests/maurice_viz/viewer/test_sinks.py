@@ -91,30 +91,30 @@ def test_a_display_is_what_the_environment_says(monkeypatch, display):
     monkeypatch.setattr("sys.platform", "linux")
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", display)
-    assert sinks.has_display() == bool(display)
+    assert viewer.has_display() == bool(display)
 
 
 def test_a_viewer_that_fails_is_one_line(monkeypatch, tmp_path):
     monkeypatch.setattr("maurice_viz.viewer.open_viewers.viewer_binary", lambda: tmp_path / "no such viewer")
     with pytest.raises(sinks.SinkError, match="No such file"):
-        sinks.bring_up_viewer()
+        viewer.Window().port()
     monkeypatch.setattr("maurice_viz.viewer.open_viewers.viewer_binary", lambda: Path("/bin/false"))
     with pytest.raises(sinks.SinkError, match="opened no window"):
-        sinks.bring_up_viewer()
+        viewer.Window().port()
 
 
 @pytest.mark.skipif(software_driver() is None, reason="no software Vulkan driver to start a viewer with")
 def test_a_started_viewer_gets_what_is_logged_and_outlives_the_recording(monkeypatch, tmp_path):
     """The real viewer, without its window: everything else is as where there is a display."""
-    started = []
+    started, start = [], viewer.start_viewer
 
     def headless(port: int, options: list[str]) -> subprocess.Popen[bytes]:
-        started.append((port, viewer.start_viewer(port, [*options, "--headless"])))
+        started.append((port, start(port, [*options, "--headless"])))
         return started[0][1]
 
-    monkeypatch.setattr(sinks, "start_viewer", headless)
+    monkeypatch.setattr(viewer, "start_viewer", headless)
     try:
-        with sinks.to_viewer(sinks.bring_up_viewer(), "a session", LAYOUT) as rec:
+        with sinks.to_viewer(viewer.Window().port(), "a session", LAYOUT) as rec:
             rec.set_time("step", sequence=3)
             rec.log("/a", rr.TextDocument("hello"))
         client = ViewerClient.connect(viewer.address(started[0][0]))
