@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PYTEST = $(BIN)/python -m pytest --numprocesses auto --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test test-all check gate bench thesis results laser studies fuzz stops soak docs release-check clean
+.PHONY: demo test test-all check gate bench speed thesis results laser studies fuzz stops soak docs release-check clean
 
 demo: .venv/installed
 	$(BIN)/maurice-replay demo --force
@@ -34,6 +34,10 @@ gate: .venv/installed
 # All comparisons with the peers, some minutes; the tables go into docs/performance.md.
 bench: .venv/installed-dev
 	$(BIN)/python -m benchmarks --write
+
+# A few of them as ratios, which fails where one fell by half: two to three minutes; CI runs it.
+speed: .venv/installed-dev
+	$(BIN)/python -m benchmarks check
 
 # The thesis's trials, figures and claims (docs/results.md): a quarter of an hour, and it goes on where it stopped.
 thesis: .venv/installed-dev

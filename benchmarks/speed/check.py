@@ -93,15 +93,15 @@ def starting() -> float:
 
 # what is compared: how, and the ratio on two shared cores of an x86-64
 RATIOS: dict[str, tuple[Callable[[], float], float]] = {
-    "filter step, 5,000 particles: naive float64 / ours": (filtering, 2.3),
-    "4,272 references, hellinger: broadcasting / ours": (partial(comparing, "hellinger"), 25.0),
-    "4,272 references, thesis: broadcasting / ours": (partial(comparing, "thesis"), 3.5),
-    "16 runs of 500 particles: one by one / as one array": (trials, 4.0),
-    "drawing a step in full: some of it call by call / ours": (partial(drawing, Detail.FULL), 0.5),
-    "drawing a step, light: some of it call by call / ours": (partial(drawing, Detail.LIGHT), 1.5),
+    "filter step, 5,000 particles: naive float64 / ours": (filtering, 2.2),
+    "4,272 references, hellinger: broadcasting / ours": (partial(comparing, "hellinger"), 22.0),
+    "4,272 references, thesis: broadcasting / ours": (partial(comparing, "thesis"), 4.0),
+    "16 runs of 500 particles: one by one / as one array": (trials, 4.2),
+    "drawing a step in full: some of it call by call / ours": (partial(drawing, Detail.FULL), 0.4),
+    "drawing a step, light: some of it call by call / ours": (partial(drawing, Detail.LIGHT), 1.2),
     "a long recording: an early step / a late one": (long_drive, 1.0),
-    "--help: starting Python / ours": (helping, 0.5),
-    "a replay into a file: importing numpy, scipy, Rerun / ours": (starting, 0.3),
+    "--help: starting Python / ours": (helping, 0.4),
+    "a replay into a file: importing numpy, scipy, Rerun / ours": (starting, 0.2),
 }
 
 
