@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from maurice_mcl.values import Camera, SessionInfo
+from maurice_mcl.values import F64, Camera, SessionInfo
 
 from ..errors import InputError, ReadingNotes
 from ..formats.registry import Format
@@ -30,11 +30,13 @@ from .containers import (
 )
 from .messages import (
     MESSAGE_ERRORS,
+    POSE_WITH_COVARIANCE,
     TEXT,
     TRANSFORMS,
     FrameTree,
     known_type,
     links_of,
+    pose_of,
     recorded_as_measured,
     stamp_ns,
     use_recorded,
@@ -116,16 +118,18 @@ class BagRecording:
             self._motions = has_topic(bag, MOTIONS, VECTOR) and options.odometry_topic is None
             self._numbers = {} if self._rows else number_topics(path, bag.topics, options.readings)
             header = header_of(path, bag)  # of a file that we exported
+            start, given = start_in(bag, self.chosen.scan or self.chosen.image)
             truth = self.chosen.truth
             self._doubt = ""
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
-        self._guessed = "; ".join(text for text in (self.chosen.guess, looking, mounted) if text)
+        self._guessed = "; ".join(text for text in (self.chosen.guess, looking, mounted, given) if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
         name = f"{path.stem} (truth: the estimate of {truth})" if self._doubt else path.stem
-        self.info = header or SessionInfo(name=name, cameras=(camera,) if camera else (), notes=notes)
+        cameras = (camera,) if camera else ()
+        self.info = header or SessionInfo(name=name, cameras=cameras, notes=notes, start=start)
         self._ours = header is not None  # then nothing is guessed, and a time of 0 is valid
         self._planes: dict[PoseTopic, Plane] = {}
 
@@ -257,6 +261,27 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
             with suppress(*MESSAGE_ERRORS):
                 edges |= {(link.parent, link.child) for link in links_of(content)}
     return edges
+
+
+START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
+
+
+def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
+    """Return the pose (3,) that somebody gave AMCL at the beginning, and a remark on it; None: nobody did."""
+    topics = [t.name for t in readable(bag.topics, {POSE_WITH_COVARIANCE}) if "initialpose" in t.name]
+    first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), None) if seen else None
+    if first_ns is None:
+        return None, ""
+    for topic in topics:
+        for message, content in first_messages(bag, topic, 1):
+            with suppress(*MESSAGE_ERRORS):
+                x_m, y_m, turn = pose = pose_of(content)
+                words = f"{topic} is at {x_m:.2f}, {y_m:.2f} m, {math.degrees(turn):.0f} deg"
+                after_s = (message.log_ns - first_ns) / 1e9
+                if after_s <= START_WITHIN_S:
+                    return pose, f"the drive starts where {words}"
+                return None, f"{words}, and came {after_s:.0f} s after the start; --start begins there"
+    return None, ""
 
 
 # The camera: size and field of view from its calibration, yaw from static transforms.

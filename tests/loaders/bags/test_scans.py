@@ -21,7 +21,7 @@ from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.files.maps import read_occupancy
 from maurice_loaders.formats.registry import open_recording
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.recording import OdometryPose, Record, Scan, checked
+from maurice_loaders.reading.recording import OdometryPose, Record, Scan, TruthPose, checked
 
 DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "logs"
 SCAN = "sensor_msgs/LaserScan"
@@ -245,3 +245,21 @@ def test_a_recorded_robot_sees_the_walls_of_its_map() -> None:
     np.testing.assert_allclose(scans(path)[0].scan.mount, [0.0039, 0.0, np.pi / 2], atol=1e-4)
     grid = read_occupancy(DATA / "rosbag2" / "macfirst_map" / "mac_1st_floor_final.yaml")
     assert (grid.free.sum(), grid.occupied.sum()) == (303533, 16871)
+
+
+@pytest.mark.parametrize(("after_s", "start"), [(2, [1.0, 2.0, 0.5]), (100, None)])
+def test_a_pose_given_by_hand_at_the_beginning_is_where_the_drive_starts(
+    after_s: int, start: list[float] | None, tmp_path: Path
+) -> None:
+    ros = Ros(2)
+    t_ns = BEGIN_NS + after_s * 10**9
+    given = Said(
+        "/initialpose", "geometry_msgs/PoseWithCovarianceStamped", t_ns, ros.unsure(t_ns, (1, 2, 0.5))
+    )
+    bag = making.write_ros2(tmp_path / "b", [*making.laser_drive(ros), given])
+    recording = open_recording(bag, ReadingOptions())
+    assert (recording.info.start is None) == (start is None)
+    if start is not None:
+        np.testing.assert_allclose(recording.info.start, start)
+    assert any("/initialpose is at 1.00, 2.00 m, 29 deg" in note for note in recording.info.notes)
+    assert not any(isinstance(record, TruthPose) for record in recording.records(ReadingNotes(False)))
