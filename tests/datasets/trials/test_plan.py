@@ -165,3 +165,11 @@ def test_a_quick_plan_has_every_named_value_that_its_figures_are_titled_by() -> 
         for key, values in part.variants.grid.items():
             kept = short.variants.grid[key]
             assert kept == (values if isinstance(values[0], str) else [values[0], values[-1]])
+
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+def test_every_shipped_plan_is_named() -> None:
+    text = (DOCS / "trials.md").read_text()
+    assert [name for name in shipped_plans() if f"`{name}`" not in text] == []

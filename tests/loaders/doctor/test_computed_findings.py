@@ -134,8 +134,9 @@ def test_a_late_clock_is_measured(late_s):
     assert found[0].options == {"odometry_offset_s": -found[0].numbers["delay_s"]}
 
 
-@pytest.mark.parametrize("poses", [True, False])
-@pytest.mark.parametrize(("ahead_m", "left_m"), [(0.19, 0.0), (0.05, 0.0), (-0.4, 0.25), (0.0, -0.6)])
+@pytest.mark.parametrize(
+    ("ahead_m", "left_m", "poses"), [(0.19, 0, False), (0.05, 0, True), (-0.4, 0.25, False), (0, -0.6, True)]
+)
 def test_a_place_on_the_robot_that_truth_is_of_is_found_and_taken_out(ahead_m, left_m, poses):
     drive = dense_drive(noise=0.05, poses=poses)
     x, y = rotated(*np.full((2, drive.truth.size), [[ahead_m], [left_m]]), drive.truth.poses[:, 2])

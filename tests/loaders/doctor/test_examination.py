@@ -34,7 +34,7 @@ THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Library]:
     """Keep one simulated drive of 24 updates and its library for all tests here."""
-    plan = SimulationPlan(TASKS["tracking"], seed=1, arena_seed=1, updates=24)
+    plan = SimulationPlan(TASKS["tracking"], seed=1, updates=24)
     written = write_simulation(tmp_path_factory.mktemp("doctor") / "s", plan)
     return written.session, build_library(written.survey, ["color", "edges"])
 

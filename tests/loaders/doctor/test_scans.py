@@ -57,7 +57,7 @@ def test_a_healthy_drive_has_nothing_wrong(drive: tuple[Path, Library]) -> None:
     assert any("scans against the map" in check for check in found.checks)
 
 
-@pytest.mark.parametrize("yaw_deg", [20, -90, 180])
+@pytest.mark.parametrize("yaw_deg", [20, -90])
 def test_a_laser_turned_on_the_robot_is_found_and_put_right(
     drive: tuple[Path, Library], tmp_path: Path, yaw_deg: float
 ) -> None:

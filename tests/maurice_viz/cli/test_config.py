@@ -10,23 +10,19 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 from helpers import expect_facts
+from helpers.commands import run
 from maurice_loaders.config_files import configuration_of, read_config, to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.text import toml_value
 from maurice_mcl.config.parameters import PRESETS, RULES, Layer, configure, defaults
-from maurice_viz.cli.app import app
 
 DOCS = Path(__file__).parents[3] / "docs" / "configuration.md"
-RUNNER = CliRunner()
 
 
 def _run(*args, expect=0, **environment):
-    done = RUNNER.invoke(app, ["config", *map(str, args)], env=environment)
-    assert done.exit_code == expect, (done.stdout, done.stderr)
-    return done
+    return run("config", *args, expect=expect, env=environment)
 
 
 def _rows():

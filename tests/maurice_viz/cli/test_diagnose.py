@@ -70,24 +70,11 @@ def test_the_words_name_step_numbers_and_the_commands_that_show_it(made: Path) -
     assert f"maurice-replay explain {made / 'kept'} --step {found.first}" in text
 
 
-def test_replay_says_the_same_as_diagnose(made: Path) -> None:
-    scores = mv.replay(made / "kept")
-    assert scores.runs[0].verdict.failures == mv.diagnose(made / "kept").runs[0].failures
-    facts = scores.to_json()["runs"][0]["verdict"]
-    assert [one["kind"] for one in facts["failures"]] == ["kidnapped"]
-
-
 def test_options_of_the_filter_do_not_apply_to_a_saved_run(made: Path) -> None:
     assert (
         "a saved run is replayed as it was"
         in run("diagnose", made / "kept", "--particles", 9, expect=2).stderr
     )
-
-
-def test_pictures_need_a_saved_run(made: Path) -> None:
-    log = made / "carried.log"
-    done = run("diagnose", log, "--particles", 50, "-o", made / "pictures", expect=2)
-    assert "replay the session with --save-run first" in done.stderr
 
 
 def test_every_place_tells_the_same_failures(made: Path) -> None:

@@ -123,24 +123,6 @@ def test_a_run_without_steps_writes_nothing(saved, tmp_path):
     assert not (tmp_path / "a.csv").exists()
 
 
-def test_a_converted_log_gives_the_same_figures(small_session, tmp_path):
-    done = run("convert", small_session, tmp_path / "copy.log")
-    assert "14 pictures, 14 motions, 14 true poses" in done.stdout
-    figures = []
-    for path in (small_session, tmp_path / "copy.log"):
-        words = ("replay", path, "--particles", "60", "-o", "none", "--json")
-        (shown,) = json.loads(run(*words).stdout)["runs"]
-        del shown["steps_per_s"]
-        figures.append(shown)
-    assert figures[0] == figures[1]
-
-
-def test_convert_keeps_the_clock(small_session, tmp_path):
-    first = [json.loads(line)["t"] for line in small_session.read_text().splitlines()[1:2]]
-    run("convert", small_session, tmp_path / "b.log")
-    assert json.loads((tmp_path / "b.log").read_text().splitlines()[1])["t"] == first[0]
-
-
 def test_convert_keeps_going_when_told_so(small_session, tmp_path):
     with small_session.open("a") as log:
         log.write("{broken}\n")

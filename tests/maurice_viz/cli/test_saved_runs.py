@@ -22,7 +22,6 @@ from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.runs.manifest import read_manifest, write_manifest
 from maurice_loaders.runs.store import open_run
 from maurice_loaders.runs.writer import RunWriter
-from maurice_viz.cli.shared import console
 
 
 @pytest.fixture
@@ -39,12 +38,6 @@ def content(recording: Path) -> dict[tuple[str, str], list[str]]:
             if "RowId" not in column and "start_time" not in column:
                 found.setdefault((str(chunk.entity_path), column), []).extend(map(repr, values))
     return {key: sorted(values) for key, values in found.items()}
-
-
-def test_the_console_writes_to_what_is_standard_output_now(capsys):
-    """What these tests rest on: output can be captured within the process."""
-    console.results.print("here")
-    assert capsys.readouterr().out == "here\n"
 
 
 def test_a_saved_run_replays_to_the_same_figures_and_filters_nothing(saved, monkeypatch):

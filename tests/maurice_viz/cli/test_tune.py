@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 
 import pytest
-from typer.testing import CliRunner
 
+from helpers.commands import run
 from maurice_loaders.config_files import configuration_of
-from maurice_viz.cli.app import app
 
-RUNNER = CliRunner()
-
-
-def _tune(*args, expect=0):
-    done = RUNNER.invoke(app, ["library", "tune", *(str(arg) for arg in args)])
-    assert done.exit_code == expect, (done.stdout, done.stderr, done.exception)
-    return done
+_tune = partial(run, "library", "tune")
 
 
 @pytest.fixture

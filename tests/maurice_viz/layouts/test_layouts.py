@@ -2,12 +2,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import rerun.blueprint as rrb
 
 from helpers import viz_fakes as fakes
 from helpers.viz_recordings import scene_of
+from maurice_loaders.formats.registry import open_session
+from maurice_loaders.libraries.store import open_library
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
@@ -15,6 +18,7 @@ from maurice_viz.layouts import one_run, several_runs
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.story import error_axis
 from maurice_viz.panels.traces import MOST_LETTERS
+from maurice_viz.running.output import layout_of
 from maurice_viz.scene import Ending, RunView, Scene, numbered
 from maurice_viz.style import scale_for
 
@@ -149,3 +153,14 @@ def test_a_run_without_channels_has_no_plot_of_what_pictures_say_and_a_key() -> 
     found = {str(view.name) for view in views(several_runs.traces([RunView("sensed", ())], shown()))}
     assert {"Position error (in)", "Spread (in)", "Key"} <= found
     assert not {"Knows where it is (0-1)", "Rank of the true place", "Evidence (nats)"} & found
+
+
+@pytest.mark.parametrize(("live", "state"), [(True, "following"), (False, "paused")])
+def test_the_time_goes_along_with_a_drive_that_is_going_on(
+    live: bool, state: str, small_session: Path
+) -> None:
+    info = open_session(small_session).info
+    assert info.survey is not None
+    scene = Scene(info, open_library(info.survey, keep_going=False), has_truth=True, live=live)
+    layout = layout_of([RunView("blended", ("color",), None)], scene)
+    assert layout.time_panel.play_state == state

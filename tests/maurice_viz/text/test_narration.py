@@ -1,27 +1,37 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+import maurice_mcl as mcl
+import maurice_viz as mv
 from helpers import expect_facts
 from helpers import viz_fakes as fakes
 from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.reasons.incidents import Incident
 from maurice_mcl.reasons.verdict import RunVerdict
+from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import Scorer, Success
+from maurice_mcl.sensor.landmarks.camera import PinholeCamera
+from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.values.records import PICTURE, Belief, Estimate, RecoveryTest, uniform_log_weights
+from maurice_mcl.values.session import Frame
 from maurice_viz.cli.replay import to_table
 from maurice_viz.entities import Phase
 from maurice_viz.playback import RunResult
+from maurice_viz.running import run
 from maurice_viz.scene import DRAWS_EVENLY, DRAWS_NEVER
 from maurice_viz.style import UNITS, Scale, units_named
 from maurice_viz.text import narration as narrate
-from maurice_viz.text import phases
+from maurice_viz.text import phases, summary
 from maurice_viz.text.score_json import to_json
+from maurice_viz.text.sensors import say_other_shape
 
 INCHES = Scale(UNITS["in"])
 INCH = 0.0254
@@ -160,3 +170,53 @@ def test_json_tells_what_befell_the_robot():
     assert cause == {"kind": "slipped", "step": 34, "last": 37, "expected": 1.43, "actual": 0.27} | {
         "words": "", "alike": False
     }  # fmt: skip
+
+
+CAMERA = SimpleNamespace(fit=SimpleNamespace(camera=PinholeCamera(176, 144, 188.0)))
+
+
+def frame(width: int, height: int) -> Frame:
+    return Frame(1, 0.0, np.zeros((0, 3)), np.zeros((height, width, 3), np.uint8), "")
+
+
+@pytest.mark.parametrize(("size", "told"), [((176, 144), False), ((352, 288), False), ((320, 180), True)])
+def test_only_pictures_of_another_shape_are_told(size: tuple[int, int], told: bool) -> None:
+    sensor: Any = Landmarks(CAMERA)  # type: ignore[arg-type]
+    said = say_other_shape(frame(*size), [sensor])
+    assert (said is not None) == told
+    if said is not None:
+        assert "pictures of 320 x 180" in said
+        assert "of 176 x 144" in said
+    assert say_other_shape(frame(*size), []) is None
+
+
+def test_it_is_said_once_a_replay(small_session: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = list[str]()
+    listener = SimpleNamespace(
+        warning=said.append, remark=lambda text: None, progress=lambda done, total, what: None
+    )
+    monkeypatch.setattr(run, "say_other_shape", lambda frame, sensors: "of another shape")
+    mv.replay(small_session, particles=50, listener=listener)
+    assert said.count("of another shape") == 1
+
+
+@pytest.fixture(scope="module")
+def score():
+    return mcl.score(mcl.run(mcl.make_localizer(mcl.tiny_library()), mcl.tiny_session()))
+
+
+@pytest.mark.parametrize(
+    ("episodes", "says"),
+    [
+        ([Episode("lost", 2, 9, 2, lost=5)], "at step 5"),
+        ([Episode("searching", 1, 9, lost=5)], "at step 5, searching"),
+        (
+            [Episode("searching", 1, 9, lost=5), Episode("lost", 20, 30, lost=23)],
+            "at step 5, 1 more, searching",
+        ),
+        ([], "no"),
+    ],
+)
+def test_a_run_that_was_lost_before_it_was_ever_localized_was_searching(score, episodes, says):
+    verdict = RunVerdict(episodes=tuple(episodes))
+    assert summary._lost(SimpleNamespace(score=score, verdict=verdict)) == says

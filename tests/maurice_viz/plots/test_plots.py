@@ -1,11 +1,13 @@
-"""The map of expected ambiguity shows the walls, and its lines end at the dots."""
+"""Figures: the map of expected ambiguity shows walls and look-alikes; a name has an ending that can be written."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import SelfSimilarity, self_similarity_of
@@ -13,6 +15,7 @@ from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.arrays import U8
 from maurice_mcl.values.library import Library
+from maurice_viz.plots.calibration import figure, save
 from maurice_viz.plots.sheets import draw_ambiguity
 from maurice_viz.style import DEAD, WALL, scale_for
 
@@ -49,3 +52,10 @@ def test_a_pair_of_look_alikes_is_a_line_from_dot_to_dot(small_session):
     assert pixels_of(lines[0], DEAD) > pixels_of(draw_ambiguity(library, none, scale), DEAD) + 100
     assert np.hypot(*(pair[0] - pair[1])) > 1
     assert (lines[0] == lines[1]).all()
+
+
+@pytest.mark.parametrize("name", ["noise", "noise.", "noise.jpeg"])
+def test_a_figure_needs_an_ending_that_can_be_written(name, tmp_path):
+    drawing, _ = figure("title", "x", "y")
+    with pytest.raises(InputError, match=r"expected \.png, \.svg, \.pdf"):
+        save(drawing, tmp_path / name, force=False)
