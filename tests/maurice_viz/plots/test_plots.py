@@ -1,4 +1,4 @@
-"""Figures: the map of expected ambiguity shows walls and look-alikes; a name has an ending that can be written."""
+"""Figures: the map of expected ambiguity shows walls and look-alikes; a name ends as can be written."""
 
 from __future__ import annotations
 
