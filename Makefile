@@ -40,9 +40,11 @@ speed: .venv/installed-dev
 	$(BIN)/python -m benchmarks check
 
 # The thesis's trials, figures and claims (docs/results.md): a quarter of an hour, and it goes on where it stopped.
+# QUICK=--quick shows in a minute that it works, in folders of its own, and writes no docs.
+QUICK ?=
 thesis: .venv/installed-dev
-	$(BIN)/maurice-replay trials run thesis -o out/trials/thesis --resume
-	$(BIN)/python -m benchmarks.thesis out/trials/thesis -o out/thesis --write
+	$(BIN)/maurice-replay trials run thesis $(QUICK) -o out/trials/thesis$(QUICK) --resume
+	$(BIN)/python -m benchmarks.thesis out/trials/thesis$(QUICK) -o out/thesis$(QUICK) $(or $(QUICK),--write)
 
 # The tables of docs/results.md and docs/landmarks.md, on unseen arenas: hours, and they go on where they stopped.
 # SEEDS=5 for fewer runs.

@@ -22,6 +22,7 @@ from .timing import measure, read_timing
 from .verdicts import judged
 
 DOCS = Path(__file__).parents[2] / "docs"
+ROUNDS, QUICK_ROUNDS = 15, 1  # of measuring times
 SHOWN = (26, 37, 58, 68)  # pictures of docs/results.md
 
 
@@ -33,11 +34,13 @@ def main() -> None:
     parser.add_argument("--only", type=int, nargs="*", default=[], metavar="NUMBER", help="figures to draw")
     parser.add_argument("--format", nargs="*", default=["png"], choices=FORMATS)
     parser.add_argument("--write", action="store_true", help="put the claims into docs/results.md")
+    parser.add_argument("--quick", action="store_true", help="measure times with few rounds")
     asked = parser.parse_args()
     try:
         expect_trials(asked.trials)
         if read_timing(asked.trials) is None:
-            measure(asked.trials)  # a minute, before the processes that draw: alone on the machine
+            # a minute, before the processes that draw: alone on the machine
+            measure(asked.trials, rounds=QUICK_ROUNDS if asked.quick else ROUNDS)
         drawn = draw_figures(asked.trials, asked.output, only=asked.only, formats=asked.format, force=True)
         material = Material(asked.trials)
         tables = {"claims": claims_table(material), "exact": _exact(material)}

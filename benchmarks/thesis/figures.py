@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 from . import clouds, constants, costs, drives, histograms_of_light, matching, success, traces
 from . import over_particles as counts
 from .material import ThesisFigure
-
-if TYPE_CHECKING:
-    pass
-
 
 TRAVEL = "Driven before it was lost, against the number of particles"
 OVER_PARTICLES = (
@@ -33,9 +28,7 @@ OVER_PARTICLES = (
             features=("color",),
         ),
     ),
-    ThesisFigure(
-        39, "Global localization: time to localize", partial(counts.time_to_localize, features=("color",))
-    ),
+    ThesisFigure(39, "Global localization: time to localize", counts.time_to_localize),
     ThesisFigure(
         59,
         "Global localization: error with color and edges blended",

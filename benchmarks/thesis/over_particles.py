@@ -187,34 +187,21 @@ def by_feature(material: Material, metric: str, label: str, features: Sequence[s
     return drawing
 
 
-def time_to_localize(material: Material, features: Sequence[str] = ("color", "blended")) -> Figure:
-    """Draw, for each number of particles, the share of runs that are not localized yet (Kaplan and Meier)."""
-    rows = material.part("global-localization").filter(pl.col("feature").is_in(list(features)))
+def time_to_localize(material: Material) -> Figure:
+    """Draw, for some numbers of particles, the share of runs not localized yet (color; Kaplan and Meier)."""
+    rows = material.part("global-localization").filter(pl.col("feature") == "color")
     drawing, axes = figure("", "pictures", "share of runs not localized yet")
     counts = sorted(rows[PARTICLES].unique())
     chosen = [counts[k] for k in np.unique(np.linspace(0, len(counts) - 1, 4).round().astype(int))]
-    for number, count in enumerate(chosen):
-        for feature in features:
-            some = rows.filter((pl.col(PARTICLES) == count) & (pl.col("feature") == feature))
-            if some.is_empty():
-                continue
-            curve = curve_of(some)
-            color, _, _ = STYLES[number]
-            line = "-" if feature == features[0] else "--"
-            x = np.concatenate([[0], curve.times, [some["pictures_after"].max()]])
-            y = np.concatenate([[1], curve.share, curve.share[-1:] if len(curve.share) else [1]])
-            axes.step(
-                x,
-                y,
-                where="post",
-                color=color,
-                linestyle=line,
-                label=f"{feature}, {count:,} particles, {len(some)} runs",
-            )
-            if len(curve.times):
-                axes.fill_between(
-                    curve.times, curve.low, curve.high, step="post", color=color, alpha=0.12, linewidth=0
-                )
+    for (color, _, line), count in zip(STYLES, chosen, strict=False):
+        some = rows.filter(pl.col(PARTICLES) == count)
+        curve, label = curve_of(some), f"{count:,} particles, {len(some)} runs"
+        x = np.concatenate([[0], curve.times, [some["pictures_after"].max()]])
+        y = np.concatenate([[1], curve.share, curve.share[-1:] if len(curve.share) else [1]])
+        axes.step(x, y, where="post", color=color, linestyle=line, label=label)
+        if len(curve.times):
+            low, high = curve.low, curve.high
+            axes.fill_between(curve.times, low, high, step="post", color=color, alpha=0.12, linewidth=0)
     axes.set_ylim(0, 1.02)
     axes.set_xlim(0)
     axes.legend(fontsize=8)

@@ -43,7 +43,7 @@ def in_turn(works: Mapping[str, Work], rounds: int) -> dict[str, F64]:
     return {name: np.array(seconds) for name, seconds in took.items()}
 
 
-def measure(folder: Path, rounds: int = 15) -> pl.DataFrame:
+def measure(folder: Path, rounds: int) -> pl.DataFrame:
     """Measure everything and write it as the folder's timing.parquet; see `read_timing` for its columns."""
     cv2.setNumThreads(1)
     drive = open_drive(SPEC, 0)

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MEASURED, ACTUAL, CORRECTED = "#E69F00", "#0072B2", "#009E73"
 BAND, INK = "#D9DCE2", "#33363D"
 FLOORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+FLOOR_MARKS = "os^Dv*"  # told apart in gray print too
 RGB = ("#D62F2F", "#2E9E47", "#2F62D6")
 HATCHES = ("", "////", "....")  # of red, green and blue, for gray print
 DPI = 110
@@ -198,10 +199,11 @@ def _straight_trials(shown: ShownFit) -> Figure:
     drawing, axes = figure("Measured and actual straights", "trial", f"distance ({unit.name})")
     trial = np.arange(1, len(s.measured_m) + 1)
     _rings(axes, trial, s.measured_m * unit.per_m, "measured")
-    for floor, color in _floors(shown):
+    for floor, color, mark in _floors(shown):
         on = np.array([name == floor for name in s.floors])
         label = "actual" if floor == "" else f"actual, {floor or 'several floors'}"
-        axes.scatter(trial[on], s.actual_m[on] * unit.per_m, s=26, color=color, label=label, zorder=3)
+        actual = s.actual_m[on] * unit.per_m
+        axes.scatter(trial[on], actual, s=26, marker=mark, color=color, label=label, zorder=3)
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     return drawing
 
@@ -212,11 +214,11 @@ def _heading_errors(shown: ShownFit) -> Figure:
     )
     s = shown.trials.straights
     axes.axhline(0, color=INK, linewidth=0.8)
-    for floor, color in _floors(shown):
+    for floor, color, mark in _floors(shown):
         on = np.array([name == floor for name in s.floors]) & np.isfinite(s.drift_rad)
         if on.any():
             label = "all straights" if floor == "" else floor or "several floors"
-            _stems(axes, np.flatnonzero(on) + 1, np.degrees(s.drift_rad[on]), color, label)
+            _stems(axes, np.flatnonzero(on) + 1, np.degrees(s.drift_rad[on]), color, label, mark)
     return drawing
 
 
@@ -262,9 +264,9 @@ def _rings(axes: Axes, trial: Whole, values: F64, label: str) -> None:
     axes.scatter(trial, values, s=58, facecolors="none", edgecolors=INK, linewidths=0.9, label=label)
 
 
-def _stems(axes: Axes, trial: Whole, values: F64, color: str, label: str) -> None:
+def _stems(axes: Axes, trial: Whole, values: F64, color: str, label: str, mark: str = "o") -> None:
     axes.vlines(trial, 0, values, color=color, linewidth=1.2, alpha=0.6)
-    axes.scatter(trial, values, s=22, color=color, label=label, zorder=3)
+    axes.scatter(trial, values, s=22, marker=mark, color=color, label=label, zorder=3)
 
 
 def _band(axes: Axes, spread: Spread, unit: str) -> None:
@@ -275,12 +277,12 @@ def _band(axes: Axes, spread: Spread, unit: str) -> None:
         axes.axhline(mean + sign * 3 * sd, color=INK, linewidth=0.9, linestyle=(0, (4, 4)), label=label)
 
 
-def _floors(shown: ShownFit) -> list[tuple[str | None, str]]:
-    """Return the floors of the trials in order, each with a color; None: straights across several."""
+def _floors(shown: ShownFit) -> list[tuple[str | None, str, str]]:
+    """Return the floors of the trials in order, with color and marker; None: several."""
     names = list(dict.fromkeys(shown.trials.straights.floors))
     known = [name for name in names if name is not None]
-    colors = {name: FLOORS[k % len(FLOORS)] for k, name in enumerate(known)}
-    return [(name, "#9AA0AA" if name is None else colors[name]) for name in names]
+    looks = {name: (FLOORS[k % 6], FLOOR_MARKS[k % 6]) for k, name in enumerate(known)}
+    return [(name, *(("#9AA0AA", "x") if name is None else looks[name])) for name in names]
 
 
 def _scaled(spread: Spread, factor: float) -> Spread:

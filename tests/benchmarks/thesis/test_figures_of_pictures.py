@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from benchmarks.thesis import constants, histograms_of_light, matching
 from benchmarks.thesis.drawn import draw_figures, shares
@@ -14,6 +15,7 @@ from benchmarks.thesis.example import DrivePictures, in_other_light, ranks_of, w
 from benchmarks.thesis.figures import FIGURES
 from benchmarks.thesis.material import Material, ThesisFigure
 from helpers import viz_fakes as fakes
+from helpers.figures import alike
 from maurice_datasets.trials.drives import Bench, Drive
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
@@ -54,12 +56,13 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> Material:
     return made
 
 
-def check(one: ThesisFigure, made: object) -> None:
-    """No axes are empty, and each has a label along both sides, or shows a picture with one below it."""
-    for axes in made.axes:  # type: ignore[attr-defined]
+def check(one: ThesisFigure, made: Figure) -> None:
+    """No axes are empty, each has a label along both sides, or shows a picture; all is told apart in gray."""
+    for axes in made.axes:
         assert axes.has_data(), one.title
         assert axes.get_xlabel(), one.title
         assert axes.get_ylabel() or axes.images or axes.get_shared_y_axes().get_siblings(axes), one.title
+    assert not alike(made), one.title
 
 
 def test_every_figure_is_drawn_once_and_by_its_number() -> None:
@@ -67,6 +70,16 @@ def test_every_figure_is_drawn_once_and_by_its_number() -> None:
     assert numbers == sorted(set(numbers))
     assert {one.number for one in OURS} <= set(numbers)
     assert len({one.title for one in FIGURES}) == len(FIGURES)
+
+
+def test_what_is_told_apart_by_shape_or_in_gray_alone() -> None:
+    drawing = Figure()
+    axes = drawing.subplots()
+    axes.plot([0, 1], color="#D55E00", label="red")
+    axes.plot([1, 0], color="#4F8A3C", label="green")  # as light as the red
+    axes.plot([1, 1], color="#4F8A3C", ls="--", label="dashed")
+    axes.plot([0, 0], color="#101010", label="black")
+    assert alike(drawing) == [("red", "green")]
 
 
 @pytest.mark.parametrize("number", sorted({one.number for one in OURS} - NEED_A_SURVEY))

@@ -14,6 +14,7 @@ from benchmarks.thesis.drawn import draw_figures
 from benchmarks.thesis.figures import OVER_PARTICLES
 from benchmarks.thesis.material import Material, MissingRuns
 from benchmarks.thesis.timing import COMPARE, DESCRIBE, UPDATE, measure
+from helpers.figures import alike
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.rows import TYPES
@@ -74,6 +75,7 @@ def test_every_figure_is_drawn_and_its_axes_have_labels(
         labels = {axes.get_xlabel() for axes in made.axes} | {axes.get_ylabel() for axes in made.axes}
         assert labels - {""}, one.number
         assert made.legends or any(axes.get_legend() for axes in made.axes), one.number
+        assert not alike(made), one.number
     assert left <= {36, 65}  # perhaps no run of these few failed, or needed fresh particles
     written = draw_figures(folder, tmp_path / "figures", only=[24, 69], formats=["png", "svg"])
     assert [file.name for file in written.files] == [
