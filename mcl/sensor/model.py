@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import Annotated, Any
 
 import numpy as np
@@ -252,13 +252,13 @@ class SensorModel:
         The poses are those of one cloud, or of several of the same size, one after another.
         """
         nats = [np.float32(each.weight) * self._nats(each, poses, clouds) for each in comparison.sensed]
-        return np.sum(nats, axis=0, dtype=np.float32) if nats else None
+        return reduce(np.add, nats) if nats else None
 
     def _nats(self, sensed: Sensed, poses: F32, clouds: int) -> F32:
         origin, weigh = self.library.origin, sensed.sensor.log_likelihood
         if not getattr(sensed.sensor, "smooths", False):
             return weigh(sensed.reading, poses, origin)
-        parts = np.split(poses, clouds)
+        parts = np.split(poses, clouds) if clouds > 1 else [poses]
         return np.concatenate([weigh(sensed.reading, part, origin, spread_between(part)) for part in parts])
 
 

@@ -58,8 +58,8 @@ def rotated(x: Numbers, y: Numbers, angle_rad: F64 | float) -> tuple[Numbers, Nu
 
 def compose(pose: F64, motion: F64) -> F64:
     """Move one pose (3,) by a motion (forward_m, left_m, turn_rad) in its own frame; the turn comes last."""
-    x, y, heading = (float(v) for v in pose)
-    forward, left, turn = (float(v) for v in motion)
+    x, y, heading = pose.tolist()
+    forward, left, turn = motion.tolist()
     cos, sin = np.cos(heading), np.sin(heading)
     ahead, aside = x + forward * cos - left * sin, y + forward * sin + left * cos
     return np.array([ahead, aside, wrap_angle(heading + turn)])
@@ -73,7 +73,7 @@ def compose_motions(first: F64, second: F64) -> F64:
 
 def motion_between(before: F64, after: F64) -> F64:
     """Return the motion (3,) from one pose (3,) to another: the inverse of `compose`, its turn wrapped."""
-    dx, dy, turn = (float(v) for v in after - before)
+    dx, dy, turn = (after - before).tolist()
     cos, sin = math.cos(before[2]), math.sin(before[2])
     return np.array([dx * cos + dy * sin, dy * cos - dx * sin, wrap_angle(turn)])
 
