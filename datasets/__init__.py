@@ -18,12 +18,11 @@ Python finds this folder under that name only from the repository's root, and th
 
 from __future__ import annotations
 
-import importlib
 import importlib.machinery
 import importlib.util
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .sessions import simulate as simulate
@@ -34,32 +33,6 @@ if TYPE_CHECKING:
     from .trials.table import load_trials as load_trials
     from .trials.table import paired as paired
     from .worlds.build import load_world as load_world
-
-
-_HOME = {
-    "grouped": ".trials.table",
-    "load_trials": ".trials.table",
-    "load_world": ".worlds.build",
-    "paired": ".trials.table",
-    "read_plan": ".trials.plan",
-    "run_plan": ".trials.engine",
-    "simulate": ".sessions",
-    "survey": ".surveys",
-}
-__all__ = list(_HOME)
-
-
-def __getattr__(name: str) -> Any:
-    """Import a function of the front page when it is asked for."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from maurice_mcl.errors import public
-
-    return public(getattr(importlib.import_module(_HOME[name], __name__), name))
-
-
-def __dir__() -> list[str]:
-    return list(_HOME)
 
 
 def _step_aside() -> None:
@@ -76,3 +49,7 @@ def _step_aside() -> None:
 
 if __name__ == "datasets":
     _step_aside()
+else:
+    from maurice_mcl.errors import front_page
+
+    __all__, __getattr__, __dir__ = front_page(__name__)

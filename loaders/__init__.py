@@ -32,18 +32,4 @@ if TYPE_CHECKING:
     from .runs.store import open_run as open_run
     from .session_log.writer import SessionWriter as SessionWriter
 
-
-_HOME = {
-    "InputError": ".errors",
-    "ReadingOptions": ".reading.options",
-    "SessionWriter": ".session_log.writer",
-    "build_library": ".libraries.store",
-    "open_library": ".libraries.store",
-    "open_run": ".runs.store",
-    "open_session": ".formats.registry",
-    "read_reading": ".reading.options",
-    "with_landmarks": ".libraries.landmarks",
-    "write_reading": ".reading.options",
-}
-__all__ = list(_HOME)
-__getattr__, __dir__ = front_page(__name__, _HOME)
+__all__, __getattr__, __dir__ = front_page(__name__)

@@ -30,7 +30,7 @@ it is first used.
 
 The chapters, from the ground up:
 
-* `errors`, `listener`, `style`: errors of options and outputs; who hears of progress; units and colors
+* `errors`, `style`: what a function tells its caller, by errors and a listener; units and colors
 * `entities`, `scene`: where things are logged, and what panels know of runs; `playback`: runs side by side
 * `drawing`, `text`: images and sentences about runs; `plots`: figures for print
 * `panels`, `layouts`: what is drawn of a run, and where it stands on a screen; `viewer`: the way there
@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from .app.convert import export as export
     from .app.diagnose import diagnose as diagnose
     from .app.drive.drive import drive as drive
-    from .app.events import events as events
     from .app.explain import explain as explain
     from .app.inspect import doctor as doctor
+    from .app.inspect import events as events
     from .app.inspect import formats as formats
     from .app.inspect import inspect as inspect
     from .app.library import build_library as build_library
@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from .app.snapshot import movie as movie
     from .app.snapshot import snapshot as snapshot
     from .app.what_if import what_if as what_if
-    from .listener import Listener as Listener
+    from .errors import Listener as Listener
     from .notebook import results as results
     from .notebook import show as show
     from .notebook import traces as traces
@@ -81,32 +81,4 @@ if TYPE_CHECKING:
     from .running.run import RunScores as RunScores
     from .running.verify import verify as verify
 
-_NAMES = {  # by module
-    ".app.budget": "error_budget",
-    ".app.calibrate": "calibrate_drive calibrate_motion calibrate_noise",
-    ".app.calibrate_belief": "calibrate_belief",
-    ".app.check.check": "check",
-    ".app.compare": "compare",
-    ".app.convert": "build_map convert export",
-    ".app.diagnose": "diagnose",
-    ".app.drive.drive": "drive",
-    ".app.events": "events",
-    ".app.explain": "explain",
-    ".app.inspect": "doctor formats inspect",
-    ".app.library": "build_library tune",
-    ".app.library_check": "check_library",
-    ".app.remedies": "remedies",
-    ".app.replay": "LiveOptions replay",
-    ".app.snapshot": "movie snapshot",
-    ".app.what_if": "what_if",
-    ".listener": "Listener",
-    ".notebook": "results show traces",
-    ".reports.make": "report",
-    ".reports.trials_report": "trials_report",
-    ".running.output": "OutputOptions",
-    ".running.run": "RunScores",
-    ".running.verify": "verify",
-}
-_WHERE = {name: module for module, names in _NAMES.items() for name in names.split()}
-__all__ = list(_WHERE)
-__getattr__, __dir__ = front_page(__name__, _WHERE)
+__all__, __getattr__, __dir__ = front_page(__name__)

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
+from typing import ClassVar
 
 from .style import font_safe
 
@@ -86,10 +87,41 @@ def escaped(label: str) -> str:
 
 
 @dataclass(frozen=True, slots=True)
+class Below:
+    """A path below a run's own, which a field of `RunPaths` stands for."""
+
+    parts: tuple[str, ...]
+
+    def __get__(self, run: RunPaths, kind: type[RunPaths]) -> str:
+        """Return the path for one run."""
+        return run.at(*self.parts)
+
+
+@dataclass(frozen=True, slots=True)
 class RunPaths:
     """Where one run is drawn. The label is unique in a recording and not one of `RESERVED`."""
 
     label: str
+
+    particles: ClassVar = Below(("belief", "particles"))  # the cloud: Points2D, one per particle
+    # the scored estimate: one Points2D, an Arrows2D along its heading, a LineStrips2D of its past
+    estimate: ClassVar = Below(("belief", "estimate"))
+    name: ClassVar = Below(("name",))  # the run's name above its estimate: Points2D
+    # two standard deviations of the weighted cloud: LineStrips2D
+    ellipses: ClassVar = Below(("belief", "estimate", "ellipses"))
+    mode_rings: ClassVar = Below(("belief", "modes"))  # where the modes are: LineStrips2D, a color each
+    closeup: ClassVar = Below(("closeup",))  # of the view that follows the cloud: Transform3D, a bar under it
+    line_key: ClassVar = Below(("key", "evidence"))  # of the plot of evidence: one EncodedImage
+    marks_key: ClassVar = Below(("key", "marks"))  # of the other plots of one run: one EncodedImage
+    # the heading histogram: LineStrips2D of the sectors, Arrows2D of truth and estimate
+    headings: ClassVar = Below(("rose",))
+    # words on the map while the picture hardly tells places apart: one Points2D
+    says_nothing: ClassVar = Below(("match", "says_nothing"))
+    circles: ClassVar = Below(("match", "circles"))  # match circles (thesis fig. 34): Points2D, one per entry
+    best: ClassVar = Below(("match", "best"))  # the best five entries on the map: Points2D with their ranks
+    # all that shows the best five entries; nothing is logged there itself
+    contact_sheet: ClassVar = Below(("match", "pictures"))
+    text: ClassVar = Below(("text",))  # text about this step: one TextDocument
 
     def __post_init__(self) -> None:
         if not self.label or "/" in self.label or self.label in RESERVED:
@@ -99,39 +131,9 @@ class RunPaths:
         """Return a path below this run: `at("belief", "particles")`."""
         return "/".join(("", escaped(self.label), *parts))
 
-    @property
-    def particles(self) -> str:
-        """The cloud: Points2D, one per particle."""
-        return self.at("belief", "particles")
-
-    @property
-    def estimate(self) -> str:
-        """The scored estimate: one Points2D, an Arrows2D along its heading, a LineStrips2D of its past."""
-        return self.at("belief", "estimate")
-
-    @property
-    def name(self) -> str:
-        """The run's name above its estimate: Points2D."""
-        return self.at("name")
-
-    @property
-    def ellipses(self) -> str:
-        """Two standard deviations of the weighted cloud: LineStrips2D."""
-        return self.at("belief", "estimate", "ellipses")
-
-    @property
-    def mode_rings(self) -> str:
-        """Where the modes are: LineStrips2D, each in a color that it keeps."""
-        return self.at("belief", "modes")
-
     def inside(self, *parts: str) -> str:
         """What the inside of an update shows: "before" and "after", the answer, words, bars."""
         return self.at("inside", *parts)
-
-    @property
-    def closeup(self) -> str:
-        """The frame of the view that follows the cloud: one Transform3D, with a bar under it."""
-        return self.at("closeup")
 
     def sensor(self, name: str, *parts: str) -> str:
         """What a pose sensor shows: words, pictures, marks in them and on the map."""
@@ -141,53 +143,13 @@ class RunPaths:
         """A strip above one of its maps, by its name in `drawing.keys`: one EncodedImage."""
         return self.at("key", name)
 
-    @property
-    def line_key(self) -> str:
-        """The key of the plot of evidence: one EncodedImage."""
-        return self.at("key", "evidence")
-
-    @property
-    def marks_key(self) -> str:
-        """The key of the other plots of one run: one EncodedImage."""
-        return self.at("key", "marks")
-
-    @property
-    def headings(self) -> str:
-        """The heading histogram: LineStrips2D of the sectors, Arrows2D of truth and estimate."""
-        return self.at("rose")
-
-    @property
-    def says_nothing(self) -> str:
-        """Words on the map while the picture hardly tells places apart: one Points2D."""
-        return self.at("match", "says_nothing")
-
-    @property
-    def circles(self) -> str:
-        """Match circles (thesis fig. 34): Points2D, one per library entry."""
-        return self.at("match", "circles")
-
-    @property
-    def best(self) -> str:
-        """The best five entries on the map: Points2D with their ranks."""
-        return self.at("match", "best")
-
     def likelihood(self, channel: str) -> str:
         """A map of one channel's likelihood, or of "all" together: one EncodedImage."""
         return self.at("likelihood", channel)
 
-    @property
-    def contact_sheet(self) -> str:
-        """All that shows the best five entries; nothing is logged there itself."""
-        return self.at("match", "pictures")
-
     def match(self, rank: int) -> str:
         """The picture of the entry of this rank, with its caption below it: an EncodedImage each."""
         return self.at("match", "pictures", str(rank))
-
-    @property
-    def text(self) -> str:
-        """Text about this step: one TextDocument."""
-        return self.at("text")
 
     def explain(self, *parts: str) -> str:
         """What explains a step: "table", "marks" on the map, or parts such as "card" and a reference."""

@@ -23,11 +23,11 @@ from maurice_loaders.session_log.header import session_in
 from .app.replay import replay
 from .app.snapshot import draw_saved
 from .entities import STEP
-from .listener import SILENT, Listener
+from .errors import SILENT, Listener
 from .running.output import decisive_step_of, verdict_of
 from .running.saved_steps import NUMBER_NAMES, POSE_NAMES, Collected, Pictures, Restored, collect
 from .style import Scale, scale_for, units_named
-from .text.score_json import to_json
+from .text.summary import to_json
 
 Place: TypeAlias = str | Path
 Side: TypeAlias = int | Literal["auto"]

@@ -12,8 +12,13 @@ from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.filter.localizer import ALL_ZERO, NO_NUMBER, Localizer
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
-from maurice_mcl.scoring.comparison import ComparisonResult, RunComparison, Step, StepComparison
-from maurice_mcl.scoring.dead_reckoning import DeadReckoning
+from maurice_mcl.scoring.comparison import (
+    ComparisonResult,
+    DeadReckoning,
+    RunComparison,
+    Step,
+    StepComparison,
+)
 from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, Scorer

@@ -268,6 +268,11 @@ UNKNOWN_GLYPH = re.compile(
 )
 
 
+def capital(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
 def font_safe(text: str) -> str:
     """Write every letter that the viewer cannot show as its code, like "u8D70"; others stay as they are."""
     if text.isascii():

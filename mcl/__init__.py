@@ -7,7 +7,6 @@ values that go in (`Library`, `Session`, `Frame`, `Moment`) and come out (`Belie
 The chapters, from the ground up:
 
 - `values`: the vocabulary; `errors`: bad input; `examples`: a tiny library and session
-- `threads`: one an operation, also of numpy and OpenCV, unless a variable of theirs is set
 - `sensor`: what is measured in a picture, and how likely it makes every place
 - `library`: what a library covers, and how well it distinguishes its own places
 - `filter`: propose, measure, weight, estimate, resample, recover
@@ -20,10 +19,10 @@ This package knows numpy, OpenCV and scipy, never a viewer; it never prints.
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from .errors import front_page
-from .threads import bound_threads
 
 if TYPE_CHECKING:
     from .config.build import make_localizer as make_localizer
@@ -48,31 +47,11 @@ if TYPE_CHECKING:
     from .values.session import Moment as Moment
     from .values.session import Session as Session
 
-bound_threads()  # before the first import of numpy
+# One thread an operation of numpy and OpenCV, unless the user says otherwise; they read these when imported.
+# Reading, comparing, filtering and drawing already run side by side, and their operations are small: on two
+# cores a second thread of the libraries made them slower. Results do not depend on it.
+for _variable in ("OPENBLAS_NUM", "OMP_NUM", "MKL_NUM", "VECLIB_MAXIMUM"):
+    os.environ.setdefault(f"{_variable}_THREADS", "1")
+os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
 
-# Looked up when first used, so that a command which needs one chapter does not load them all.
-_HOME = {
-    "Belief": ".values.records",
-    "FilterState": ".values.records",
-    "Frame": ".values.session",
-    "InputError": ".errors",
-    "Library": ".values.library",
-    "Localizer": ".filter.localizer",
-    "Moment": ".values.session",
-    "PRESETS": ".config.parameters",
-    "PoseProposal": ".values.pose_sensor",
-    "PoseSensor": ".values.pose_sensor",
-    "PoseSpread": ".values.pose_sensor",
-    "RunScore": ".scoring.metrics",
-    "Session": ".values.session",
-    "Shown": ".values.pose_sensor",
-    "ShownMarks": ".values.pose_sensor",
-    "StepRecord": ".values.records",
-    "make_localizer": ".config.build",
-    "run": ".filter.localizer",
-    "score": ".scoring.metrics",
-    "tiny_library": ".examples",
-    "tiny_session": ".examples",
-}
-__all__ = list(_HOME)
-__getattr__, __dir__ = front_page(__name__, _HOME)
+__all__, __getattr__, __dir__ = front_page(__name__)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache, wraps
 from importlib import import_module
-from inspect import isfunction, signature
+from inspect import getsource, isfunction, signature
 from pathlib import Path
 from typing import Any
 
@@ -49,21 +50,24 @@ def _again(kind: type[InputError], args: tuple[Any, ...]) -> InputError:
 # The front page of every package: where names and paths enter.
 
 
-FrontPage = tuple[Callable[[str], Any], Callable[[], list[str]]]
+FrontPage = tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]
+_SHOWN = re.compile(r"^    from (\.[\w.]+) import (\w+) as \2$", re.MULTILINE)
 
 
-def front_page(package: str, homes: Mapping[str, str]) -> FrontPage:
-    """Return `__getattr__` and `__dir__` of a package whose names are imported when they are first used.
+def front_page(package: str) -> FrontPage:
+    """Return `__all__`, `__getattr__` and `__dir__` of a package whose names are imported when first used.
 
-    `homes` are the modules of its names, such as ".values.records".
+    They are the names that its front page imports for type checkers, the one list of them.
     """
+    homes = {name: module for module, name in _SHOWN.findall(getsource(sys.modules[package]))}
+    names = sorted(homes)
 
     def lookup(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return public(getattr(import_module(homes[name], package), name))
 
-    return lookup, lambda: list(homes)
+    return names, lookup, lambda: names
 
 
 def public(value: Any) -> Any:

@@ -30,11 +30,11 @@ HEAVY = {
 }
 # Rooms of each package from the ground up: a room may import those before a `>` before it, not its neighbors.
 ROOMS = {
-    "maurice_mcl": "errors threads > values > sensor > library > filter > config > scoring > reasons fitting",
+    "maurice_mcl": "errors > values > sensor > library > filter > config > scoring > reasons fitting",
     "maurice_loaders": "errors > files > reading > formats > session_log > bags > amcl > config_files > "
     "libraries live > runs > export calibration_trials doctor > importing",
     "maurice_datasets": "tasks > worlds > render robot > simulation",
-    "maurice_viz": "errors listener style > entities playback > drawing > scene > text > panels > layouts > "
+    "maurice_viz": "errors style > entities playback > drawing > scene > text > panels > layouts > "
     "viewer plots > running > app > reports notebook > cli",
 }
 

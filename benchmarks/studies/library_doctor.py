@@ -28,6 +28,7 @@ from maurice_mcl.library.advice import AMBIGUITY, LibraryAdvice, advise, heading
 from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import DIRECTIONS, SelfSimilarity, free_space, self_similarity_of
 from maurice_mcl.scoring.demands import RunTrack
+from maurice_mcl.scoring.metrics import DrivenPath
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
@@ -111,7 +112,7 @@ def measured(drive: Drive, library: Library, found: SelfSimilarity, center: F64)
         return None
     localizer = Bench.of(library).localizer({}).of_session(drive.session)
     traces = run_batch(localizer, moments, range(SEEDS), drive.start)
-    tracks = [RunTrack.of(trace, moments) for trace in traces]
+    tracks = [RunTrack.of(trace.seed, trace, DrivenPath.of(moments)) for trace in traces]
     near = inside(found.places, center)
     grid, free, _ = free_space(library)
     cells = grid.centers()[free.ravel()]

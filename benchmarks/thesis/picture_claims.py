@@ -10,7 +10,7 @@ import polars as pl
 from maurice_datasets.trials.statistics import mean, share
 from maurice_datasets.trials.table import clusters_of
 from maurice_mcl.scoring.metrics import FIRST_SCORED, LOST_FOR
-from maurice_mcl.scoring.near_truth import near_truth
+from maurice_mcl.scoring.modes import near_truth
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_mcl.library.drive_score import DrivePicture
+from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.laser import LaserScan

@@ -18,8 +18,8 @@ import polars as pl
 from maurice_mcl.reasons.causes import Failure
 from maurice_mcl.values.arrays import F32, F64, U8
 from maurice_mcl.values.laser import LaserScan
+from maurice_mcl.values.library import Radii
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.radii import Radii
 from maurice_mcl.values.records import (
     Belief,
     Estimate,

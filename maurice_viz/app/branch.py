@@ -18,8 +18,7 @@ from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.values import Belief, FilterState, Library, Moment, StepRecord
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.run_spec import check_name, combined
 from ..running.saved import changed_versions, library_of, localizer_of, session_of
 from ..running.saved_steps import Pictures, Restored, restored_together
@@ -41,21 +40,30 @@ class BranchChange:
     anywhere: bool = False  # the branch begins with particles spread over all free space
 
     @property
+    def _named(self) -> dict[str, Any]:
+        """What is given besides settings and start, by name."""
+        named = {
+            "preset": self.preset,
+            "feature": self.feature,
+            "particles": self.particles,
+            "seed": self.seed,
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
+    @property
     def words(self) -> tuple[str, ...]:
         """What is changed, one thing each: "recovery.strategy=augmented"."""
-        named = {"preset": self.preset, "feature": self.feature}
-        words = [f"{what} {name}" for what, name in named.items() if name is not None]
-        words += [] if self.particles is None else [f"{self.particles} particles"]
-        words += [] if self.seed is None else [f"seed {self.seed}"]
+        named = self._named.items()
+        words = [f"{value} {name}" if name == "particles" else f"{name} {value}" for name, value in named]
         words += ["particles anywhere"] if self.anywhere else []
         return (*words, *(f"{key}={_short(value)}" for key, value in self.settings.items()))
 
     @property
     def label(self) -> str:
         """A short name for the branch, after what is changed."""
-        named = [part for part in (self.preset, self.feature) if part]
-        named += [] if self.particles is None else [f"particles {self.particles}"]
-        named += [] if self.seed is None else [f"seed {self.seed}"]
+        named = [
+            f"{name} {value}" if isinstance(value, int) else value for name, value in self._named.items()
+        ]
         named += ["anywhere"] if self.anywhere else []
         named += [str(_short(value)).replace("/", "-") for value in self.settings.values()]
         return " ".join(named)[:24].strip() or "unchanged"
@@ -63,12 +71,10 @@ class BranchChange:
     @property
     def options(self) -> tuple[str, ...]:
         """The change as typed on the command line: "--set", "recovery.strategy=augmented"."""
-        named: dict[str, Any] = {"--preset": self.preset, "--feature": self.feature}
-        named |= {"--particles": self.particles, "--seed": self.seed}
-        named |= {"--start": GLOBAL if self.anywhere else None}
-        given = [word for name, value in named.items() if value is not None for word in (name, str(value))]
-        settings = [f"{key}={_short(value)}" for key, value in self.settings.items()]
-        return (*given, *(word for setting in settings for word in ("--set", setting)))
+        named = self._named | ({"start": GLOBAL} if self.anywhere else {})
+        pairs = [(f"--{name}", str(value)) for name, value in named.items()]
+        pairs += [("--set", f"{key}={_short(value)}") for key, value in self.settings.items()]
+        return tuple(word for pair in pairs for word in pair)
 
     @property
     def has_other_sensor(self) -> bool:

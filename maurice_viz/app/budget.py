@@ -14,8 +14,7 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.values import F64, Library
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener, progress_of
+from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.open import make_runs, open_library_for, open_session, read_as_amcl
 from ..running.run_spec import RunSpec
 

@@ -8,17 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.calibration_trials import (
-    METERS,
-    OdometryFolder,
-    covered_pictures,
-    floor_between,
-    is_odometry_folder,
-    mishaps,
-    read_trials,
-    trials_from_folder,
-    trials_from_session,
-)
+from maurice_loaders import calibration_trials
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
@@ -26,15 +16,14 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession, drive_segments
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.records import read_header
-from maurice_mcl.fitting.motion import Calibration, FloorOf, MotionSegment, Trials
+from maurice_mcl.fitting.motion import Calibration, MotionSegment, Trials
 from maurice_mcl.fitting.motion import calibrate as fit_trials
 from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry
 from maurice_mcl.fitting.odometry_fit import MotionConstant, MotionFit, fit_motion
 from maurice_mcl.fitting.sensor import NoiseFloor, noise_floor
 from maurice_mcl.values import SessionInfo
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.open import open_session
 from ..style import Units, units_named
 
@@ -58,7 +47,7 @@ class MotionCalibration:
 
     def to_json(self) -> dict[str, Any]:
         """Return every constant in meters and radians, and the header's robot.motion."""
-        found: dict[str, Any] = _no_nan(asdict(self.fit))
+        found: dict[str, Any] = finite(asdict(self.fit))
         return found | {"motion": self.fit.motion_header()}
 
     def figures(self, to: str | Path, *, force: bool = False) -> list[Path]:
@@ -123,8 +112,10 @@ def calibrate_motion(
         8
     """
     path = session_in(Path(source))
-    if unit not in METERS:
-        raise OptionError(f"a unit of length is one of {', '.join(METERS)}, found {unit!r}")
+    if unit not in calibration_trials.METERS:
+        raise OptionError(
+            f"a unit of length is one of {', '.join(calibration_trials.METERS)}, found {unit!r}"
+        )
     if to is not None:
         expect_absent(Path(to), force=force)
     trials, units = _trials(path, unit)
@@ -156,7 +147,7 @@ class NoiseCalibration:
             "mean": floor.mean.tolist(),
             "sd": floor.sd.tolist(),
         }
-        return dict(_no_nan(found))
+        return dict(finite(found))
 
     def figures(self, to: str | Path, *, force: bool = False) -> list[Path]:
         """Draw the thesis's figures 13 and 14 into a file (.png) and return its path.
@@ -180,7 +171,7 @@ def calibrate_noise(source: str | Path, *, listener: Listener = SILENT) -> Noise
         >>> mv.calibrate_noise("survey.log").floor.frames
         1
     """
-    floor = noise_floor(covered_pictures(Path(source)))
+    floor = noise_floor(calibration_trials.covered_pictures(Path(source)))
     if floor.lit:
         listener.warning(f"note: the mean pixel value is {floor.level.mean():.0f}; was the lens covered?")
     return NoiseCalibration(Path(source), floor)
@@ -216,7 +207,7 @@ class DriveCalibration:
 
     def to_json(self) -> dict[str, Any]:
         """Return every constant with its interval, and the header's robot.motion."""
-        found: dict[str, Any] = _no_nan(asdict(self.fit))
+        found: dict[str, Any] = finite(asdict(self.fit))
         return found | {"motion": self.fit.motion_header()}
 
     @property
@@ -293,9 +284,10 @@ def calibrate_drive(
     named = (info.motion or {}).get("model", "maurice" if info.motion else "odometry")
     chosen: LinearModel = LinearOdometry()
     if (model or named) == "maurice":
-        floor_of = partial(floor_between, info.arena)
-        segments = _of_one_floor(segments, floor_of)
-        floors = {floor_of(segment.before[:2], segment.after[:2]) or "" for segment in segments}
+        floor_of = partial(calibration_trials.floor_between, info.arena)
+        named = [(segment, floor_of(segment.before[:2], segment.after[:2])) for segment in segments]
+        segments = [segment for segment, floor in named if floor is not None]  # others tell no floor's drift
+        floors = {floor or "" for _, floor in named if floor is not None}
         chosen = LinearMaurice(tuple(sorted(floors)), floor_of)
     try:
         calibration = DriveCalibration(paths, fit_motion(segments, chosen))
@@ -312,25 +304,20 @@ def _driven(
     path: Path, options: ReadingOptions, listener: Listener
 ) -> tuple[list[MotionSegment], SessionInfo]:
     """Return the movements between true poses of a recording, or of a folder of odometry beside truth."""
-    if path.is_dir() and is_odometry_folder(path):
-        session = RecordedSession(OdometryFolder(path))
+    if path.is_dir() and calibration_trials.is_odometry_folder(path):
+        session = RecordedSession(calibration_trials.OdometryFolder(path))
     else:
         session = open_session(path, options, listener)
     return list(drive_segments(session)), session.info
 
 
-def _of_one_floor(segments: list[MotionSegment], floor_of: FloorOf) -> list[MotionSegment]:
-    """Leave out movements from one floor to another, which tell no floor's drift."""
-    return [segment for segment in segments if floor_of(segment.before[:2], segment.after[:2]) is not None]
-
-
 def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
     """Read trials of any kind, with the units in which people read their lengths."""
     if source.is_dir():
-        return trials_from_folder(source), units_named("m")
+        return calibration_trials.trials_from_folder(source), units_named("m")
     if source.suffix.lower() == ".csv":
-        return read_trials(source, unit), units_named("in" if unit == "in" else "m")
-    trials = trials_from_session(source)
+        return calibration_trials.read_trials(source, unit), units_named("in" if unit == "in" else "m")
+    trials = calibration_trials.trials_from_session(source)
     return trials, units_named(read_header(source)[0].display_units)
 
 
@@ -338,14 +325,14 @@ def _mishaps(source: Path) -> list[str]:
     """Report the slips and bumps of a session log, which the constants contain as well."""
     if source.is_dir() or source.suffix.lower() == ".csv":
         return []
-    counts = [f"{count} of {word}" for word, count in mishaps(source).items() if count]
+    counts = [f"{count} of {word}" for word, count in calibration_trials.mishaps(source).items() if count]
     return [f"the log has events: {', '.join(counts)}; these movements are not left out"] if counts else []
 
 
-def _no_nan(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """Turn what is not finite into null, which JSON has."""
     if isinstance(value, dict):
-        return {key: _no_nan(inner) for key, inner in value.items()}
+        return {key: finite(inner) for key, inner in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_no_nan(inner) for inner in value]
+        return [finite(inner) for inner in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -12,9 +12,9 @@ from maurice_loaders.runs.store import SavedRun, open_runs
 from maurice_mcl.fitting.belief import BeliefCalibration, BeliefJudge
 from maurice_mcl.scoring.metrics import Scorer
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.saved_steps import Pictures, Restored, restored_together
+from .calibrate import finite
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,18 +33,9 @@ class CalibratedBelief:
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON."""
-        facts: dict[str, Any] = _known(asdict(self.calibration)) | {"likelihood": self.calibration.likelihood}
+        facts: dict[str, Any] = finite(asdict(self.calibration)) | {"likelihood": self.calibration.likelihood}
         own = {"label": self.label, "left_out": self.left_out, "sharpness": self.sharpness}
         return own | facts | {"better_sharpness": self.better_sharpness}
-
-
-def _known(value: Any) -> Any:
-    """Return plain values with None for limits that are not known."""
-    if isinstance(value, dict):
-        return {key: _known(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_known(part) for part in value]
-    return None if value != value else value
 
 
 def calibrate_belief(

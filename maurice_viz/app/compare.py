@@ -19,18 +19,10 @@ from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.values import F64, Arena, Library
 
 from ..entities import RESERVED
-from ..errors import OptionError
+from ..errors import SILENT, Listener, OptionError
 from ..layouts import DETAILS
-from ..listener import SILENT, Listener
 from ..playback import ResultCollector, aligned, run_together, shared
-from ..running.open import (
-    make_runs,
-    open_library_for,
-    open_session,
-    read_as_amcl,
-    remark_skipped,
-    unique_labels,
-)
+from ..running import open as opening
 from ..running.output import OutputOptions, output_of
 from ..running.run import Playback, Report, RunScores, play, remark_zeros
 from ..running.run_spec import RunSpec, settings_with, start_of
@@ -237,7 +229,7 @@ def _saved_playback(folders: Sequence[Path], listener: Listener) -> Playback:
     _check_alike([only_run(folder) for folder in folders])
     opened = [
         _labelled(folder, label, listener)
-        for folder, label in zip(folders, unique_labels(names_of(folders)), strict=True)
+        for folder, label in zip(folders, opening.unique_labels(names_of(folders)), strict=True)
     ]
     own = [_drive(run) != _drive(opened[0]) for run in opened]
 
@@ -264,15 +256,15 @@ def _sessions_playback(
     listener: Listener,
 ) -> Playback:
     """Prepare sessions of one library with one filter, side by side by the number of the update."""
-    reading = read_as_amcl(reading, [spec], listener)
-    sessions = [open_session(source, reading, listener) for source in sources]
+    reading = opening.read_as_amcl(reading, [spec], listener)
+    sessions = [opening.open_session(source, reading, listener) for source in sources]
     paths = [session.path for session in sessions]
     references = _one_library(sessions, library, reading.keep_going, listener)
     names = names_of([path.with_suffix("") for path in paths])
     free = [f"{name}.log" if name in RESERVED else name for name in names]  # as `session` is
-    named = [replace(spec, name=label) for label in unique_labels(free)]
+    named = [replace(spec, name=label) for label in opening.unique_labels(free)]
     runs = [
-        make_runs(session, references, [labelled], listener)[0]
+        opening.make_runs(session, references, [labelled], listener)[0]
         for session, labelled in zip(sessions, named, strict=True)
     ]
     overviews = [session.overview() for session in sessions]
@@ -282,7 +274,7 @@ def _sessions_playback(
 
     def remarks(collector: ResultCollector) -> None:
         for session in sessions:
-            remark_skipped(session, listener)
+            opening.remark_skipped(session, listener)
         remark_zeros(collector, listener)
         _remark_lengths(collector, paths, [pictures for pictures, _ in overviews], listener)
 
@@ -350,7 +342,7 @@ def _one_library(
     for session in sessions:
         path = (asked or session.info.survey or session.path).resolve()
         if path not in found:
-            found[path] = open_library_for(session, asked, keep_going=keep_going, listener=listener)
+            found[path] = opening.open_library_for(session, asked, keep_going=keep_going, listener=listener)
         first, this = next(iter(found.values())), found[path]
         if first is not this and library_hash(first, list(first.index)) != library_hash(
             this, list(this.index)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError, ReadingNotes
+from maurice_loaders.export import tables
 from maurice_loaders.export.mcap import McapScene, mcap_sink, scene_of
 from maurice_loaders.export.session import (
     Converted,
@@ -20,20 +21,6 @@ from maurice_loaders.export.session import (
     left_out,
     pictures_of,
     records_to_log,
-)
-from maurice_loaders.export.tables import (
-    PATHS,
-    EvoSink,
-    PathSink,
-    Sink,
-    csv_sink,
-    evo_sink,
-    export_steps,
-    kitti_line,
-    parquet_sink,
-    path_files,
-    path_sink,
-    tum_line,
 )
 from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.ros_maps import write_ros_map
@@ -46,8 +33,7 @@ from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_mcl.library.occupancy_building import build_occupancy
 from maurice_mcl.values import F64, LaserScan, OccupancyMap, Session
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.open import open_session
 from ..running.saved import frames_of, library_of, session_of
 from ..running.saved_steps import Pictures
@@ -274,18 +260,18 @@ def export(
         ['my-run.tum']
     """
     files = _by_kind([to] if isinstance(to, (str, Path)) else to)
-    if only is not None and only not in PATHS:
-        raise OptionError(f"--only is {', '.join(PATHS)}, found {only!r}")
+    if only is not None and only not in tables.PATHS:
+        raise OptionError(f"--only is {', '.join(tables.PATHS)}, found {only!r}")
     saved = only_run(Path(run))
     if only == "truth" and not saved.manifest.has_truth:
         raise InputError(saved.folder, "has no truth, and --only truth asks for nothing else; leave it out")
-    steps, events, errors = 0, 0, EvoSink(saved.manifest.label)
-    paths = PATHS if only is None else (only,)
+    steps, events, errors = 0, 0, tables.EvoSink(saved.manifest.label)
+    paths = tables.PATHS if only is None else (only,)
     session, begin_s = _session(saved, "mcap" in files, listener)
     pictures = Pictures(session, listener.warning) if "mcap" in files else None
     with ExitStack() as stack:
         sinks = _open(stack, saved, files, paths, session, force)
-        for number, step in enumerate(export_steps(saved, begin_s=begin_s), start=1):
+        for number, step in enumerate(tables.export_steps(saved, begin_s=begin_s), start=1):
             image = None if pictures is None else pictures.of(step.rows)
             if pictures is not None and image is not None:
                 step = replace(step, readings=pictures.readings, scan=pictures.scan)
@@ -321,7 +307,7 @@ def _by_kind(names: Sequence[str | Path]) -> dict[str, Path]:
 
 def _named(files: Files, paths: Sequence[str]) -> Iterator[Path]:
     for name, file in files.items():
-        yield from path_files(file, paths).values() if name in BY_PATH else [file]
+        yield from tables.path_files(file, paths).values() if name in BY_PATH else [file]
 
 
 def only_run(folder: Path, label: str | None = None) -> SavedRun:
@@ -347,16 +333,18 @@ def _open(
     paths: Sequence[str],
     session: Session | None,
     force: bool,
-) -> list[Sink]:
+) -> list[tables.Sink]:
     channels, label, origin = run.manifest.channels, run.manifest.label, np.array(run.manifest.origin_m)
     together = run.manifest.has_truth and len(paths) > 1
     opening: Mapping[str, Callable[[Path], Any]] = {
-        "tum": lambda file: path_sink(path_files(file, paths), tum_line, force=force),
-        "kitti": lambda file: path_sink(path_files(file, paths), kitti_line, together=together, force=force),
-        "csv": lambda file: csv_sink(file, channels, force=force),
-        "parquet": lambda file: parquet_sink(file, channels, force=force),
+        "tum": lambda file: tables.path_sink(tables.path_files(file, paths), tables.tum_line, force=force),
+        "kitti": lambda file: tables.path_sink(
+            tables.path_files(file, paths), tables.kitti_line, together=together, force=force
+        ),
+        "csv": lambda file: tables.csv_sink(file, channels, force=force),
+        "parquet": lambda file: tables.parquet_sink(file, channels, force=force),
         "mcap": lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
-        "zip": lambda file: evo_sink(file, label, force=force),
+        "zip": lambda file: tables.evo_sink(file, label, force=force),
     }
     return [stack.enter_context(opening[name](file)) for name, file in files.items()]
 
@@ -386,10 +374,10 @@ def _scene(run: SavedRun, session: Session | None) -> McapScene:
 
 
 def _report_left_out(
-    run: SavedRun, sinks: Sequence[Sink], files: Files, events: int, listener: Listener
+    run: SavedRun, sinks: Sequence[tables.Sink], files: Files, events: int, listener: Listener
 ) -> None:
     for sink in sinks:
-        if isinstance(sink, PathSink) and sink.left_out:
+        if isinstance(sink, tables.PathSink) and sink.left_out:
             why = "KITTI rows have no time, so that only steps with a known truth are written"
             listener.remark(f"{files['kitti']}: {sink.left_out} steps are left out: {why}")
     paths = [str(files[name]) for name in (*BY_PATH, "zip") if name in files]

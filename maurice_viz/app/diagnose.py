@@ -17,13 +17,12 @@ from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.values import F64
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.output import walk_command
 from ..style import Scale, units_named
 from ..text.causes import say_evidence, say_failure, say_remedy
-from ..text.headline import headline
-from ..text.score_json import failure_json
+from ..text.summary import failure_json
+from ..text.tour import headline
 from ..text.verdict import off_map, say_verdict
 from .replay import replay
 

@@ -9,23 +9,21 @@ from pathlib import Path
 import numpy as np
 
 from maurice_loaders.errors import InputError
-from maurice_mcl.reasons.explanation import Asked, StepExplanation, explain_step
+from maurice_mcl.reasons.explanation import StepExplanation, explain_step
 from maurice_mcl.sensor.laser.beams import BeamJudgment
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values import F64, Comparison, Moment, StepRecord
 
 from ..entities import Phase
-from ..errors import OptionError
+from ..errors import SILENT, Listener, OptionError
 from ..layouts.registry import EXPLAIN, SENSORS
-from ..listener import SILENT, Listener
 from ..running.open import typed_pose
 from ..running.output import walk_command
 from ..running.saved import Opened, open_saved
 from ..style import Scale
 from ..text.explanation import GLOSSARY, say_step
-from ..text.explanation_table import to_json
+from ..text.explanation_table import say_sensors, to_json
 from ..text.laser.scan import say_beams, scan_json
-from ..text.sensors import say_sensors
 from .convert import only_run
 from .snapshot import snapshot
 
@@ -114,9 +112,7 @@ def explain(
     sensors = tuple(say_sensors(record, moment.truth, library.arena, scale))
     label, step, explained, of_scan = restored.saved.manifest.label, moment.frame.step, None, None
     if comparison.channels:
-        asked = None
-        if at is not None or entry is not None:
-            asked = Asked(entry=entry) if at is None else Asked(pose=np.asarray(at, float))
+        asked = entry if at is None else np.asarray(at, float)
         explained = explain_step(record, restored.sensor, moment.truth, asked, weigh=True)
     else:
         poses = {"estimate": record.estimate.pose, "truth": moment.truth}

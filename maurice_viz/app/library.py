@@ -12,41 +12,17 @@ from typing import Any
 import numpy as np
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files import writing
 from maurice_loaders.files.text import toml_value
-from maurice_loaders.files.writing import (
-    check_target,
-    expect_absent,
-    expect_apart,
-    temporary_folder,
-    write_whole,
-)
+from maurice_loaders.libraries import survey as surveys
 from maurice_loaders.libraries.files import LIBRARY, hash_file
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_loaders.libraries.store import build_library as measure
 from maurice_loaders.libraries.store import save_library
-from maurice_loaders.libraries.survey import (
-    EVERY,
-    JoinedSurvey,
-    SelectedSurvey,
-    Spacing,
-    open_survey,
-    read_every,
-)
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.session_log.header import session_in
-from maurice_mcl.fitting.sensor import (
-    Sample,
-    Scores,
-    Tuned,
-    drive_samples,
-    judge,
-    library_samples,
-    most_pictures,
-    pooled,
-    rows_of,
-    spread_out,
-)
+from maurice_mcl.fitting import sensor as fitting
 from maurice_mcl.fitting.sensor import tune as fit_channels
 from maurice_mcl.library.left_out import LeftOutTable
 from maurice_mcl.library.quality import Coverage, coverage_of
@@ -55,8 +31,7 @@ from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values import Library
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener, progress_of
+from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import (
     library_at,
@@ -64,7 +39,7 @@ from ..running.open import (
     remark_open,
     remark_skipped,
 )
-from ..text.places import say_drive
+from ..text.findings import say_drive
 from .library_check import say_default, say_scales
 
 
@@ -109,13 +84,15 @@ def build_library(
     """
     survey, options = Path(survey), reading or ReadingOptions()
     spacing = _spacing_of(every)
-    check_target(Path(to), LIBRARY, force=force)
-    expect_apart(Path(to), survey, *map(Path, add))
-    with temporary_folder("maurice-library") as kept:
-        source = open_survey(survey, options, spacing, kept, progress_of(listener, "choose pictures"))
-        chosen = source.chosen.every or EVERY if isinstance(source, SelectedSurvey) else None
+    writing.check_target(Path(to), LIBRARY, force=force)
+    writing.expect_apart(Path(to), survey, *map(Path, add))
+    with writing.temporary_folder("maurice-library") as kept:
+        source = surveys.open_survey(survey, options, spacing, kept, progress_of(listener, "choose pictures"))
+        chosen = source.chosen.every or surveys.EVERY if isinstance(source, surveys.SelectedSurvey) else None
         if add:
-            source = JoinedSurvey([source, *(open_survey(Path(path), options) for path in add)])
+            source = surveys.JoinedSurvey(
+                [source, *(surveys.open_survey(Path(path), options) for path in add)]
+            )
         built = measure(
             survey,
             keep_going=options.keep_going,
@@ -139,9 +116,9 @@ def build_library(
         return BuiltLibrary(built, Path(to), coverage)
 
 
-def _spacing_of(every: str | None) -> Spacing | None:
+def _spacing_of(every: str | None) -> surveys.Spacing | None:
     try:
-        return None if every is None else read_every(every)
+        return None if every is None else surveys.read_every(every)
     except ValueError as problem:
         raise OptionError(str(problem)) from None
 
@@ -161,13 +138,13 @@ DEFAULT_SENSOR = SensorParameters(FEATURES["blended"])  # the default, which the
 class TuningResult:
     """Scales and weights of channels, the drives that they were fitted and scored on, and the scores."""
 
-    tuned: Tuned
+    tuned: fitting.Tuned
     distances: Mapping[str, str]
     library: str
     fitted_on: tuple[str, ...]  # sessions; none: the library, one reference left out at a time
-    fitted: Scores
+    fitted: fitting.Scores
     scored_on: tuple[str, ...]
-    scored: Scores | None
+    scored: fitting.Scores | None
 
     @property
     def scales(self) -> dict[str, float]:
@@ -218,7 +195,7 @@ class TuningResult:
             "scored": None if self.scored is None else self._scores_json(self.scored),
         }
 
-    def _scores_json(self, scores: Scores) -> dict[str, Any]:
+    def _scores_json(self, scores: fitting.Scores) -> dict[str, Any]:
         return {
             "pictures": scores.pictures,
             "alone": dict(zip(self.tuned.channels, scores.alone, strict=True)),
@@ -256,7 +233,7 @@ def tune(
     """
     fit, test = ([session_in(Path(path)) for path in paths] for paths in (sessions, score))
     if to is not None:
-        expect_absent(Path(to), force=force)
+        writing.expect_absent(Path(to), force=force)
     fitted = {hash_file(path): path for path in fit}
     for path in test:
         same = fitted.get(hash_file(path))
@@ -273,7 +250,7 @@ def tune(
         where = "the drives fitted on" if fit else "the library itself"
         listener.warning(f"scored on {where}, which flatters; --score a drive that was not fitted on")
     if to is not None:
-        write_whole(Path(to), result.to_toml().encode(), force=force)
+        writing.write_whole(Path(to), result.to_toml().encode(), force=force)
     return result
 
 
@@ -322,12 +299,12 @@ def _wanted(path: Path, library: Library, channels: Sequence[str] | None) -> tup
 
 def _tuned(tuning: _Tuning, fit: Sequence[Path], test: Sequence[Path]) -> TuningResult:
     samples = _fitting(tuning, fit)
-    rows = rows_of(samples, range(len(tuning.channels)))
+    rows = fitting.rows_of(samples, range(len(tuning.channels)))
     tuned = fit_channels(tuning.channels, rows, progress_of(tuning.listener, "fit"))
     before = np.array([tuning.before.get(name, 0.0) for name in tuning.rows])
-    fitted = judge(tuned, samples, before)
+    fitted = fitting.judge(tuned, samples, before)
     del samples  # the drives to score on are measured one at a time
-    scored = [judge(tuned, _drive(tuning, path), before) for path in test]
+    scored = [fitting.judge(tuned, _drive(tuning, path), before) for path in test]
     return TuningResult(
         tuned=tuned,
         distances=tuning.sensor.distances,
@@ -335,28 +312,28 @@ def _tuned(tuning: _Tuning, fit: Sequence[Path], test: Sequence[Path]) -> Tuning
         fitted_on=tuple(path.name for path in fit),
         fitted=fitted,
         scored_on=tuple(path.name for path in test),
-        scored=pooled(scored) if scored else None,
+        scored=fitting.pooled(scored) if scored else None,
     )
 
 
-def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[Sample]:
+def _fitting(tuning: _Tuning, fit: Sequence[Path]) -> list[fitting.Sample]:
     if fit:
         return [sample for path in fit for sample in _drive(tuning, path, len(fit))]
     advance = progress_of(tuning.listener, "compare references")
-    samples = library_samples(LeftOutTable.of(tuning.sensor), advance)
+    samples = fitting.library_samples(LeftOutTable.of(tuning.sensor), advance)
     if not samples:
         none = "found no two references near each other that look one way; fit on a drive"
         raise InputError(tuning.path, none)
     return samples
 
 
-def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[Sample]:
+def _drive(tuning: _Tuning, path: Path, among: int = 1) -> list[fitting.Sample]:
     """Measure a drive; of a long one, or where it is one among many, evenly chosen pictures."""
     listener, sensor = tuning.listener, tuning.sensor
     log = open_session(path, tuning.reading, listener)
-    taken = spread_out(log.overview()[0], max(1, most_pictures(sensor) // among))
+    taken = fitting.spread_out(log.overview()[0], max(1, fitting.most_pictures(sensor) // among))
     advance, known = progress_of(listener, path.name), known_descriptors()
-    samples = drive_samples(sensor, log.moments(), taken, advance, known)
+    samples = fitting.drive_samples(sensor, log.moments(), taken, advance, known)
     remark_skipped(log, listener)
     if not samples:
         raise InputError(path, "found no picture with a true pose in the library's free space to tune with")

@@ -15,20 +15,18 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.config.build import adapted
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.library.advice import Confusion, LibraryAdvice, ProposedReference, advise
-from maurice_mcl.library.drive_score import DriveScore
 from maurice_mcl.library.left_out import LeftOutTable, PlaceScore, score_places
-from maurice_mcl.library.quality import Coverage, SelfSimilarity, coverage_of, self_similarity_of
+from maurice_mcl.library.quality import Coverage, DriveScore, SelfSimilarity, coverage_of, self_similarity_of
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.model import SensorModel, SensorParameters
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values import F64, Library
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener, progress_of
+from ..errors import SILENT, Listener, OptionError, progress_of
 from ..running.drive_check import score_feature
 from ..running.open import library_at, open_session
 from ..style import scale_for
-from ..text.places import say_places
+from ..text.findings import say_places
 
 COLUMNS = ("x_m", "y_m", "heading_deg", "why")  # of the table of references to add
 

@@ -14,25 +14,20 @@ from maurice_datasets.trials.statistics import Interval, holm, mean, of_one_driv
 from maurice_loaders.errors import InputError
 from maurice_mcl.config.build import equipped
 from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
-from maurice_mcl.filter.batch import RunTrace, run_batch
+from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.scoring.metrics import (
-    RIGHT_AT_END,
-    DrivenPath,
-    mostly_at_end,
-    score_step,
-    score_trace,
-)
+from maurice_mcl.scoring import metrics
+from maurice_mcl.scoring.metrics import DrivenPath
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Moment
 
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener
 from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
-from ..text.what_if import USUAL_SHARE, remedies_line
+from ..text.comparison import USUAL_SHARE, remedies_line
 from .branch import BranchChange, BranchPoint, open_branch
 
 SEEDS = 14
@@ -206,8 +201,8 @@ class _Past:
                 past.comparisons.append([model.comparison for model in compared(sensors, moment.frame)])
                 past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
         known = sum(moment.truth is not None for moment in past.moments)
-        if known < RIGHT_AT_END[1]:
-            needed = f"expected at least {RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
+        if known < metrics.RIGHT_AT_END[1]:
+            needed = f"expected at least {metrics.RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
             raise InputError(point.run.folder, f"found {known} true poses after step {step}, {needed}")
         return past
 
@@ -241,17 +236,12 @@ class _Past:
             for seed in seeds
         ]
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
-        scores = [score_trace(trace, DrivenPath.of(self.moments)) for trace in traces]
-        at_end = np.array([_is_localized(trace, self.moments) for trace in traces], bool)
+        path = DrivenPath.of(self.moments)
+        scores = [metrics.score_trace(trace, path) for trace in traces]
+        localized = [metrics.RunErrors.of(trace, path).localized.tolist() for trace in traces]
+        at_end = np.array([metrics.mostly_at_end(flags) is True for flags in localized], bool)
         errors_m = np.array([score.position_error_mean_m for score in scores], np.float64)
         return SeedResults(at_end, errors_m)
-
-
-def _is_localized(trace: RunTrace, moments: Sequence[Moment]) -> bool:
-    """Return whether a run was converged and correct in at least 7 of the last 10 updates."""
-    last = range(max(trace.updates - RIGHT_AT_END[1], 0), trace.updates)
-    scores = [score_step(trace.estimate(update), moments[update].truth) for update in last]
-    return mostly_at_end([score.localized is True for score in scores]) is True
 
 
 def least_seeds(remedies: int) -> int:

@@ -16,18 +16,10 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import check_run_target, is_saved
 from maurice_mcl.values import F64, Library
 
-from ..errors import OptionError
+from ..errors import SILENT, Listener, OptionError
 from ..layouts import DETAILS, RECORDED_LAYOUT_NAMES
-from ..listener import SILENT, Listener
 from ..playback import FilterRun, ResultCollector, run_together, shared
-from ..running.open import (
-    library_at,
-    library_of,
-    make_runs,
-    open_library_for,
-    open_session,
-    read_as_amcl,
-)
+from ..running import open as opening
 from ..running.output import OutputOptions, output_of, show_recording, window_ahead
 from ..running.run import Playback, Report, RunScores, play, remark, remark_zeros
 from ..running.run_spec import RunSpec, words_of
@@ -165,12 +157,12 @@ def replay_session(
         check_run_target(output.save_run, force=output.force)
         if isinstance(library, Library):
             raise OptionError("a saved run stores its library's path: give a path, not an opened library")
-    reading = read_as_amcl(reading, specs, listener)
-    opened = open_session(session, reading, listener)
+    reading = opening.read_as_amcl(reading, specs, listener)
+    opened = opening.open_session(session, reading, listener)
     asked = Path(library) if isinstance(library, (str, Path)) else library
     plain = list(specs) == [RunSpec()] and output.save_run is None and output.layout is None
     alone = alone and plain and output.alone and not output.no_recording
-    place = library_of(opened, asked)
+    place = opening.library_of(opened, asked)
     if place is None and alone:
         from ..running.drive import show_alone  # imports Rerun
 
@@ -183,8 +175,8 @@ def replay_session(
         hint = shown if place is None else "`inspect` lists what it holds"
         raise InputError(opened.path, f"found neither pictures nor scans, which the filter needs; {hint}")
     with window_ahead(output) as output:  # comes up while the filter is made and Rerun imported
-        references = open_library_for(opened, place, keep_going=reading.keep_going, listener=listener)
-        runs = make_runs(opened, references, specs, listener)
+        references = opening.open_library_for(opened, place, keep_going=reading.keep_going, listener=listener)
+        runs = opening.make_runs(opened, references, specs, listener)
         playback = playback_of_session(opened, references, runs, overview, listener)
         survey = place if isinstance(place, Path) else opened.path
         inputs = Inputs(opened, survey, playback.total, playback.scene.has_truth, reading)
@@ -279,14 +271,15 @@ def _localize(
     for text in session.info.notes:
         listener.remark(text)
     references = _library(session, listener)
-    runs = make_runs(session, references, [spec], listener)  # what is wrong with it is raised before we wait
+    # what is wrong with it is raised before we wait
+    runs = opening.make_runs(session, references, [spec], listener)
     moments = session.moments()
     first = next(moments, None)
     if first is None:
         _remark_left_out(session, listener)
         raise SourceError(session.source.name, "ended before a picture came, so nothing was localized")
     if _joined_late(session, spec, listener):
-        runs = make_runs(session, references, [replace(spec, start="global")], listener)
+        runs = opening.make_runs(session, references, [replace(spec, start="global")], listener)
     playback = Playback(
         shared(run_together(runs, chain([first], moments), live=True)),
         0,
@@ -302,7 +295,7 @@ def _library(session: LiveSession, listener: Listener) -> Library:
     if path is None or not path.exists():
         where = "no library" if path is None else f"no library or survey at {path}"
         raise SourceError(session.source.name, f"found {where}; name one with --library")
-    return library_at(path, listener)
+    return opening.library_at(path, listener)
 
 
 def _joined_late(session: LiveSession, spec: RunSpec, listener: Listener) -> bool:

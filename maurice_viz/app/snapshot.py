@@ -11,8 +11,7 @@ from maurice_loaders.files.writing import expect_absent, temporary_folder, write
 from maurice_loaders.runs.store import open_runs
 
 from ..entities import PHASE, PHASE_NAMES, PHASES_PER_STEP, SEEN, STEP, Phase, Place
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.observer import SceneObserver
 from ..running.output import layout_of
 from ..running.run import collector_of, step_through

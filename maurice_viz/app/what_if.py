@@ -18,13 +18,12 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import RunComparison, Step
 from maurice_mcl.scoring.events import PARTED
-from maurice_mcl.scoring.metrics import mostly_at_end, score_step
+from maurice_mcl.scoring.metrics import RunErrors, Scorer, mostly_at_end
 from maurice_mcl.sensor.ahead import Compared
 from maurice_mcl.values import FilterState, Moment, StepRecord
 
-from ..errors import OptionError
+from ..errors import SILENT, Listener, OptionError
 from ..layouts import DETAILS
-from ..listener import SILENT, Listener
 from ..playback import ResultCollector
 from ..running.open import unique_labels
 from ..running.output import OutputOptions, output_of
@@ -33,7 +32,7 @@ from ..running.run_spec import settings_with
 from ..running.saved import remark_saved, view_of
 from ..scene import RunView, Scene
 from ..style import scale_for
-from ..text.what_if import BRANCH, what_if_line
+from ..text.comparison import BRANCH, what_if_line
 from .branch import GLOBAL, BranchChange, BranchPoint, open_branch
 
 
@@ -134,7 +133,8 @@ def _branched(
             f"the belief after step {from_step} is resampled to {pair.localizer.particles} particles"
         )
     scores = play(pair.playback(listener), output.named([f"what if {pair.label}"]), listener)
-    if not pair.run_errors:
+    before, after = _after(pair.run_scorer), _after(pair.branch_scorer)
+    if not before.updates:
         raise InputError(point.run.folder, f"holds no step after {from_step}; give an earlier --from")
     paired = scores.runs[1].paired
     compared = WhatIf(
@@ -144,15 +144,12 @@ def _branched(
         same_until=pair.last if pair.differs is None else pair.differs.step - 1,
         differs=pair.differs,
         parted_at=None if paired is None else paired.parted_at,
-        before=_after(pair.run_errors),
-        after=_after(pair.branch_errors),
+        before=before,
+        after=after,
         line="",
     )
     scale = scale_for(scores.display_units, point.library.arena)
     return replace(compared, line=what_if_line(compared.to_json()["what_if"], scale))
-
-
-Errors = tuple[float | None, bool | None, bool | None]  # position error, localized, correct
 
 
 @dataclass(slots=True, eq=False)
@@ -166,8 +163,8 @@ class _Pair:
     differs: RunDifference | None = None
     last: int = 0  # step
     parting: RunComparison = field(init=False)
-    run_errors: list[Errors] = field(default_factory=list)
-    branch_errors: list[Errors] = field(default_factory=list)
+    run_scorer: Scorer = field(default_factory=Scorer)  # of the updates after the branch
+    branch_scorer: Scorer = field(default_factory=Scorer)
 
     def __post_init__(self) -> None:
         info, arena = self.point.session.info, self.point.library.arena
@@ -240,9 +237,8 @@ class _Pair:
         state, branch = self.localizer.step(state, moment.frame, known)
         if self.differs is None:
             self.differs = first_difference(_compared(moment, record), _compared(moment, branch))
-        for errors, step in ((self.run_errors, record), (self.branch_errors, branch)):
-            score = score_step(step.estimate, moment.truth)
-            errors.append((score.position_error_m, score.localized, score.correct))
+        self.run_scorer.add(moment, record)
+        self.branch_scorer.add(moment, branch)
         return state, branch
 
 
@@ -253,10 +249,10 @@ def _compared(moment: Moment, record: StepRecord) -> StepRows:
     return replace(rows, step={key: value for key, value in rows.step.items() if key not in beside})
 
 
-def _after(errors: list[Errors]) -> AfterBranch:
-    known = [error for error in errors if error[0] is not None]
-    if not known:
-        return AfterBranch(len(errors), None, None, None)
-    off_m, localized, correct = zip(*known, strict=True)
-    share = float(np.mean([flag is True for flag in localized]))
-    return AfterBranch(len(errors), float(np.mean(np.array(off_m))), share, mostly_at_end(list(correct)))
+def _after(scorer: Scorer) -> AfterBranch:
+    errors = RunErrors.of(scorer.numbers, scorer.path)
+    known, updates = errors.known, len(errors.known)
+    if not known.any():
+        return AfterBranch(updates, None, None, None)
+    off_m, share = float(errors.off_m[known].mean()), float(errors.localized[known].mean())
+    return AfterBranch(updates, off_m, share, mostly_at_end(errors.correct[known].tolist()))

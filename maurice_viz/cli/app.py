@@ -54,7 +54,7 @@ COMMANDS = {
             "verify", "replay", "Filter a saved run again: is it the same to the bit?", _REPLAY, "saved-runs"
         ),
         Listed("diagnose", "runs", "Say why a filter was lost.", _WHY, "diagnose"),
-        Listed("what-if", "what_if", "Branch a saved run with a change; rank remedies.", _WHY, "what-if"),
+        Listed("what-if", "runs", "Branch a saved run with a change; rank remedies.", _WHY, "what-if"),
         Listed("explain", "runs", "Explain one step of a saved run.", _WHY, "explain"),
         Listed("budget", "runs", "Find the part of a filter that costs most accuracy.", _WHY, "what-if"),
         Listed("check", "check", "Test whether a filter meets demands on drives, for CI.", _WHY, "trials"),

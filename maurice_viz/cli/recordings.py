@@ -18,9 +18,8 @@ from maurice_loaders.doctor.inspection import Inspection
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.scoring.events import KINDS, RunEvent
 
-from ..app.events import events
 from ..app.inspect import doctor as diagnose
-from ..app.inspect import formats
+from ..app.inspect import events, formats
 from ..app.inspect import inspect as inspect_recording
 from ..style import Units, units_named
 from ..text.findings import describe, evidence_for, fix_for

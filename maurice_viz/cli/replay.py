@@ -20,8 +20,8 @@ from maurice_loaders.session_log.header import drive_name
 from ..entities import Phase, Place
 from ..layouts import INSIDE
 from ..style import Scale, Units, units_named
-from ..text.headline import headline
 from ..text.summary import paired_rows, score_rows, short_rows
+from ..text.tour import headline
 from ..text.verdict import verdict_line
 from .shared import options as opt
 from .shared.console import TO_CONSOLE, listening, note, print_json, results

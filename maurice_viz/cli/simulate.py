@@ -17,7 +17,7 @@ from .shared.options import MOST_SEED, argument, completed, option
 from .shared.values import by_suffix, read_length
 
 if TYPE_CHECKING:
-    from maurice_datasets.live import Address, Tally
+    from maurice_datasets.live import Address
     from maurice_datasets.simulation import SimulationPlan
 
 WORLD, DRIVE, CHANGES, LIVE = "World and camera", "Drive", "Since the survey", "Live robot"
@@ -191,7 +191,9 @@ def _serve(plan: SimulationPlan, options: LiveSet) -> None:
             1.0 if options.rate is None else options.rate,
             truth=not options.no_truth,
             ready=_announce,
-            over=_account,
+            over=lambda tally: note(
+                f"readers: {tally.readers}, lines left out for slow ones: {tally.dropped}"
+            ),
             progress=listener.progress,
         )
 
@@ -199,10 +201,6 @@ def _serve(plan: SimulationPlan, options: LiveSet) -> None:
 def _announce(address: Address) -> None:
     """Print the address at once, for a program that waits for that line."""
     print(address, flush=True)
-
-
-def _account(tally: Tally) -> None:
-    note(f"readers: {tally.readers}, lines left out for slow ones: {tally.dropped}")
 
 
 def survey(

@@ -17,24 +17,16 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 from rich.text import Text
 
+from maurice_datasets.trials import table as tables
 from maurice_datasets.trials.engine import DASK, LOCAL, run_plan
 from maurice_datasets.trials.folder import TrialsFolder
 from maurice_datasets.trials.plan import read_plan, shipped_plans
 from maurice_datasets.trials.rows import TYPES
 from maurice_datasets.trials.statistics import FEW, Interval
-from maurice_datasets.trials.table import (
-    DEFAULT,
-    NUMBERS,
-    TIMES,
-    Difference,
-    Group,
-    grouped,
-    load_trials,
-    paired,
-)
+from maurice_datasets.trials.table import Difference, Group
 from maurice_loaders.files.writing import expect_absent, write_whole
 
-from ..listener import progress_of
+from ..errors import progress_of
 from ..text.summary import metric_title, name_of
 from .shared import options as opt
 from .shared.console import listening, note, print_json, results
@@ -90,11 +82,8 @@ def run(
     results.say(f"{output}: {done.runs:,} runs, {done.made:,} made now, {done.failed:,} of them failed")
     if done.error is not None:
         note(f"the first that failed: {done.error}; the column error has all")
-    note(f"now try: maurice-replay trials table {output} --by {','.join(_first(chosen))}")
-
-
-def _first(plan: Any) -> list[str]:
-    return list(dict.fromkeys(key for part in plan.parts for key in part.variants.varied))[:2] or ["part"]
+    varied = dict.fromkeys(key for part in chosen.parts for key in part.variants.varied)
+    note(f"now try: maurice-replay trials table {output} --by {','.join([*varied][:2]) or 'part'}")
 
 
 def report(
@@ -121,9 +110,12 @@ def table(
     metric: Annotated[
         str,
         option(
-            "--metric", f"One of {', '.join(NUMBERS)}.", metavar="NAME", autocompletion=completed(NUMBERS)
+            "--metric",
+            f"One of {', '.join(tables.NUMBERS)}.",
+            metavar="NAME",
+            autocompletion=completed(tables.NUMBERS),
         ),
-    ] = DEFAULT,
+    ] = tables.DEFAULT,
     where: Where = None,
     output: Annotated[Path | None, opt.writes("OUT.csv|OUT.parquet", "Write the groups here.")] = None,
     force: opt.Force = False,
@@ -134,8 +126,8 @@ def table(
         if output.suffix not in TABLES:
             raise typer.BadParameter(f"-o ends in {' or '.join(TABLES)}, found {str(output)!r}")
         expect_absent(output, force=force)
-    rows, columns = load_trials(folder, where or []), [name for name in by.split(",") if name]
-    groups, differences = grouped(rows, columns, metric), paired(rows, columns, metric)
+    rows, columns = tables.load_trials(folder, where or []), [name for name in by.split(",") if name]
+    groups, differences = tables.grouped(rows, columns, metric), tables.paired(rows, columns, metric)
     if output is not None:
         _write(output, groups, force=force)
     if json_output:
@@ -150,7 +142,7 @@ def table(
     if counted:
         results.print(_differences(counted, metric))
     _say_if_few(group.figure for group in groups)
-    worst = rows.filter(pl.col(DEFAULT).is_not_null()).sort(DEFAULT, descending=True)
+    worst = rows.filter(pl.col(tables.DEFAULT).is_not_null()).sort(tables.DEFAULT, descending=True)
     if not worst.is_empty():
         row = worst.row(0, named=True)
         commands = TrialsFolder(folder).commands_of(row)
@@ -183,7 +175,7 @@ def _write(file: Path, groups: list[Group], *, force: bool) -> None:
 
 def _groups(groups: list[Group], metric: str) -> Table:
     title, factor = metric_title(metric)
-    digits, timed = _digits(metric), metric in TIMES
+    digits, timed = _digits(metric), metric in tables.TIMES
     flag = title.endswith("(%)")
     table = _table(title, groups[0].by if groups else ())
     names = ("rate" if flag or timed else "mean", "95 % interval", "median")
@@ -205,7 +197,7 @@ def _differences(differences: list[Difference], metric: str) -> Table:
     title, factor = metric_title(metric)
     against = ", ".join(_cell(value) for value in differences[0].against.values())
     table = _table(f"{title}, less that of {against}", differences[0].by)
-    never = "; a run that never localized counts with its whole drive" if metric in TIMES else ""
+    never = "; a run that never localized counts with its whole drive" if metric in tables.TIMES else ""
     table.caption = f"on the same drives{never}"
     several = any(row.figure.drives != row.figure.count for row in differences)  # pairs of a drive
     names = ("difference", "95 % interval", "pairs", "drives")[: 3 + several]

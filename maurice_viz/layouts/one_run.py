@@ -5,32 +5,16 @@ from __future__ import annotations
 import rerun.blueprint as rrb
 
 from .. import entities
+from ..panels import explanation as why
+from ..panels import sensors as sensed
 from ..panels.belief import belief_view, closeup_view
 from ..panels.camera import named_view, seen_views
 from ..panels.events import lanes_px, words_view
-from ..panels.explanation import (
-    CAMERA_CARD,
-    camera_card_view,
-    card_view,
-    chart_view,
-    columns_of,
-    figures_view,
-    references_map_view,
-    sentence_view,
-)
 from ..panels.inside import AFTER, BEFORE, STRIP_PX, inside_words_view, phases_view, side_view
 from ..panels.laser.explanation import columns_of_scan, scan_map_view
 from ..panels.laser.scan import here_view
 from ..panels.population import headings_view, weight_bars_view
 from ..panels.references import best_references_view, circles_view, likelihood_views
-from ..panels.sensors import (
-    in_space,
-    scan_on_map,
-    sensor_map_view,
-    sensor_picture_views,
-    sensor_space_view,
-    sensor_words_view,
-)
 from ..panels.traces import marks_key, run_plots
 from ..panels.views import untitled
 from ..scene import RunView, Scene
@@ -62,7 +46,7 @@ def inside_a_step(run: RunView, scene: Scene) -> rrb.Vertical:
     seen = named_view("The robot sees", entities.CAMERA) if scene.has_pictures else headings_view(paths)
     seen = here_view(run) if run.sees_alone else seen
     beside = rrb.Vertical(seen, weight_bars_view(paths), row_shares=[52, 48])
-    close_ups = [side_view(paths, side, scan_on_map(run)) for side in (BEFORE, AFTER)]
+    close_ups = [side_view(paths, side, sensed.scan_on_map(run)) for side in (BEFORE, AFTER)]
     clouds = rrb.Horizontal(*close_ups, beside, column_shares=[445, 445, 390])
     middle = HEIGHT_PX - lanes_px(OWN_LANES) - STRIP_PX - INSIDE_WORDS_PX
     body = rrb.Vertical(
@@ -78,17 +62,19 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     """
     paths = run.paths
     if run.sees_alone:
-        left = rrb.Vertical(scan_map_view(run, scene), figures_view(paths), row_shares=[395, 180])
-        right = rrb.Vertical(sentence_view(paths), columns_of_scan(run, scene), row_shares=[88, 487])
+        left = rrb.Vertical(scan_map_view(run, scene), why.figures_view(paths), row_shares=[395, 180])
+        right = rrb.Vertical(why.sentence_view(paths), columns_of_scan(run, scene), row_shares=[88, 487])
         body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
         return untitled(over_events(body, [run], noticed=True))
     figures = FIGURES_PX + FIGURE_PX * len(run.channels)
     above = HEIGHT_PX - lanes_px(OWN_LANES) - figures
-    left = rrb.Vertical(references_map_view(paths, scene), figures_view(paths), row_shares=[above, figures])
-    whose = columns_of(scene.has_truth)
-    cards = rrb.Horizontal(camera_card_view(run, scene), *(card_view(paths, who) for who in whose))
-    charts = rrb.Horizontal(*(chart_view(paths, who) for who in (CAMERA_CARD, *whose)))
-    right = rrb.Vertical(sentence_view(paths), cards, charts, row_shares=[160, 278, 175])
+    left = rrb.Vertical(
+        why.references_map_view(paths, scene), why.figures_view(paths), row_shares=[above, figures]
+    )
+    whose = why.columns_of(scene.has_truth)
+    cards = rrb.Horizontal(why.camera_card_view(run, scene), *(why.card_view(paths, who) for who in whose))
+    charts = rrb.Horizontal(*(why.chart_view(paths, who) for who in (why.CAMERA_CARD, *whose)))
+    right = rrb.Vertical(why.sentence_view(paths), cards, charts, row_shares=[160, 278, 175])
     body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
     return untitled(over_events(body, [run], noticed=True))
 
@@ -98,9 +84,11 @@ def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
     paths = run.paths
     blocks = [_of_sensor(run, name) for name in run.sensors]
     right = blocks[0] if len(blocks) == 1 else rrb.Tabs(*blocks, active_tab=0)
-    views: list[rrb.View] = [sensor_map_view(paths, scene, run.sensors)]
+    views: list[rrb.View] = [sensed.sensor_map_view(paths, scene, run.sensors)]
     in_3d = () if run.sensor is None else run.sensor.sensors.items()
-    views += [sensor_space_view(paths, scene, name) for name, sensor in in_3d if in_space(sensor)]
+    views += [
+        sensed.sensor_space_view(paths, scene, name) for name, sensor in in_3d if sensed.in_space(sensor)
+    ]
     left: rrb.View | rrb.Container = views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
     plot = run_plots(run, scene)[0]
     left = rrb.Vertical(left, plot, marks_key(paths), row_shares=[400, 125, MARKS_PX])
@@ -109,9 +97,9 @@ def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
 
 
 def _of_sensor(run: RunView, name: str) -> rrb.Container:
-    pictures = sensor_picture_views(run, name)
+    pictures = sensed.sensor_picture_views(run, name)
     shares = [SENSOR_WORDS, *(SENSOR_PICTURES * len(pictures))[: len(pictures)]]
-    return rrb.Vertical(sensor_words_view(run.paths, name), *pictures, name=name, row_shares=shares)
+    return rrb.Vertical(sensed.sensor_words_view(run.paths, name), *pictures, name=name, row_shares=shares)
 
 
 def _map_over_words(run: RunView, scene: Scene) -> rrb.Vertical:

@@ -10,8 +10,8 @@ from ..panels.registry import views_of
 from ..panels.views import FPS, window
 from ..scene import RunView, Scene
 from ..style import font_safe_names
-from . import LIGHT_NAMES, one_run, several_runs
-from .story import story
+from . import LIGHT_NAMES, one_run
+from .story import compare, recorded_traces, story, traces
 
 EXPLAIN, SENSORS, MORE = "explain", "sensors", "more"
 OF_CHANNELS = ("overview",)  # layouts about channels and their references
@@ -38,28 +38,24 @@ def _named(container: rrb.Container, name: str) -> rrb.Container:
     return container
 
 
-def _channels_of(run: RunView) -> object:
-    return run.channels
-
-
 def _is_explained(run: RunView) -> object:
     return run.channels or run.sees_alone
 
 
 LAYOUTS: Mapping[str, Layout] = {
     "story": story,
-    "overview": _a_tab_a_run(one_run.overview, _channels_of),
+    "overview": _a_tab_a_run(one_run.overview, lambda run: run.channels),
     "inside-a-step": _a_tab_a_run(one_run.inside_a_step),
     EXPLAIN: _a_tab_a_run(one_run.explain, _is_explained),
     SENSORS: _a_tab_a_run(one_run.sensors, lambda run: run.sensors),
-    "compare": several_runs.compare,
-    "traces": several_runs.traces,
+    "compare": compare,
+    "traces": traces,
     MORE: _a_tab_a_run(lambda run, scene: rrb.Grid(*views_of(run, scene))),
 }
 RECORDED: Mapping[str, Layout] = {
-    "compare": several_runs.compare,
+    "compare": compare,
     "overview": _a_tab_a_run(one_run.recorded),
-    "traces": several_runs.recorded_traces,
+    "traces": recorded_traces,
 }
 
 

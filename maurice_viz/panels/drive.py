@@ -23,7 +23,7 @@ from maurice_mcl.values.session import Moment, SessionInfo
 from .. import entities, style
 from ..drawing.canvas import Extent, brightened, jpeg, long_side, map_extent
 from ..style import BAR, RGB, TRUTH, Scale, font_safe, scale_for
-from ..text.narration import motion as said_motion
+from ..text.phases import motion as said_motion
 from .belief import ARROW_SHARE, estimate_marker, truth_marker
 from .camera import CAMERA_QUALITY, draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN

@@ -26,10 +26,9 @@ from ..drawing.arrow import row_of, text_of
 from ..entities import Phase, RunPaths
 from ..scene import RunView, Scene
 from ..style import FRESH, GROUND, LOST, MISSING, PALE, RGB, STATES, font_safe, packed
-from ..text import narration
 from ..text.causes import say_state
-from ..text.comparison import closest
-from ..text.what_if import BRANCH
+from ..text.comparison import BRANCH, closest
+from ..text.phases import summary
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 
 PARTLY = " · only partly drawn, see `--detail`"
@@ -43,7 +42,7 @@ class WordsPanel(Panel):
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         set_phase(rec, update.moment, Phase.PREDICT)
-        title, rest = narration.summary(update.moment, update.record, self._scale).split("\n\n", 1)
+        title, rest = summary(update.moment, update.record, self._scale).split("\n\n", 1)
         text = text_of(font_safe(f"{title}{'' if update.whole else PARTLY}\n\n{rest}"))
         rec.log(self._paths.text, row_of(rr.TextDocument, text=text))
 

@@ -55,7 +55,7 @@ from ..style import (
     font_safe,
     packed,
 )
-from ..text.sensors import say_shown
+from ..text.explanation_table import say_shown
 from .belief import run_key
 from .camera import draw_jpeg, prepare_jpeg
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase

@@ -19,9 +19,8 @@ from ..drawing.canvas import map_extent
 from ..entities import ERROR_UNIT, LIMITS, TOUR, VERDICT, Phase
 from ..scene import RunView, Scene
 from ..style import STATES, font_safe
-from ..text.headline import headline
-from ..text.score_json import failure_json
-from ..text.tour import tour_pages, words
+from ..text.summary import failure_json
+from ..text.tour import headline, tour_pages, words
 from ..text.verdict import NOTHING_YET
 from .panel import MARKDOWN, Panel, StepUpdate, set_phase, set_place
 from .traces import POSITION_ERROR, SPREAD

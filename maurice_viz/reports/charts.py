@@ -1,14 +1,19 @@
-"""Line charts over the steps: where their lines, ticks and events lie; `drawings.html` writes the SVG."""
+"""Line charts over the steps; `drawings.html` writes the SVG. And the templates of all pages."""
 
 from __future__ import annotations
 
+import base64
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from maurice_mcl.values import F64
+
+from ..style import LUT, RGB, RUN_COLORS
 
 WIDTH, HEIGHT = 520.0, 250.0
 LEFT, RIGHT, TOP, BOTTOM = 52.0, 10.0, 46.0, 38.0  # margins of the plot inside the drawing
@@ -183,3 +188,41 @@ def thin_chart(x: F64, y: F64) -> tuple[F64, F64]:
         )
     order = np.array(sorted(kept))
     return x[order], y[order]
+
+
+# The one set of templates, with their filters and colors.
+
+DARKER = 0.7  # brightness of the colors on white, so that lines stand out
+
+
+def page_of_template(name: str, **values: Any) -> str:
+    """Return the page that a template makes of values; a value that it lacks is an error."""
+    return templates().get_template(name).render(**values)
+
+
+def templates() -> Environment:
+    """Return the templates."""
+    environment = Environment(
+        loader=PackageLoader("maurice_viz.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"px": px, "jpeg_url": _url("jpeg"), "png_url": _url("png")}
+    ramp = [_hex((c >> 24, c >> 16 & 255, c >> 8 & 255)) for c in LUT[::51].tolist()]
+    environment.globals |= {"dashes": DASHES, "light": _colors(DARKER), "dark": _colors(1.0), "ramp": ramp}
+    return environment
+
+
+def _colors(brightness: float) -> dict[str, str]:
+    named = {f"run{k}": color for k, color in enumerate(RUN_COLORS)} | {"estimate": RUN_COLORS[0]}
+    return {name: _hex(color, brightness) for name, color in named.items()}
+
+
+def _hex(color: RGB, brightness: float = 1.0) -> str:
+    return "#" + "".join(f"{round(part * brightness):02x}" for part in color)
+
+
+def _url(kind: str) -> Callable[[bytes], str]:
+    return lambda data: f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"

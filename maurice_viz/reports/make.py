@@ -19,31 +19,30 @@ from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.events import KINDS
 from maurice_mcl.values import Library, SessionInfo
 
-from ..errors import OptionError
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener, OptionError
 from ..running.saved import Opened, open_saved
 from ..running.saved_steps import Collected, Pictures, collect, restored_together
 from ..style import RGB, RUN_COLORS, TRUTH, Scale, scale_for
-from ..text.headline import headline
 from ..text.summary import paired_rows, score_rows, short_rows
+from ..text.tour import headline
 from ..text.verdict import verdict_line
-from .charts import Chart, ChartLine, DrawnChart, Mark
-from .choosing import (
+from .charts import Chart, ChartLine, DrawnChart, Mark, page_of_template
+from .lanes import DrawnLanes
+from .map import DrawnMap, linked
+from .shots import (
     MOST_LISTED,
     RULE,
+    Photographer,
     PicturedStep,
     ReportedEvent,
+    Shot,
     choose,
     events_of,
     listed,
+    shots,
     step_ranges,
     steps_by_kind,
 )
-from .lanes import DrawnLanes
-from .linked import linked
-from .map import DrawnMap
-from .pages import page_of_template
-from .shots import Photographer, Shot, shots
 
 Facts = Iterator[tuple[str, str]]
 
@@ -122,7 +121,7 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         differing=_differing(runs),
         has_camera=opened.scene.has_pictures,
         recorded=NOT_RECORDED if runs[0].manifest.recorded else "",
-        configurations=[_configuration_text(run) for run in runs],
+        configurations=[(run.folder / CONFIGURATION).read_text(encoding="utf-8").strip() for run in runs],
         session_facts=list(_session_facts(info, runs[0], collected, scale)),
         library_facts=list(_library_facts(library, runs, scale)),
         run_facts=list(_facts_of_runs(runs, scale)),
@@ -275,10 +274,6 @@ def _place(source: Source) -> str:
 
 def _digest(digest: str) -> Markup:
     return DIGEST.format(digest, digest[:SHORT_HASH])
-
-
-def _configuration_text(run: SavedRun) -> str:
-    return (run.folder / CONFIGURATION).read_text(encoding="utf-8").strip()
 
 
 def _differing(runs: Sequence[SavedRun]) -> list[tuple[str, ...]]:

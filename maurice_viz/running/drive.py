@@ -16,8 +16,8 @@ from maurice_loaders.reading.transforms import FewerPictures, Placeholders
 from maurice_loaders.session_log.reader import SurveyLog
 from maurice_mcl.values import Frame, Moment
 
+from ..errors import Listener
 from ..layouts.drive import drive_blueprint
-from ..listener import Listener
 from ..panels.drive import DrivePaths, DriveView, draw_drive, drive_paths
 from .open import remark_skipped
 from .output import NEXT_KEYS_HINT, Drawn, OutputOptions, sink_of

@@ -17,11 +17,11 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import Configuration, Layer, Setting, configure
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.library.drive_score import DrivePicture, DriveScore, score_drive, spread_groups
+from maurice_mcl.library.quality import DrivePicture, DriveScore, score_drive, spread_groups
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.values import F64, Library
 
-from ..text.places import say_drive
+from ..text.findings import say_drive
 
 MOST_UPDATES = 500  # from the beginning, that pictures are chosen from: bounds time and memory
 SAME_POSE = 2e-3  # meters and radians between a picture and the reference that it became

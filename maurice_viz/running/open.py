@@ -21,17 +21,16 @@ from maurice_loaders.reading.session import RecordedSession, first_truth
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.config.parameters import Configuration
-from maurice_mcl.library.drive_score import DrivePicture
+from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.sensor.map_places import reference_of
 from maurice_mcl.sensor.references import NearestReference
 from maurice_mcl.values import F64, Library, Session, SessionInfo
 
 from ..entities import RESERVED
-from ..errors import OptionError
-from ..listener import SILENT, Listener, progress_of
+from ..errors import SILENT, Listener, OptionError, progress_of
 from ..playback import FilterRun
 from ..style import Units, scale_for, units_named
-from ..text.places import say_places
+from ..text.findings import say_places
 from .drive_check import drive_pictures, suited
 from .run_spec import RunSpec, Start
 

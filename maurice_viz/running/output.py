@@ -22,9 +22,8 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.session_log.header import drive_name
 
 from ..entities import VERDICT, Phase, Place
-from ..errors import OptionError, SinkError
+from ..errors import Listener, OptionError, SinkError
 from ..layouts import DETAILS, LAYOUT_NAMES, LIGHT_NAMES
-from ..listener import Listener
 from ..scene import Detail, Ending, RunView, Scene
 from ..viewer.open_viewers import LayoutError, Window, has_display, look_at
 from .run_spec import check_name

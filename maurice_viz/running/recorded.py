@@ -19,9 +19,8 @@ from maurice_loaders.reading.recording import PLACEHOLDER
 from maurice_loaders.runs.manifest import RunManifest, library_hash, source_of, versions_now
 from maurice_mcl.filter.estimate import heaviest_cluster, share_within, weighted_mean
 from maurice_mcl.values.arrays import F64, U8
-from maurice_mcl.values.library import Library
+from maurice_mcl.values.library import USUAL, Library, Radii, radii_of
 from maurice_mcl.values.map import open_arena
-from maurice_mcl.values.radii import USUAL, Radii, radii_of
 from maurice_mcl.values.records import (
     Belief,
     Estimate,
@@ -32,7 +31,7 @@ from maurice_mcl.values.records import (
 )
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
 
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener
 from ..scene import RunView, Scene
 from .run import Playback
 from .saved_steps import NO_PICTURE, nothing_seen, without_heirs

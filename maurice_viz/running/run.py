@@ -19,12 +19,11 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.reasons.verdict import decisive_step
 from maurice_mcl.scoring.comparison import Step
 
-from ..errors import SinkError, Terminated
-from ..listener import Listener
+from ..errors import Listener, SinkError, Terminated
 from ..playback import ResultCollector, RunResult
 from ..scene import RunView, Scene, numbered
 from ..style import Scale, units_named
-from ..text.sensors import say_other_shape
+from ..text.explanation_table import say_other_shape
 from .open import once, remark_skipped
 from .output import OutputOptions, drawing
 
@@ -84,7 +83,7 @@ class RunScores:
 
     def to_json(self) -> dict[str, Any]:
         """Return the scores as `--json` prints them."""
-        from ..text.score_json import to_json
+        from ..text.summary import to_json
 
         notes = {"notes": list(self.notes)} if self.notes else {}
         return to_json(self.runs, Scale(units_named(self.display_units))) | notes

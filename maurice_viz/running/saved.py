@@ -29,7 +29,7 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.sensor.outside import NOT_THERE, load_sensor
 from maurice_mcl.values import Library, Moment, Session, SessionInfo, StepRecord
 
-from ..listener import SILENT, Listener, progress_of
+from ..errors import SILENT, Listener, progress_of
 from ..playback import ResultCollector, shared
 from ..scene import DRAWS_NEVER, DRAWS_WHERE_LIKELY, RunView, Scene
 from .open import landmarked

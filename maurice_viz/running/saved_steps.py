@@ -21,7 +21,7 @@ from maurice_mcl.values.laser import LaserScan
 from maurice_mcl.values.records import Belief, Comparison, Sighting, StepRecord
 from maurice_mcl.values.session import Moment, Session
 
-from ..listener import Listener
+from ..errors import Listener
 from ..playback import ResultCollector, RunResult
 from ..style import MISSING, Scale
 from ..text.causes import with_failures

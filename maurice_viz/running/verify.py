@@ -12,7 +12,7 @@ from maurice_loaders.runs.writer import rows_of
 from maurice_mcl.filter.localizer import run as run_filter
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 
-from ..listener import SILENT, Listener
+from ..errors import SILENT, Listener
 from .saved import changed_versions, library_of, localizer_of, session_of
 from .saved_steps import Restored
 

@@ -5,30 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from maurice_mcl.reasons.causes import (
-    AMBIGUITY,
-    CARRIED,
-    DARK,
-    DATA,
-    JUMPED,
-    KIDNAPPED,
-    LEFT_MAP,
-    LIBRARY_GAP,
-    LIGHTING,
-    MOTION,
-    NUMERIC,
-    OUT_OF_PLANE,
-    OVERSTATED,
-    PROPOSAL,
-    RESAMPLING,
-    SENSOR,
-    SLIPPED,
-    TURNED,
-    UNKNOWN,
-    VIEW,
-    Failure,
-)
-from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons import causes as kinds
+from maurice_mcl.reasons.causes import Failure, Incident
 from maurice_mcl.reasons.suspicion import LOG_SAYS
 from maurice_mcl.scoring.events import (
     CONVERGED,
@@ -42,7 +20,7 @@ from maurice_mcl.scoring.events import (
     joined,
 )
 
-from ..style import Scale
+from ..style import Scale, capital
 from .explanation import planes_of
 from .laser import causes as laser_causes
 
@@ -128,7 +106,7 @@ def say_failure(failure: Failure, scale: Scale) -> str:
     """Return one sentence: when it was wrong, and why."""
     episode = failure.episode
     when = ", ".join(filter(None, [episode.account, episode.ending]))
-    return f"{when[:1].upper()}{when[1:]}: {say_cause(failure, scale)}."
+    return f"{capital(when)}: {say_cause(failure, scale)}."
 
 
 def say_remedy(failure: Failure, has_laser: bool) -> str:
@@ -284,19 +262,19 @@ def _impoverished(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 CLAUSES: Mapping[str, Clause] = {
-    DATA: _data,
-    KIDNAPPED: _kidnapped,
-    LEFT_MAP: _left_map,
-    OUT_OF_PLANE: _out_of_plane,
-    MOTION: _motion,
-    NUMERIC: _numeric,
-    LIBRARY_GAP: _library_gap,
-    LIGHTING: _lighting,
-    VIEW: _view,
-    SENSOR: _sensor,
-    AMBIGUITY: _ambiguity,
-    RESAMPLING: _resampling,
-    PROPOSAL: _impoverished,
+    kinds.DATA: _data,
+    kinds.KIDNAPPED: _kidnapped,
+    kinds.LEFT_MAP: _left_map,
+    kinds.OUT_OF_PLANE: _out_of_plane,
+    kinds.MOTION: _motion,
+    kinds.NUMERIC: _numeric,
+    kinds.LIBRARY_GAP: _library_gap,
+    kinds.LIGHTING: _lighting,
+    kinds.VIEW: _view,
+    kinds.SENSOR: _sensor,
+    kinds.AMBIGUITY: _ambiguity,
+    kinds.RESAMPLING: _resampling,
+    kinds.PROPOSAL: _impoverished,
 }
 
 
@@ -308,19 +286,19 @@ ROBOT_KIDNAPPED = "The robot was kidnapped"
 def say_incident(incident: Incident, scale: Scale) -> str:
     """Return what befell the robot or its camera: "The wheels slipped at step 34: odometry says ..."."""
     at = steps_text(incident.step, incident.last)
-    if incident.kind == DARK:
+    if incident.kind == kinds.DARK:
         gray = f"mean gray level {incident.expected or 0:.0f} before, {incident.actual or 0:.0f} since"
         return f"The picture went dark at step {incident.step} ({gray})"
     expected, actual = scale.say(incident.expected or 0.0), scale.say(incident.actual or 0.0)
-    if incident.kind == SLIPPED:
+    if incident.kind == kinds.SLIPPED:
         return f"The wheels slipped at {at}: odometry says {expected}, the robot moved {actual}"
-    if incident.kind == OVERSTATED:
+    if incident.kind == kinds.OVERSTATED:
         return f"Odometry from pictures was too long at {at}: it says {expected}, the robot moved {actual}"
-    if incident.kind == JUMPED:
+    if incident.kind == kinds.JUMPED:
         return f"The true pose jumped at {at}: by {actual}, odometry says {expected}"
-    if incident.kind == CARRIED:
+    if incident.kind == kinds.CARRIED:
         return f"{ROBOT_KIDNAPPED} at {at} (carried {actual}, unseen by its odometry)"
-    if incident.kind == TURNED:
+    if incident.kind == kinds.TURNED:
         turned = incident.words.removeprefix("slip ")
         return f"The wheels slipped at {at}: a turn of {turned} that odometry did not see"
     return f"The light changed at {at} ({incident.words})"
@@ -341,6 +319,6 @@ STATE_WORDS = {
 
 def say_state(state: str, failure: Failure | None = None) -> str:
     """Return a localization status; of a lost run with its cause, where that is known: "lost: too dark"."""
-    if failure is None or failure.kind == UNKNOWN:
+    if failure is None or failure.kind == kinds.UNKNOWN:
         return STATE_WORDS.get(state, state)
     return f"{LOST}: {failure.title}"

@@ -27,7 +27,7 @@ from maurice_mcl.sensor.descriptors import chromaticity, color_grid, hog, tiny
 from maurice_mcl.sensor.descriptors.histograms import BINS, HIGH, LOW, WIDTH
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 
-from ..style import Scale
+from ..style import Scale, capital
 
 COLORS = ("red", "green", "blue")
 PARTS = color_grid.COLUMNS * color_grid.ROWS
@@ -151,9 +151,9 @@ def say_step(step: StepExplanation, scale: Scale) -> list[str]:
     for explained in others:
         entry, called = explained.entry, REFERENCES[explained.who]
         if entry is None:
-            paragraphs.append(f"{_capital(called.place)} lies outside free space, where no particle can be.")
+            paragraphs.append(f"{capital(called.place)} lies outside free space, where no particle can be.")
         elif entry.entry in named:
-            paragraphs.append(f"{_capital(called.words)} is the same as {named[entry.entry]}.")
+            paragraphs.append(f"{capital(called.words)} is the same as {named[entry.entry]}.")
         elif entry.entry != winner.entry:
             paragraphs.append(_other(entry, called.words, winner))
             named[entry.entry] = called.words
@@ -190,7 +190,7 @@ def _winner(step: StepExplanation, scale: Scale) -> str:
 
 
 def _other(entry: EntryExplanation, what: str, winner: EntryExplanation) -> str:
-    start = f"{_capital(what)}, entry {entry.entry}, is {ordinal(entry.rank)} of {entry.entries}"
+    start = f"{capital(what)}, entry {entry.entry}, is {ordinal(entry.rank)} of {entry.entries}"
     if entry.behind < LEAST_NATS:
         return f"{start}: practically as likely as the winner."
     return f"{start}, {say_behind(entry.behind)}. {_reasons(entry, winner)}"
@@ -214,14 +214,15 @@ def _reasons(entry: EntryExplanation, winner: EntryExplanation) -> str:
     order = np.argsort(-costs, kind="stable")
     first = int(order[0])
     mine, best = entry.channels[first], winner.channels[first]
-    text = f"{_capital(mine.channel)} costs it {costs[first]:.1f} nats"
+    text = f"{capital(mine.channel)} costs it {costs[first]:.1f} nats"
     planes = planes_of(mine.channel, len(mine.sample))
     run = where_lost(mine, best, planes.count)
     if run is not None:
         text += f", {run.nats:.1f} of them at {planes.name(run.plane, run.first, run.last)}"
         text += f", where the picture has {'less' if run.picture < run.reference else 'more'}"
         text += f" ({_amounts(mine.channel, run.picture, run.reference)})"
-    more = [_and(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LEAST_NATS]
+    others = [(entry.channels[k].channel, costs[k]) for k in order[1:] if abs(costs[k]) >= LEAST_NATS]
+    more = [f"{name} {cost:.1f}" if cost > 0 else f"{name} favors it by {-cost:.1f}" for name, cost in others]
     return f"{text}; {', '.join(more[:MOST_CHANNELS])}." if more else f"{text}."
 
 
@@ -234,10 +235,6 @@ def _amounts(channel: str, picture: float, reference: float) -> str:
     if whole is None:
         return f"{' against '.join(values)}, {unit}"
     return f"{'% against '.join(values)}% of the pixels a bin"
-
-
-def _and(channel: str, cost: float) -> str:
-    return f"{channel} {cost:.1f}" if cost > 0 else f"{channel} favors it by {-cost:.1f}"
 
 
 def _weighed(step: StepExplanation) -> str:
@@ -269,7 +266,3 @@ def ordinal(number: int) -> str:
     """Write a rank: 1st, 2nd, 3rd, 11th."""
     ending = "th" if number % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
     return f"{number}{ending}"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

@@ -1,11 +1,13 @@
-"""An explanation as a table and as JSON."""
+"""An explanation as a table and as JSON; what pose sensors read, in sentences."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from maurice_mcl.reasons.explanation import (
     TRUTH,
@@ -16,6 +18,8 @@ from maurice_mcl.reasons.explanation import (
     StepExplanation,
     offset,
 )
+from maurice_mcl.sensor.landmarks.sensor import SHAPE_TOLERANCE, Landmarks
+from maurice_mcl.values import F64, Arena, Frame, MovedThing, PoseSensor, Shown, StepRecord
 
 from ..style import Scale
 from .explanation import REFERENCES
@@ -33,7 +37,9 @@ def winner_first(step: StepExplanation) -> StepExplanation:
 def brief_table(step: StepExplanation, scale: Scale) -> str:
     """Write the figures of an update's references side by side; of each channel nats and rank."""
     rows = [*_of_all(step, scale), *(_brief(step, k, name) for k, name in enumerate(step.channels))]
-    return markdown_table(["", *(_head(explained) for explained in step.shown)], rows)
+    entries = [NONE if explained.entry is None else explained.entry.entry for explained in step.shown]
+    heads = [f"{REFERENCES[e.who].label}: {entry}" for e, entry in zip(step.shown, entries, strict=True)]
+    return markdown_table(["", *heads], rows)
 
 
 def _brief(step: StepExplanation, number: int, name: str) -> tuple[str, ...]:
@@ -59,11 +65,6 @@ def _of_all(step: StepExplanation, scale: Scale) -> list[tuple[str, ...]]:
         title = "particle there, nats"
         rows.append(_row(step, title, lambda e: "" if e.weighed is None else f"{e.weighed:.2f}"))
     return rows
-
-
-def _head(explained: Explained) -> str:
-    entry = NONE if explained.entry is None else explained.entry.entry
-    return f"{REFERENCES[explained.who].label}: {entry}"
 
 
 def _row(step: StepExplanation, title: str, cell: Callable[[Explained], str]) -> tuple[str, ...]:
@@ -132,3 +133,54 @@ def _entry(entry: EntryExplanation, winner: EntryExplanation) -> dict[str, Any]:
             for c, behind in zip(entry.channels, lost, strict=True)
         },
     }
+
+
+# What pose sensors read, in the units that people read.
+
+OUTLINE_M = 0.15  # as far from an obstacle a point is still on it
+LEAST_SHARE = 0.5  # of the points of a thing, that have to be on an obstacle, so that it has its name
+
+
+def say_shown(shown: Shown, arena: Arena, scale: Scale) -> str:
+    """Return what a sensor says, and a sentence for each thing that moved."""
+    return " ".join([shown.text(scale.say), *(say_moved(thing, arena, scale) for thing in shown.moved)])
+
+
+def say_moved(moved: MovedThing, arena: Arena, scale: Scale) -> str:
+    """Describe a thing: "9 others on the wardrobe agree with each other, 11.0 in from where ..."."""
+    name = thing_at(moved.places, arena)
+    where = f" on the {name}" if name else ""
+    far = scale.say(float(np.hypot(*moved.shift_m)))
+    return f"{len(moved.places)} others{where} agree with each other, {far} from where the library has them."
+
+
+def thing_at(places: F64, arena: Arena) -> str | None:
+    """Return the name of the obstacle that at least half of some places (K, 2) are on."""
+    most, name = LEAST_SHARE, None
+    for obstacle in arena.obstacles:
+        share = float(np.mean(obstacle.depth_m(places) > -OUTLINE_M))
+        if share >= most:
+            most, name = share, obstacle.name
+    return name
+
+
+def say_sensors(record: StepRecord, truth: F64 | None, arena: Arena, scale: Scale) -> list[str]:
+    """Return what the pose sensors of an update say, a paragraph each: "Landmarks: 14 of 60 ..."."""
+    poses: Mapping[str, F64] = {"estimate": record.estimate.pose}
+    poses = poses if truth is None else {**poses, "truth": truth}
+    sensed = record.sighting.comparison.sensed
+    return [f"{read.name.capitalize()}: {say_shown(read.shown(poses), arena, scale)}" for read in sensed]
+
+
+def say_other_shape(frame: Frame, sensors: Iterable[PoseSensor]) -> str | None:
+    """Return what to tell where landmarks cannot read a picture, as it is of another camera; else None."""
+    height, width = frame.image.shape[:2]
+    for sensor in sensors:
+        if isinstance(sensor, Landmarks):
+            camera = sensor.map.fit.camera
+            difference = abs(width * camera.height_px - height * camera.width_px)
+            if difference > SHAPE_TOLERANCE * camera.width_px * height:
+                text = f"found pictures of {width} x {height}, and the landmarks are of pictures of "
+                text += f"{camera.width_px} x {camera.height_px}: another shape, so landmarks say nothing"
+                return f"{text}; build the library with this camera, or leave landmarks out"
+    return None

@@ -1,12 +1,14 @@
-"""Findings of the doctor in words: what is wrong, the evidence, and how to fix it in the log itself."""
+"""What is wrong with a recording or a library, in words: the evidence, and how to fix it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from maurice_loaders.doctor.findings import Finding
+from maurice_mcl.library.left_out import PlaceScore
+from maurice_mcl.library.quality import DriveScore
 
 from ..style import Units, units_named
 
@@ -73,10 +75,6 @@ def _scale_fix(values: Values) -> str:
     return "check wheel diameter and ticks per turn; `maurice-replay calibrate motion SESSION` measures it"
 
 
-def _picture_delay(values: Values) -> str:
-    return f"pictures are stamped {abs(values['delay_s']):.2g} s too {_late(values)}"
-
-
 def _shift(late_s: float, whose: str) -> str:
     if late_s > 0:
         return f"subtract {late_s:.2g} s from the t of {whose}"
@@ -113,7 +111,7 @@ WHAT: Mapping[str, Text] = {
     "truth-scale": _scale,
     "turn-gain": "turns have to be multiplied by {gain:.2f}, and the motion model does so by {expected:.2f}",
     "odometry-delay": lambda v: f"odometry is {abs(v['delay_s']):.2g} s too {_late(v)} for the truth",
-    "picture-delay": _picture_delay,
+    "picture-delay": lambda v: f"pictures are stamped {abs(v['delay_s']):.2g} s too {_late(v)}",
     "scan-yaw": "the laser is turned by {yaw_deg:+.0f} deg from where the recording has it on the robot",
     "scan-place": lambda v: f"the laser is {_place(v)} where the recording has it on the robot",
     "scans-unused": lambda v: _UNUSED[str(v["why"])][0].format_map(v),
@@ -298,3 +296,61 @@ EVIDENCE: Mapping[str, Text] = {
         f"so it is {_speed(v, v['then_m_s'])}"
     ),
 }
+
+
+# What a library's own pictures say about it, and those of a drive through it.
+
+WORSE = "this library cannot tell its places apart: the sensor is worse than knowing nothing"
+ADVICE = "survey more places, or lower sensor.sharpness, and use a preset with recovery (robust)"
+
+
+def scores_of(score: PlaceScore) -> str:
+    """Return what a picture tells of its place, and the pictures and places that this is computed from."""
+    if not score.pictures:
+        return f"no two of {score.places} places see each other, so none can be left out"
+    of = f"{score.pictures} pictures of {score.places} places, each place left out in turn"
+    times = f"{math.exp(score.score - score.blind):.2g} times as likely as knowing nothing does"
+    logs = f"log score {score.score:.2f} against {score.blind:.2f}"
+    return f"a picture makes its place {times} ({logs}); {of}"
+
+
+def say_places(name: str, channels: Iterable[str], score: PlaceScore | None) -> Iterator[str]:
+    """Yield what the user of a library should know before its first run; nothing if there is no problem."""
+    if score is None:
+        return
+    by = ", ".join(channels)
+    if score.worse_than_nothing:
+        yield f"{name}: {WORSE} ({by}: {scores_of(score)}); {ADVICE}"
+    if score.stretched:
+        fitted = ", ".join(f"{channel} x {factor:g}" for channel, factor in score.stretched.items())
+        keep = "--set sensor.widening=1 keeps the defaults"
+        yield f"{name}: scales fitted on its own pictures, as multiples of the defaults: {fitted}; {keep}"
+    if score.widening != 1:
+        why = "" if score.worse_than_nothing else f", as {score.places} places do not confirm them"
+        keep = "--set sensor.widening=1 keeps the fitted ones"
+        yield f"{name}: the scales of {by} are widened by {score.widening:g}{why}; {keep}"
+
+
+def drive_score_of(score: DriveScore) -> str:
+    """Return what a drive's pictures add at their true poses: "... 1.7 times as likely ... (16 pictures)"."""
+    if not score.pictures:
+        return "none of its pictures has a true pose in the library's free space"
+    times = f"{math.exp(score.gain):.2g} times as likely as knowing the place roughly does"
+    return f"a picture makes the true pose {times} ({score.pictures} pictures)"
+
+
+def say_drive(
+    name: str, channels: Iterable[str], score: DriveScore, *, changed: bool = False
+) -> Iterator[str]:
+    """Yield what the user of a library should know about a drive through it; nothing if they agree."""
+    if not score.is_bad:
+        return
+    worth = "are worse than none" if score.gain < 0 else "add next to nothing"
+    text = f"{name}: the drive's pictures {worth} at their true poses ({', '.join(channels)}: "
+    text += drive_score_of(score) + ")"
+    if not changed:
+        yield f"{text}; survey the places that it goes through, or lower sensor.sharpness"
+        return
+    keep = "--set sensor.widening=1 keeps them"
+    how = "" if score.tells else ", so that the camera counts for little"
+    yield f"{text}; the scales are widened by {score.widening:g}{how}; {keep}"

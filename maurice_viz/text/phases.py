@@ -1,21 +1,107 @@
-"""What one phase of an update did, in two plain sentences with its numbers: the headline of inside-a-step.
+"""What happened at a step, in words: the whole step, and one phase of it in two plain sentences.
 
-A particle is a "dot", as on the first screen.
+In the words on phases, the headlines of inside-a-step, a particle is a "dot", as on the first screen.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from maurice_mcl.filter.estimate import weighted_mean
-from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER
+from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER, RESAMPLED
 from maurice_mcl.reasons.explanation import offset
-from maurice_mcl.values import F64, Moment, StepRecord
+from maurice_mcl.scoring.events import say_recovery_test
+from maurice_mcl.values import F64, Estimate, Moment, StepRecord
 
 from ..entities import Phase
 from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
-from ..style import Scale
-from .narration import NOT_COMPARED, motion, spread
+from ..style import Scale, capital
+
+STILL_RAD = np.radians(0.5)  # a turn that would be written "0 deg" is not mentioned
+
+
+def motion(motions: F64, scale: Scale) -> str:
+    """Return what odometry measured: "18.0 in forward and a turn of 45 deg left (2 movements)"."""
+    forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
+    parts = []
+    if _shows(forward, scale):
+        parts.append(f"{scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
+    if _shows(left, scale):
+        parts.append(f"{scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
+    if abs(turn) > STILL_RAD:
+        parts.append(f"a turn of {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
+    count = f" ({len(motions)} movements)" if len(motions) > 1 else ""
+    return (" and ".join(parts) or "no movement") + count
+
+
+def _shows(length_m: float, scale: Scale) -> bool:
+    return round(abs(scale.length(length_m)), scale.units.digits) > 0
+
+
+def spread(cloud: Estimate, scale: Scale) -> str:
+    """Return the radial standard deviation of a whole cloud with its unit."""
+    return scale.say(math.hypot(*cloud.sd_m))
+
+
+def effective(record: StepRecord) -> str:
+    """Return the effective sample size as a sentence."""
+    size = record.weighted.size
+    share = record.effective_sample_size / size
+    return f"Effective sample size {record.effective_sample_size:.0f} of {size} ({share:.0%})."
+
+
+def say_estimate(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
+    """Return the estimate, its confidence and its error as a sentence."""
+    estimate = record.estimate
+    text = f"Estimate {scale.say_pose(estimate.pose)}; confidence {estimate.confidence:.0%}"
+    if truth is None:
+        return f"{text} (truth not known)."
+    off = offset(estimate.pose, truth)
+    return f"{text}; **error {scale.say(off.apart_m)}, {np.degrees(off.turned_rad):.0f} deg**."
+
+
+def cloud(record: StepRecord, scale: Scale) -> str:
+    """Describe the published cloud."""
+    width = spread(weighted_mean(record.weighted), scale)
+    return f"The published cloud spreads over {width}. {effective(record)}"
+
+
+def moved(record: StepRecord, scale: Scale) -> str:
+    """Describe the motion if there is odometry; else empty."""
+    motions = record.frame.motions
+    return f"Odometry says {motion(motions, scale)}. " if len(motions) else ""
+
+
+NOT_COMPARED = "What the picture was compared with is not available."  # of some saved runs
+
+
+def summary(moment: Moment, record: StepRecord, scale: Scale) -> str:
+    """Return what a step did, for the last phase and for timelines without phases."""
+    events = [*moment.events, *(event for event in record.events if event != RESAMPLED)]
+    title = f"**Step {moment.frame.step} · {moment.frame.time_s:.1f} s**"
+    title += "".join(f" · {event}" for event in events)
+    is_recorded = bool(np.isnan(record.log_evidence))
+    rest = f"{moved(record, scale)}{cloud(record, scale)}" if is_recorded else _done(record, scale)
+    return "\n\n".join([title, say_estimate(record, moment.truth, scale), rest])
+
+
+def _done(record: StepRecord, scale: Scale) -> str:
+    seen = record.sighting.comparison
+    first = int(seen.quality.argmax()) if len(seen.quality) else None
+    match = (
+        NOT_COMPARED if first is None else f"Best match: entry {first}, quality {seen.quality[first]:.3f}."
+    )
+    kept = "Resampled." if record.parents is not None else "Not resampled."
+    if record.injected is not None:
+        test = record.recovery_test
+        why = f"{capital(say_recovery_test(test))}: " if test else ""
+        kept = f"{kept} {why}**{int(record.injected.sum())} fresh** particles."
+    return f"Odometry says {motion(record.frame.motions, scale)}. {match} {effective(record)} {kept}"
+
+
+# What one phase did.
 
 # what each phase does, below its name in the strip
 DOES = {
@@ -171,7 +257,7 @@ def _answer(moment: Moment, record: StepRecord, scale: Scale) -> str:
     estimate = record.estimate
     text = f"the heaviest group, with {estimate.mass:.0%} of the weight, says {scale.say_pose(estimate.pose)}"
     if moment.truth is None:
-        return f"{text[:1].upper()}{text[1:]}."
+        return f"{capital(text)}."
     off = offset(estimate.pose, moment.truth)
     text = f"{text}: {scale.say(off.apart_m)} and {np.degrees(off.turned_rad):.0f} deg off the truth."
-    return f"{text[:1].upper()}{text[1:]}"
+    return capital(text)

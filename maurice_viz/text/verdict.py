@@ -10,7 +10,7 @@ from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, shared_incidents,
 from maurice_mcl.scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from maurice_mcl.scoring.metrics import RIGHT_RAD, StepScore
 
-from ..style import Scale
+from ..style import Scale, capital
 from .causes import ROBOT_KIDNAPPED, say_cause, say_incident, steps_text
 
 SURE = ", sure of a wrong place"
@@ -56,12 +56,12 @@ def say_verdict(verdict: RunVerdict, scale: Scale) -> str:
     shared = _shared([verdict], scale)
     left = off_map(verdict)
     if not verdict.has_truth:
-        return f"{shared}{_sentence(_without_truth(verdict, scale))}{left}"
+        return f"{shared}{capital(_without_truth(verdict, scale))}.{left}"
     before = _before(verdict, scale)
-    sentences = f"{shared}{_sentence(before)} " if before else shared
+    sentences = f"{shared}{capital(before)}. " if before else shared
     because = f" Why: {why}." if (why := _why(verdict, scale)) else ""
     did = _predicate(verdict, scale, bool(shared_kidnappings([verdict])))
-    worse = f"{_sentence(made_worse)} " if (made_worse := _made_worse(verdict, scale)) else ""
+    worse = f"{capital(made_worse)}. " if (made_worse := _made_worse(verdict, scale)) else ""
     return f"{worse}{sentences}The filter {did}.{because}{left}"
 
 
@@ -78,7 +78,7 @@ def off_map(verdict: RunVerdict) -> str:
     """Return where map and run contradict each other, as sentences after the others."""
     if verdict.in_obstacles:
         ruled = ruled_out(verdict)
-        return f" {ruled[:1].upper()}{ruled[1:]}: --set map.obstacles=movable allows it."
+        return f" {capital(ruled)}: --set map.obstacles=movable allows it."
     if not verdict.left_map:
         return ""
     at = _listed(verdict.left_map)
@@ -92,10 +92,6 @@ def ruled_out(verdict: RunVerdict) -> str:
     times = f" and {more} more time{'s' * (more > 1)}" if more else ""
     there = f"the map has the {first.obstacle} where the robot was at {at}{times}"
     return f"{there}, so no particle could be there"
-
-
-def _sentence(clause: str) -> str:
-    return f"{clause[:1].upper()}{clause[1:]}."
 
 
 def _shared(runs: Sequence[RunVerdict], scale: Scale) -> str:

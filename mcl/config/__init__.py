@@ -3,6 +3,5 @@
 The fields of a part of the filter, with their rules, stand beside that part.
 
 - `parameters`: every choice as plain values, presets, and layers that are merged
-- `rules`: of settings that name channels
 - `build`: from parameters to a localizer; `make_localizer`
 """

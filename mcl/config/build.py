@@ -31,9 +31,9 @@ from .parameters import (
     Layer,
     ResamplingParameters,
     Setting,
+    check_channel,
     configure,
 )
-from .rules import check_channel
 
 
 def make_localizer(

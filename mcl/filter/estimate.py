@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..values.arrays import F32, F64, I32, I64, ONE_THREAD_ELEMENTS, Bool, dot
 from ..values.geometry import INCH_M, circular_mean, wrap
-from ..values.radii import USUAL, Radii
+from ..values.library import USUAL, Radii
 from ..values.records import Belief, EntryLikelihood, Estimate
 
 CELLS_A_CLUSTER = 4  # in its radius: the mode is first sought on a raster of such cells ...

@@ -22,9 +22,8 @@ from ..sensor.model import SensorModel
 from ..sensor.references import NearestReference
 from ..values.arrays import F32, F64
 from ..values.geometry import wrap
-from ..values.library import Library
+from ..values.library import USUAL, Library, Radii
 from ..values.map import SOLID, Arena, spacing
-from ..values.radii import USUAL, Radii
 from ..values.randomness import Domain, Purpose, normals, normals_at, stream, words_at
 from ..values.records import (
     Belief,

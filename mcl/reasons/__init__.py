@@ -1,11 +1,10 @@
 """Why a run went as it did, as facts. Scores are in `scoring`, words in `maurice_viz/text/`.
 
 - `explanation`: why one reference is believed, and where another one loses
-- `causes`: the one table of causes of failures, and of the incidents that belong to them
-- `incidents`: what befell the robot or its camera during a drive
+- `causes`: the one table of causes of failures, and of the incidents that belong to them: what befell the
+  robot or its camera during a drive
 - `evidence`, `surroundings`: the few numbers of each step, and what the library says of a place
-- `story`: one episode with its evidence; `drive_rules`, `picture_rules`, `laser_rules`,
-  `particle_rules` judge it
+  and one episode with its evidence, which `drive_rules`, `picture_rules` and `laser_rules` judge
 - `diagnosis`: one cause for each time a run was lost; `suspicion`: the same without truth
 - `verdict`: what happened to a run, and the step to look at; `tour`: the steps to look at, in order
 - `second_opinion`: a filter of its own that doubts a run, without the truth

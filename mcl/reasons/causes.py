@@ -1,15 +1,23 @@
 """The causes of a failure: one table, from which rules, verdicts, tours, lanes and reports take their names.
 
 docs/diagnose.md says which evidence decides for each cause. An incident is what befell the robot or its
-camera, whether or not it did harm; each kind of incident belongs to one cause.
+camera, whether or not it did harm; each kind of incident belongs to one cause. Incidents come from the events
+of the log, from the truth beside the odometry, and from the pictures; each is left out where its source is
+missing. `verdict` connects them with what a run did.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import reduce
 
+import numpy as np
+
+from ..filter.localizer import Localizer
 from ..scoring.episodes import Episode
+from ..values import F64, SOLID, Moment, Radii, Region, StepRecord, compose_motions
+from .surroundings import mean_level
 
 SENSOR, AMBIGUITY = "sensor", "ambiguity"
 PROPOSAL, RESAMPLING = "impoverished", "resampling"
@@ -114,3 +122,161 @@ class Failure:
             return OF_LASER[self.kind]
         is_dark = self.kind == LIGHTING and float(self.evidence.get("brightness", 1.0)) <= TOO_DARK
         return "too dark" if is_dark else CAUSES[self.kind].title
+
+
+# Incidents: what befell the robot or its camera during a drive.
+
+SLIP_SHARE = 0.5  # of the longer distance that truth and odometry must differ by
+DARKER_SHARE = 2 / 3  # of the gray level of the darkest picture before
+DARK_UPDATES = 3  # in a row, unless the log tells of another light
+SEEN_PICTURES = 5  # that must have been seen before one is dark
+DEEP_CELLS = 1.0  # of the map's raster: nearer to its outline a pose may be off, or a cell too large
+ALIKE_SHARE = 0.5  # of the usual scatter of the references' likelihoods: below it they score alike
+
+
+@dataclass(frozen=True, slots=True)
+class Incident:
+    """One thing that befell a drive, from one step to another; its kind says what the values are."""
+
+    kind: str  # a key of INCIDENTS
+    step: int
+    last: int
+    expected: float | None = None
+    actual: float | None = None
+    words: str = ""  # of the log
+    alike: bool = False  # of dark pictures: whether this run's references score alike since then
+
+    @property
+    def about(self) -> IncidentKind:
+        """What is known of its kind."""
+        return INCIDENTS[self.kind]
+
+    @property
+    def shown_at(self) -> int:
+        """The step at which it is seen best: a slip at its end, all else at once."""
+        return self.last if self.about.shows_at_end else self.step
+
+
+@dataclass(slots=True)
+class IncidentFinder:
+    """Follows the drive of one run update by update; keeps a few numbers."""
+
+    incidents: tuple[Incident, ...] = ()
+    too_long: str = SLIPPED  # what a movement is called that odometry says is much longer than it was
+    _truth: F64 | None = None  # of the update before
+    _gray: list[float] = field(default_factory=list)  # of the last pictures before it got dark
+    _scatter: list[float] = field(default_factory=list)  # of the references' likelihoods, of the same
+    _least: float = np.inf  # gray level of the darkest of all these
+    _seen: int = 0
+    _dark: list[tuple[int, float, float]] = field(default_factory=list)  # step, gray and scatter since then
+
+    def see(self, moment: Moment, record: StepRecord) -> None:
+        """Process the next update."""
+        self._drive(moment, record.estimate.radii)
+        self._look(moment.frame.step, record, bool(moment.told("lights")))
+
+    def _drive(self, moment: Moment, radii: Radii) -> None:
+        """Process what truth, odometry and log tell of the next update, without its picture."""
+        step, truth, before = moment.frame.step, moment.truth, self._truth
+        moved_m = None if truth is None or before is None else float(np.hypot(*(truth - before)[:2]))
+        self._truth = truth
+        slips = moment.told("slip")
+        turns = [text for text in slips if "deg" in text]
+        if moment.kidnapped:
+            self._add(Incident(CARRIED, step, step, None, moved_m))
+        elif moved_m is not None:
+            slip_m = 0.0 if len(turns) < len(slips) else radii.confidence_m / 2
+            self._compare(step, moment.frame.motions, moved_m, slip_m, radii.lost_m)
+        for kind, texts in ((TURNED, turns), (LIGHTS, moment.told("lights"))):
+            if texts:
+                self._add(Incident(kind, step, step, words=texts[0]))
+
+    def _add(self, incident: Incident) -> None:
+        self.incidents = (*self.incidents, incident)
+
+    def _compare(self, step: int, motions: F64, moved_m: float, slip_m: float, jump_m: float) -> None:
+        """Compare how far the robot moved with what odometry says."""
+        driven_m = driven(motions)
+        if moved_m - driven_m > jump_m:
+            self._add(Incident(JUMPED, step, step, driven_m, moved_m))
+        if driven_m - moved_m <= max(slip_m, SLIP_SHARE * driven_m):
+            return
+        last = self.incidents[-1] if self.incidents else None
+        if last is not None and last.kind == self.too_long and last.last == step - 1:
+            expected, actual = (last.expected or 0.0) + driven_m, (last.actual or 0.0) + moved_m
+            slip = replace(last, last=step, expected=expected, actual=actual)
+            self.incidents = (*self.incidents[:-1], slip)
+        else:
+            self._add(Incident(self.too_long, step, step, driven_m, moved_m))
+
+    def _look(self, step: int, record: StepRecord, log_tells: bool) -> None:
+        """Look whether the picture is darker than all before; not where none was compared."""
+        likelihood = record.sighting.comparison.log_likelihood
+        if not len(likelihood):
+            return
+        gray = mean_level(record.frame.image)
+        scatter = float(np.std(likelihood))
+        if self._seen < SEEN_PICTURES or gray >= DARKER_SHARE * self._least:
+            self._seen, self._least, self._dark = self._seen + 1, min(self._least, gray), []
+            self._gray = [*self._gray, gray][-SEEN_PICTURES:]
+            self._scatter = [*self._scatter, scatter][-SEEN_PICTURES:]
+            return
+        begins = len(self._dark) == (0 if log_tells else DARK_UPDATES - 1)
+        self._dark.append((step, gray, scatter))
+        first, after = self._dark[0][0], float(np.mean([gray for _, gray, _ in self._dark]))
+        usual_scatter = float(np.mean(self._scatter))
+        alike = float(np.mean([scatter for *_, scatter in self._dark])) < ALIKE_SHARE * usual_scatter
+        dark = Incident(DARK, first, step, float(np.mean(self._gray)), after, alike=alike)
+        same = [(incident.kind, incident.step) == (DARK, first) for incident in self.incidents]
+        if begins and not any(same):
+            self._add(dark)
+        else:
+            pairs = zip(self.incidents, same, strict=True)
+            self.incidents = tuple(dark if is_same else incident for incident, is_same in pairs)
+
+
+def driven(motions: F64) -> float:
+    """Return how far in meters the movements (M, 3) of one update lead."""
+    return float(np.hypot(*reduce(compose_motions, motions)[:2])) if len(motions) else 0.0
+
+
+# A robot where the map has an obstacle: a filter that trusts the map has no particle there.
+
+
+@dataclass(frozen=True, slots=True)
+class InObstacle:
+    """Updates in a row at which the truth was inside an obstacle of the map."""
+
+    obstacle: str  # its name
+    first: int  # step
+    last: int
+
+
+@dataclass(slots=True)
+class ObstacleFinder:
+    """Follows the truth of one run; without a localizer, or with one that doubts obstacles, finds nothing."""
+
+    localizer: Localizer | None = None
+    stays: tuple[InObstacle, ...] = ()
+    _obstacles: tuple[Region, ...] = ()
+    _deep_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.localizer is None or self.localizer.obstacles != SOLID:
+            return
+        self._deep_m = DEEP_CELLS * self.localizer.reference.grid.cell_m
+        self._obstacles = self.localizer.library.arena.obstacles
+
+    def see(self, step: int, truth: F64 | None) -> None:
+        """Process the next update."""
+        if truth is None:
+            return
+        inside = (o.name for o in self._obstacles if o.depth_m(truth[None, :2])[0] > self._deep_m)
+        name = next(inside, None)
+        if name is None:
+            return
+        last = self.stays[-1] if self.stays else None
+        if last is not None and last.obstacle == name and last.last == step - 1:
+            self.stays = (*self.stays[:-1], replace(last, last=step))
+        else:
+            self.stays = (*self.stays, InObstacle(name, step, step))

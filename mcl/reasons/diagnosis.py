@@ -19,16 +19,17 @@ from .drive_rules import (
     beyond_motion,
     carried,
     gap_in_log,
+    no_particle,
     off_map,
     out_of_plane,
     slipped_as_told,
     stuck_pictures,
+    unlucky,
+    weights_vanish,
 )
-from .evidence import EvidenceFinder, UpdateEvidence
+from .evidence import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, EvidenceFinder, Story, UpdateEvidence
 from .laser_rules import ABOUT_FILTER, ABOUT_SCANS, BEFORE_MOTION
-from .particle_rules import no_particle, unlucky, weights_vanish
 from .picture_rules import ambiguity, library_gap, lighting, unlike_references
-from .story import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, Story
 from .surroundings import Surroundings, light_fit
 from .suspicion import scan_doubts, suspected
 

@@ -102,14 +102,6 @@ class StepExplanation:
         return next((explained for explained in self.shown if explained.who == who), None)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Asked:
-    """What else to explain: a pose, or a library entry by its number."""
-
-    pose: F64 | None = None  # (3,) in the map's frame
-    entry: int | None = None
-
-
 def explain_all(
     comparison: Comparison, sensor: SensorModel, entries: Sequence[int]
 ) -> tuple[EntryExplanation, ...]:
@@ -138,20 +130,21 @@ def explain_step(
     record: StepRecord,
     sensor: SensorModel,
     truth: F64 | None,
-    asked: Asked | None = None,
+    asked: F64 | int | None = None,
     *,
     weigh: bool = False,
 ) -> StepExplanation:
     """Explain the references of an update that matter, and one more that was asked for.
 
+    That is the one nearest to a pose (3,) in the map's frame, or an entry of the library by its number.
     With `weigh`, each pose is also weighted like a particle there, at the cost of weighting all particles.
     """
     comparison = record.sighting.comparison
     poses = _poses(record, sensor, truth, asked)
     entries = nearest_entries(sensor, np.stack(list(poses.values())))
     nearest = dict(zip(poses, entries.tolist(), strict=True))
-    if asked is not None and asked.entry is not None:
-        nearest[ASKED] = asked.entry  # the nearest reference may be another of the same pose
+    if isinstance(asked, int):
+        nearest[ASKED] = asked  # the nearest reference may be another of the same pose
     nearest[WINNER] = int(comparison.quality.argmax())
     weighed: list[float | None] = [None] * len(poses)
     sensed: list[dict[str, float]] = [{}] * len(poses)
@@ -196,13 +189,13 @@ def offset(pose: F64, other: F64) -> PoseOffset:
     return PoseOffset(apart_m, angle_between(float(pose[2]), float(other[2])))
 
 
-def _poses(record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: Asked | None) -> dict[str, F64]:
+def _poses(
+    record: StepRecord, sensor: SensorModel, truth: F64 | None, asked: F64 | int | None
+) -> dict[str, F64]:
     library = sensor.library
     poses: dict[str, F64] = {}
-    if asked is not None and asked.entry is not None:
-        poses[ASKED] = library.poses[asked.entry]
-    elif asked is not None and asked.pose is not None:
-        poses[ASKED] = asked.pose
+    if asked is not None:
+        poses[ASKED] = library.poses[asked] if isinstance(asked, int) else asked
     if truth is not None:
         poses[TRUTH] = truth
     poses[ESTIMATE] = record.estimate.pose

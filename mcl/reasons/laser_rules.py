@@ -8,8 +8,7 @@ import numpy as np
 
 from ..sensor.laser.fit import OFF_SHARE, ScanFit
 from .causes import AMBIGUITY, FLAT, LEFT_MAP, MOUNT, START, UNSEEN, VIEW, WRONG_MAP, Failure, Value
-from .evidence import UpdateEvidence
-from .story import Story
+from .evidence import Story, UpdateEvidence, median
 
 LEAST_UPDATES = 2  # at which something holds
 MOST_SHARE = 0.5  # of the updates looked at
@@ -30,7 +29,7 @@ def left_mapped(story: Story) -> Failure | None:
     out = [update for update in known if _share(update, "unknown") >= UNKNOWN_SHARE]
     if len(out) < max(MOST_SHARE * len(known), LEAST_UPDATES):
         return None
-    share = _median(_share(update, "unknown") for update in out)
+    share = median(_share(update, "unknown") for update in out)
     return story.failure(LEFT_MAP, out[0].step, unknown_beams=share, scans=len(out))
 
 
@@ -56,7 +55,7 @@ def wrong_map(story: Story) -> Failure | None:
     bad = _bad(story)
     first = _since(bad, story) if bad else 0
     before = [update for update in story.updates if update.step < first and update.scan is not None]
-    skill = _median(fit.skill for fit in _fits(bad))
+    skill = median(fit.skill for fit in _fits(bad))
     if not bad or len(before) > LEAST_UPDATES or skill > CHANCE_SKILL:
         return None
     return story.failure(WRONG_MAP, first, skill=skill, **_off(bad), scans=len(bad))
@@ -68,8 +67,8 @@ def walls_unseen(story: Story) -> Failure | None:
     through = [update for update in known if _unseen(update) >= UNSEEN_SHARE]
     if len(through) < max(MOST_SHARE * len(known), LEAST_UPDATES):
         return None
-    unseen = _median(_unseen(update) for update in through)
-    if unseen < _median(_share(update, "short") for update in through):
+    unseen = median(_unseen(update) for update in through)
+    if unseen < median(_share(update, "short") for update in through):
         return None
     return story.failure(UNSEEN, through[0].step, unseen_beams=unseen, **_off(through), scans=len(through))
 
@@ -79,8 +78,8 @@ def scene_changed(story: Story) -> Failure | None:
     bad = _bad(story)
     if not bad:
         return None
-    short_m = _median(fit.short_m for fit in _fits(bad) if np.isfinite(fit.short_m))
-    short = {"short_beams": _median(_share(u, "short") for u in bad)}
+    short_m = median(fit.short_m for fit in _fits(bad) if np.isfinite(fit.short_m))
+    short = {"short_beams": median(_share(u, "short") for u in bad)}
     words = short | ({"short_m": short_m} if np.isfinite(short_m) else {})
     return story.failure(VIEW, _since(bad, story), **words, **_off(bad), scans=len(bad))
 
@@ -102,10 +101,10 @@ def too_flat(story: Story) -> Failure | None:
     fits = _fits(wrong)
     if len(fits) < LEAST_UPDATES:
         return None
-    ahead, own = _median(fit.ahead for fit in fits), _median(fit.own_ahead for fit in fits)
-    growth = _median(u.surprise.growth for u in story.updates if u.surprise is not None)
-    moved_m = _median(u.moved_m for u in story.updates if u.moved_m is not None)
-    says = _median(fit.own_says for fit in fits)
+    ahead, own = median(fit.ahead for fit in fits), median(fit.own_ahead for fit in fits)
+    growth = median(u.surprise.growth for u in story.updates if u.surprise is not None)
+    moved_m = median(u.moved_m for u in story.updates if u.moved_m is not None)
+    says = median(fit.own_says for fit in fits)
     if ahead < TELLING_NATS or not 0 <= own <= FLAT_NATS or says > max(growth, FLAT_NATS):
         return None
     numbers = {"says_nats": says, "needs_nats": growth, "ahead_nats": ahead, "own_nats": own}
@@ -118,12 +117,12 @@ def fits_elsewhere(story: Story) -> Failure | None:
     fits = [fit for fit in _fits(wrong) if fit.off < OFF_SHARE]
     if len(fits) < max(MOST_SHARE * len(wrong), LEAST_UPDATES):
         return None
-    ahead = _median(fit.ahead for fit in fits)
+    ahead = median(fit.ahead for fit in fits)
     if ahead > ALIKE_NATS:
         return None
     x, y = fits[0].rival
-    where = {"rival_x_m": x, "rival_y_m": y, "apart_m": _median(fit.apart_m for fit in fits)}
-    along = {"corridor": "yes"} if _median(fit.between for fit in fits) <= ALIKE_NATS else {}
+    where = {"rival_x_m": x, "rival_y_m": y, "apart_m": median(fit.apart_m for fit in fits)}
+    along = {"corridor": "yes"} if median(fit.between for fit in fits) <= ALIKE_NATS else {}
     return story.failure(AMBIGUITY, wrong[0].step, ahead_nats=ahead, **where, **along, scans=len(fits))
 
 
@@ -158,7 +157,7 @@ def _since(bad: list[UpdateEvidence], story: Story) -> int:
 
 
 def _off(bad: list[UpdateEvidence]) -> dict[str, Value]:
-    return {"off_beams": _median(fit.off for fit in _fits(bad))}
+    return {"off_beams": median(fit.off for fit in _fits(bad))}
 
 
 def _unseen(update: UpdateEvidence) -> float:
@@ -171,8 +170,3 @@ def _share(update: UpdateEvidence, judgment: str) -> float:
 
 def _fits(updates: Iterable[UpdateEvidence]) -> list[ScanFit]:
     return [update.scan for update in updates if update.scan is not None]
-
-
-def _median(values: Iterable[float]) -> float:
-    known = list(values)
-    return float(np.median(known)) if known else float("nan")

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from ..values import first_word
 from .causes import AMBIGUITY, LIBRARY_GAP, LIGHTING, SENSOR, TOO_DARK, VIEW, Failure, Value
-from .evidence import UpdateEvidence
-from .story import FIRST_UPDATES, Story
+from .evidence import FIRST_UPDATES, Story, UpdateEvidence, median
 from .surroundings import PlaceFit
 
 LEAST_UPDATES = 2  # at which something holds
@@ -50,13 +47,13 @@ def lighting(story: Story) -> Failure | None:
     if not lit or story.usual is None:
         return None
     lights = [update.light for update in lit if update.light is not None]
-    ratio = _median(light.ratio for light in lights)
-    before = _median(update.fit.cost for update in lit if update.fit) - story.usual.cost
-    after = _median(light.cost for light in lights) - story.usual.cost
+    ratio = median(light.ratio for light in lights)
+    before = median(update.fit.cost for update in lit if update.fit) - story.usual.cost
+    after = median(light.cost for light in lights) - story.usual.cost
     if abs(ratio) < LIGHT_RATIO or before <= 0:
         return None
     alike, is_repaired = _alike(lit, story), after <= REPAIRED_SHARE * before
-    all_colors = _median(light.colors for light in lights) >= COLORS_SHARE
+    all_colors = median(light.colors for light in lights) >= COLORS_SHARE
     is_lit = alike >= UNLIKE_LAYOUT and (is_repaired or (alike >= ALIKE_LAYOUT and all_colors))
     if not is_lit and np.exp(ratio) > TOO_DARK:
         return None
@@ -66,8 +63,8 @@ def lighting(story: Story) -> Failure | None:
         LIGHTING,
         _since(lit, story),
         brightness=float(np.exp(ratio)),
-        level=_median(light.level for light in lights),
-        expected_level=_median(light.expected for light in lights),
+        level=median(light.level for light in lights),
+        expected_level=median(light.expected for light in lights),
         over_usual_nats=before,
         corrected_nats=after,
         pictures=len(lit),
@@ -82,8 +79,8 @@ def _alike(lit: list[UpdateEvidence], story: Story) -> float:
     layouts = [update.alike for update in lit if update.alike is not None]
     if not layouts:
         return UNLIKE_LAYOUT
-    usual = _median(known) if len(known) >= SETTLED_PICTURES else USUAL_LAYOUT
-    return _median(layouts) / max(usual, UNLIKE_LAYOUT)
+    usual = median(known) if len(known) >= SETTLED_PICTURES else USUAL_LAYOUT
+    return median(layouts) / max(usual, UNLIKE_LAYOUT)
 
 
 def unlike_references(story: Story) -> Failure | None:
@@ -101,12 +98,12 @@ def unlike_references(story: Story) -> Failure | None:
         kind,
         _since(bad, story),
         channel=channel,
-        channel_nats=_median(fit.costs for fit in fits),
+        channel_nats=median(fit.costs for fit in fits),
         **_elements([update for update in bad if update.fit and update.fit.costliest == channel]),
-        behind_nats=_median(fit.behind for fit in fits),
-        rank=_median(fit.rank for fit in fits),
+        behind_nats=median(fit.behind for fit in fits),
+        rank=median(fit.rank for fit in fits),
         references=fits[0].references,
-        times_usual=_median(fit.cost for fit in fits) / usual.cost,
+        times_usual=median(fit.cost for fit in fits) / usual.cost,
         confused=usual.confused,
         pictures=len(bad),
         of_pictures=len(story.where(story.pictures, lambda u: u.fit is not None)),
@@ -120,10 +117,10 @@ def ambiguity(story: Story) -> Failure | None:
     away = [update for update in wrong if update.fit and update.fit.estimate_behind]
     if len(away) < max(MOST_SHARE * len(wrong), LEAST_UPDATES):
         return _divided(story)
-    behind = _median(update.fit.estimate_behind for update in away if update.fit)
+    behind = median(update.fit.estimate_behind for update in away if update.fit)
     if story.fits_truth or abs(behind) > ALIKE_NATS:
         return None
-    rivals = _median(update.fit.rivals for update in away if update.fit)
+    rivals = median(update.fit.rivals for update in away if update.fit)
     return _alike_places(story, away, behind_nats=behind, places=1 + rivals)
 
 
@@ -134,7 +131,7 @@ def _divided(story: Story) -> Failure | None:
     unsure = [u for u in right if u.score.localized is False and u.share_near * u.size >= 1]
     if len(unsure) < max(MOST_SHARE * len(lost), LEAST_UPDATES):
         return None
-    behind = _median(update.fit.behind for update in unsure if update.fit)
+    behind = median(update.fit.behind for update in unsure if update.fit)
     return None if behind < -ALIKE_NATS else _alike_places(story, unsure, behind_nats=behind)
 
 
@@ -218,7 +215,3 @@ def _channel(fits: list[PlaceFit], story: Story) -> str:
         return max(usual.by_channel, key=lambda name: usual.by_channel[name])
     channels = [fit.costliest for fit in fits]
     return max(sorted(set(channels)), key=channels.count)
-
-
-def _median(values: Iterable[float]) -> float:
-    return float(np.median(list(values)))

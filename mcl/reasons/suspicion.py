@@ -17,11 +17,9 @@ from ..scoring.episodes import PROBABLY_LOST, Episode
 from ..scoring.lost_signal import KNOWS_ABOVE
 from ..sensor.laser.fit import OFF_SHARE, ScanFit
 from .causes import DATA, KIDNAPPED, LEFT_MAP, LIGHTING, START, UNKNOWN, VIEW, Failure
-from .drive_rules import STUCK_PICTURES, VERY_LONG_GAP, cloud_left, stuck_pictures
-from .evidence import UpdateEvidence
+from .drive_rules import STUCK_PICTURES, VERY_LONG_GAP, cloud_left, stuck_pictures, weights_vanish
+from .evidence import Story, UpdateEvidence
 from .laser_rules import UNKNOWN_SHARE
-from .particle_rules import weights_vanish
-from .story import Story
 
 USUAL_UPDATES = 20  # before, of which the usual level is taken
 FALLEN_NATS = 4.0  # below the usual level

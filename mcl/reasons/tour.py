@@ -6,8 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from ..scoring.episodes import SEARCHING, Episode
-from .causes import Failure
-from .incidents import Incident
+from .causes import Failure, Incident
 from .verdict import Ambiguity, RunVerdict, SureAndWrong
 
 BEGINS, FOUND, DIVIDED, BEFELL, CAUSED = "begins", "found", "divided", "befell", "caused"

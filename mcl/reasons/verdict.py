@@ -14,14 +14,22 @@ import numpy as np
 from ..filter.estimate import modes
 from ..filter.localizer import LEFT_MAP, Localizer
 from ..filter.motion import PictureMotion
-from ..scoring.dead_reckoning import OdometryAlone
+from ..scoring.comparison import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore
 from ..values import F64, USUAL, Moment, Radii, StepRecord
-from .causes import BEFALLING, CARRIED, OVERSTATED, Failure
+from .causes import (
+    BEFALLING,
+    CARRIED,
+    OVERSTATED,
+    Failure,
+    Incident,
+    IncidentFinder,
+    InObstacle,
+    ObstacleFinder,
+)
 from .diagnosis import DiagnosisBuilder
-from .incidents import Incident, IncidentFinder, InObstacle, ObstacleFinder
 
 DUE_STEPS = 10  # after an incident, in which a loss is due to it
 SECOND_SHARE = 0.25  # of the weight, that the second of two places needs

@@ -7,8 +7,7 @@ Why it was so is in `reasons`.
 - `episodes`: when a run was lost, searching, wrong and confident
 - `events`: the steps that a person wants to look at
 - `lost_signal`: how likely it is that a run is lost, without the truth
-- `near_truth`: what became of the particles at the true place
-- `modes`: modes of the belief, followed from step to step, and the ancestry of particles
-- `comparison`: how much better one run is than another, with intervals; `dead_reckoning`: than odometry alone
+- `modes`: what became of the particles at the true place; modes, followed from step to step; ancestors
+- `comparison`: how much better one run is than another, and than odometry alone, with intervals
 - `demands`: what `check` may demand
 """

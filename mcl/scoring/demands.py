@@ -13,15 +13,8 @@ import numpy as np
 
 from ..filter.batch import RunTrace
 from ..values import F64, Bool, Moment
-from .metrics import (
-    FIRST_SCORED,
-    LOCALIZED_OF,
-    LOST_FOR,
-    DrivenPath,
-    RunErrors,
-    first_mostly,
-    first_run_of,
-)
+from . import metrics
+from .metrics import DrivenPath, RunErrors, RunNumbers
 
 LOCALIZED, KEPT, ERROR, CONVERGED = "localized", "not_lost", "error", "converged"
 
@@ -54,7 +47,7 @@ class Demands:
     @property
     def grace(self) -> int:
         """Updates after each start that do not count for error and loss."""
-        return FIRST_SCORED - 1 if self.localized_by is None else max(self.localized_by, FIRST_SCORED - 1)
+        return max(self.localized_by or 0, metrics.FIRST_SCORED - 1)
 
     def counting(self, updates: int, starts: Sequence[int]) -> Bool:
         """Return which updates (U,) count for error and loss: those past the time to search."""
@@ -75,10 +68,10 @@ class RunTrack:
     converged: Bool  # (U,)
 
     @classmethod
-    def of(cls, trace: RunTrace, moments: Sequence[Moment]) -> RunTrack:
-        """Compare a run's estimates with the truth of the moments it was made from."""
-        errors = RunErrors.of(trace, DrivenPath.of(moments))
-        return cls(trace.seed, errors.off_m, errors.localized, errors.lost, errors.converged)
+    def of(cls, seed: int, run: RunNumbers | RunTrace, path: DrivenPath) -> RunTrack:
+        """Compare a run's estimates with the truth of the drive it was made from."""
+        errors = RunErrors.of(run, path)
+        return cls(seed, errors.off_m, errors.localized, errors.lost, errors.converged)
 
 
 def starts_of(moments: Sequence[Moment]) -> tuple[int, ...]:
@@ -115,7 +108,8 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
     met: dict[str, bool] = {}
     failed_at: dict[str, int] = {}
     counts = demands.counting(len(track.off_m), starts)
-    after_starts = {kind: _updates_after(flags, starts) for kind, flags in _flags(track).items()}
+    by_kind = {LOCALIZED: track.localized, CONVERGED: track.converged}
+    after_starts = {kind: _updates_after(flags, starts) for kind, flags in by_kind.items()}
     by = {LOCALIZED: demands.localized_by, CONVERGED: demands.converged_by}
     for kind in demands.kinds:
         failed = _failed(kind, track, counts, after_starts, by, starts, demands)
@@ -132,10 +126,6 @@ def judge_run(track: RunTrack, starts: Sequence[int], demands: Demands) -> RunJu
     return RunJudgement(track.seed, met, failed_at, error_m, after[LOCALIZED], after[CONVERGED], found_at)
 
 
-def _flags(track: RunTrack) -> dict[str, Bool]:
-    return {LOCALIZED: track.localized, CONVERGED: track.converged}
-
-
 def _failed(
     kind: str,
     track: RunTrack,
@@ -147,8 +137,8 @@ def _failed(
 ) -> int | None:
     """Return the first update, from 0, at which a demand is seen to fail; None where it is met."""
     if kind == KEPT:
-        at = first_run_of((track.lost & counts).tolist(), LOST_FOR)
-        return None if at is None else at - LOST_FOR
+        at = metrics.first_run_of((track.lost & counts).tolist(), metrics.LOST_FOR)
+        return None if at is None else at - metrics.LOST_FOR
     if kind == ERROR:
         off_m, most_m = np.where(counts, track.off_m, np.nan), demands.max_error_m or 0.0
         if np.nanmean(off_m) <= most_m:
@@ -172,13 +162,13 @@ def _of_judged(
 def is_judged(start: int, starts: Sequence[int], updates: int, limit: int) -> bool:
     """Return whether enough updates follow a start to see that a run was localized by a limit."""
     later = [other for other in starts if other > start]
-    return (later[0] if later else updates) - start >= limit + LOCALIZED_OF[1] - 1
+    return (later[0] if later else updates) - start >= limit + metrics.LOCALIZED_OF[1] - 1
 
 
 def _updates_after(flags: Bool, starts: Sequence[int]) -> list[int | None]:
     """Return after how many updates each start was found (`first_mostly`), counted from 1."""
     ends = [*starts[1:], len(flags)]
-    return [first_mostly(flags[start:end]) for start, end in zip(starts, ends, strict=True)]
+    return [metrics.first_mostly(flags[start:end]) for start, end in zip(starts, ends, strict=True)]
 
 
 def _worst(updates: Sequence[int | None]) -> int | None:

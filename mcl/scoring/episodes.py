@@ -15,7 +15,7 @@ import numpy as np
 from ..values import Moment, StepRecord
 from .lost_signal import LostSignal
 from .metrics import LOCALIZED_OF, LOST_FOR, StepScore, first_mostly, score_step
-from .near_truth import has_near
+from .modes import has_near
 
 KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST = "kidnapped", "lost", "searching", "probably-lost"
 MOST_SHARE = 0.5  # share of the steps of an episode from which on it counts as sure, or as bereft

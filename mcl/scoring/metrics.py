@@ -14,8 +14,8 @@ from ..filter.batch import RunTrace
 from ..filter.estimate import CIRCLE_M, share_within
 from ..values.arrays import F64, I32, Bool
 from ..values.geometry import INCH_M, angle_between, motion_between, wrap_angle
+from ..values.library import USUAL, Radii
 from ..values.map import Arena
-from ..values.radii import USUAL, Radii
 from ..values.records import Estimate, StepRecord
 from ..values.session import Moment
 

@@ -5,9 +5,9 @@ All of it is imported from this page: `from maurice_mcl.values import F64, Libra
 - `arrays`, `geometry`, `randomness`: kinds of arrays, poses in the plane, addressed random numbers
 - `setting_rules`: what values a setting may have, as annotations of its field
 - `laser`: a scan of a planar laser, and the map that it is compared with
-- `map`, `session`, `library`: where the robot is, what it measured, the surveyed references
+- `map`, `session`, `library`: where the robot is, what it measured, the surveyed references, how near is near
 - `pose_sensor`: the seam for sensors of other packages
-- `records`: the values of one step; `radii`: how near is near, for a library
+- `records`: the values of one step
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from .laser import *
 from .library import *
 from .map import *
 from .pose_sensor import *
-from .radii import *
 from .randomness import *
 from .records import *
 from .session import *

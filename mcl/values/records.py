@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from .arrays import F32, F64, I32, Bool
+from .library import USUAL, Radii
 from .pose_sensor import Sensed
-from .radii import USUAL, Radii
 from .session import Frame
 
 # The belief: a weighted cloud of poses, as a value.

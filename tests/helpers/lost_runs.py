@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from maurice_mcl.reasons.diagnosis import Story, stories_of
-from maurice_mcl.reasons.evidence import Surprise, UpdateEvidence
+from maurice_mcl.reasons.diagnosis import stories_of
+from maurice_mcl.reasons.evidence import Story, Surprise, UpdateEvidence
 from maurice_mcl.scoring.episodes import EpisodeFinder
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.near_truth import NearTruth
+from maurice_mcl.scoring.modes import NearTruth
 
 RIGHT, OFF = StepScore(0.1, 0.0, True, True, False), StepScore(2.0, 0.0, True, False, True)
 HELD, GONE = NearTruth(900, (0.9, 0.95, 0.95), 0.02), NearTruth(0, (0.0, 0.0, 0.0), 1.5)

@@ -23,8 +23,7 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.values.arrays import U8
-from maurice_mcl.values.library import Library
-from maurice_mcl.values.radii import radii_of
+from maurice_mcl.values.library import Library, radii_of
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment, SessionInfo
 

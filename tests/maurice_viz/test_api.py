@@ -19,7 +19,7 @@ from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
 from maurice_viz.cli.app import COMMANDS, app, load
 from maurice_viz.cli.shared.options import LIVE
-from maurice_viz.listener import SILENT
+from maurice_viz.errors import SILENT
 
 HEAVY = ("numpy", "scipy", "polars", "cv2", "rerun")
 

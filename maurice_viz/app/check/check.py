@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
@@ -15,14 +17,11 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_mcl.scoring.demands import Demands
 from maurice_mcl.values import F64, Library
 
-from ...errors import OptionError
-from ...listener import SILENT, Listener
+from ...errors import SILENT, Listener, OptionError
 from ...running.run_spec import RunSpec
-from .baseline import baseline_bytes, read_baseline
 from .drive import CheckedFilter, DriveCheck, check_drive
 from .failure import expect_new_artifacts
-from .junit import junit_xml
-from .rules import LEAST_PAIRS
+from .rules import LEAST_PAIRS, baseline_bytes, read_baseline
 
 MOST_SEEDS = 10_000
 
@@ -51,34 +50,6 @@ class CheckResult:
     def to_junit(self) -> str:
         """Return JUnit XML: a suite for each drive, a test case for each demand."""
         return junit_xml(self.drives)
-
-
-@dataclass(frozen=True, slots=True)
-class CheckFiles:
-    """What a check is compared with, and what it writes."""
-
-    against: Path | None = None
-    save_baseline: Path | None = None
-    junit: Path | None = None
-    artifacts: Path | None = None
-    force: bool = False
-
-    def check(self) -> None:
-        """Refuse what exists before any run is made. InputError."""
-        for file in (self.save_baseline, self.junit):
-            if file is not None:
-                expect_absent(file, force=self.force)
-        if self.artifacts is not None:
-            expect_new_artifacts(self.artifacts, force=self.force)
-
-    def write(self, result: CheckResult) -> None:
-        """Write the baseline and the JUnit XML."""
-        texts = {self.junit: result.to_junit().encode()} if self.junit else {}
-        if self.save_baseline is not None:
-            texts[self.save_baseline] = baseline_bytes(drive.made for drive in result.drives)
-        for file, data in texts.items():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(file, data, force=self.force)
 
 
 def check(
@@ -122,21 +93,29 @@ def check(
         False
     """
     demands = Demands(max_error_m, localized_by, converged_by, min_localized)
-    files = CheckFiles(_path(against), _path(save_baseline), _path(junit), _path(artifacts), force)
     spec = RunSpec.of(preset, feature, particles, 0, start, config, settings, sensors)
-    _expect_sense(demands, seeds, files)
-    files.check()
-    baseline = None if files.against is None else read_baseline(files.against)
+    _expect_sense(demands, seeds, against is not None, save_baseline is not None)
+    folder = None if artifacts is None else Path(artifacts)
+    for file in (save_baseline, junit):
+        if file is not None:
+            expect_absent(Path(file), force=force)
+    if folder is not None:
+        expect_new_artifacts(folder, force=force)
+    baseline = None if against is None else read_baseline(Path(against))
     at = Path(library) if isinstance(library, str) else library
-    asked = CheckedFilter(spec, at, demands, seeds, baseline, files.artifacts, reading or ReadingOptions())
+    asked = CheckedFilter(spec, at, demands, seeds, baseline, folder, reading or ReadingOptions())
     drives = [session] if isinstance(session, (str, Path, RecordedSession)) else session
     result = CheckResult(_checked(asked, drives, listener))
-    files.write(result)
+    if junit is not None:
+        _write(Path(junit), result.to_junit().encode(), force)
+    if save_baseline is not None:
+        _write(Path(save_baseline), baseline_bytes(drive.made for drive in result.drives), force)
     return result
 
 
-def _path(given: str | Path | None) -> Path | None:
-    return None if given is None else Path(given)
+def _write(file: Path, data: bytes, force: bool) -> None:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(file, data, force=force)
 
 
 def _checked(
@@ -150,9 +129,9 @@ def _checked(
     return tuple(drives)
 
 
-def _expect_sense(demands: Demands, seeds: int, files: CheckFiles) -> None:
+def _expect_sense(demands: Demands, seeds: int, is_compared: bool, is_saved: bool) -> None:
     """Refuse demands that no run could meet, or that demand nothing. OptionError."""
-    if not demands.kinds and files.against is None and files.save_baseline is None:
+    if not (demands.kinds or is_compared or is_saved):
         raise OptionError("nothing is demanded; give --max-error, --localized-by or --converged-by")
     if demands.max_error_m is not None and not 0 < demands.max_error_m < np.inf:
         raise OptionError(f"--max-error is a length above 0, found {demands.max_error_m:g} m")
@@ -163,5 +142,51 @@ def _expect_sense(demands: Demands, seeds: int, files: CheckFiles) -> None:
         raise OptionError(f"--min-localized is a rate above 0 and up to 1, found {demands.min_rate:g}")
     if not 1 <= seeds <= MOST_SEEDS:
         raise OptionError(f"--seeds is 1 to {MOST_SEEDS:,}, found {seeds}")
-    if files.against is not None and seeds < LEAST_PAIRS:
+    if is_compared and seeds < LEAST_PAIRS:
         raise OptionError(f"--against compares runs seed by seed; give --seeds {LEAST_PAIRS} or more")
+
+
+# The result as JUnit XML, which build servers read.
+
+NOT_XML = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
+
+
+def junit_xml(drives: Sequence[DriveCheck]) -> str:
+    """Return JUnit XML: a suite for each drive, a case for each demand and for each change."""
+    suites = ET.Element("testsuites", name="maurice-replay check")
+    for drive in drives:
+        cases = [(demand.kind, demand.title, demand.passed, demand.text) for demand in drive.demands]
+        changes = zip(drive.changes, drive.change_texts, strict=True)
+        cases += [
+            (f"{change.kind} worse", f"{change.title}, against the baseline", change.passed, text)
+            for change, text in changes
+        ]
+        suite = ET.SubElement(suites, "testsuite", name=_plain(drive.session))
+        suite.set("time", f"{drive.took_s:.3f}")
+        properties = ET.SubElement(suite, "properties")
+        for name, value in (("seeds", len(drive.runs)), ("updates", len(drive.steps)), ("file", drive.path)):
+            ET.SubElement(properties, "property", name=name, value=_plain(str(value)))
+        for kind, title, passed, text in cases:
+            case = ET.SubElement(suite, "testcase", name=_plain(title), time="0")
+            case.set("classname", _plain(f"maurice-replay.{drive.session}"))
+            if not passed:
+                failure = ET.SubElement(case, "failure", message=_plain(text), type=kind)
+                failure.text = _plain("" if drive.failure is None else drive.failure.text)
+        _count(suite, [suite])
+    _count(suites, list(suites))
+    suites.set("time", f"{sum(drive.took_s for drive in drives):.3f}")
+    ET.indent(suites)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(suites, encoding="unicode")}\n'
+
+
+def _count(into: ET.Element, suites: Sequence[ET.Element]) -> None:
+    """Write how many cases there are and how many failed."""
+    into.set("tests", str(sum(len(suite.findall("testcase")) for suite in suites)))
+    into.set("failures", str(sum(len(suite.findall("testcase/failure")) for suite in suites)))
+    into.set("errors", "0")
+    into.set("skipped", "0")
+
+
+def _plain(text: str) -> str:
+    """Return a text without the characters that XML cannot hold."""
+    return NOT_XML.sub("?", text)

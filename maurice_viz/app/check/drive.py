@@ -29,20 +29,19 @@ from maurice_mcl.scoring.demands import (
     judge_run,
     starts_of,
 )
-from maurice_mcl.scoring.metrics import LOCALIZED_OF, StepScore, score_step
+from maurice_mcl.scoring.metrics import LOCALIZED_OF, DrivenPath, Scorer
 from maurice_mcl.values import Library, Moment
 
-from ...errors import OptionError
-from ...listener import Listener
+from ...errors import Listener, OptionError
 from ...playback import FilterRun
 from ...running.open import make_runs, open_library_for, open_session, read_as_amcl, remark_skipped
 from ...running.run_spec import RunSpec
 from ...running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
 from ...style import Scale, scale_for
 from ..convert import only_run
-from .baseline import BaselineRuns, DriveRuns
+from . import rules
 from .failure import FailedRun, Replayed, failed_recorded, failed_run
-from .rules import BaselineChange, DemandResult, blind_spots, changes, demand_results, doubts, say_length
+from .rules import BaselineChange, BaselineRuns, DemandResult, DriveRuns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +73,7 @@ class DriveCheck:
     @property
     def doubts(self) -> list[str]:
         """What so few runs, or these demands, cannot tell for certain, one line each."""
-        return [*(() if self.recorded else doubts(self.demands)), *self.unseen]
+        return [*(() if self.recorded else rules.doubts(self.demands)), *self.unseen]
 
     @property
     def change_texts(self) -> list[str]:
@@ -91,7 +90,7 @@ class DriveCheck:
 
     def figure(self, kind: str, value: float) -> str:
         """Write a figure of a change: a length, or a rate."""
-        return say_length(value, self.scale) if kind == ERROR else f"{value:.0%}"
+        return rules.say_length(value, self.scale) if kind == ERROR else f"{value:.0%}"
 
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, lengths in meters."""
@@ -157,7 +156,7 @@ def check_drive(
     scale = scale_for(session.info.display_units, library.arena)
     result = _check_of(tracked, session.path, scale, moments, asked, listener)
     has_truth = any(moment.truth is not None for moment in moments)
-    unseen = blind_spots(result.demands, has_truth=has_truth, start_known=run.start is not None)
+    unseen = rules.blind_spots(result.demands, has_truth=has_truth, start_known=run.start is not None)
     result = replace(result, unseen=tuple(unseen))
     if not result.passed:
         replayed = Replayed(session, library, run, result.steps)
@@ -191,7 +190,8 @@ def _run_all(
     remark_skipped(session, listener)
     _expect_long_enough(session.path, moments, asked.demands)
     traces = run_batch(run.localizer, moments, range(asked.seeds), run.start, comparisons)
-    return moments, tuple(RunTrack.of(trace, moments) for trace in traces)
+    path = DrivenPath.of(moments)
+    return moments, tuple(RunTrack.of(trace.seed, trace, path) for trace in traces)
 
 
 def _check_recorded(
@@ -201,22 +201,17 @@ def _check_recorded(
     if asked.spec != RunSpec() or asked.library is not None or asked.seeds > 1:
         only = "only demands apply, no options of a filter"
         raise OptionError(f"{saved.folder} is another localizer's run: {only}")
-    manifest, moments, scores = saved.manifest, list[Moment](), list[StepScore]()
+    manifest, moments, scorer = saved.manifest, list[Moment](), Scorer()
     _expect_truth(saved.folder, asked.demands, has_truth=manifest.has_truth)
     for moment, records in restored_together([Restored(saved, None)], Pictures()):
         moments.append(moment)
-        scores.append(score_step(records[manifest.label].estimate, moment.truth))
+        scorer.add(moment, records[manifest.label])
     _expect_long_enough(saved.folder, moments, asked.demands)
-    off_m = np.array([score.position_error_m for score in scores], np.float64)  # None becomes NaN
-    localized, lost, converged = (
-        np.array([bool(getattr(score, name)) for score in scores])
-        for name in ("localized", "lost", "converged")
-    )
-    track = RunTrack(manifest.seed, off_m, localized, lost, converged)
+    track = RunTrack.of(manifest.seed, scorer.numbers, scorer.path)
     runs = DriveRuns(_unique(manifest.name, taken), manifest.configuration_sha256[:12], (track,))
     scale = scale_for(manifest.display_units, saved.arena())
     result = _check_of(runs, saved.folder, scale, moments, asked, listener)
-    unseen = blind_spots(result.demands, has_truth=manifest.has_truth, start_known=False)
+    unseen = rules.blind_spots(result.demands, has_truth=manifest.has_truth, start_known=False)
     result = replace(result, unseen=tuple(unseen), recorded=True)
     if result.passed:
         return result
@@ -266,7 +261,7 @@ def _check_of(
         steps=tuple(moment.frame.step for moment in moments),
         scale=scale,
         runs=runs,
-        demands=demand_results(runs, asked.demands, scale),
+        demands=rules.demand_results(runs, asked.demands, scale),
     )
     if asked.baseline is None:
         return result
@@ -279,7 +274,7 @@ def _check_of(
         demands = replace(demands, max_error_m=np.inf)  # so that errors and losses are compared
     old = {track.seed: judge_run(track, starts, demands) for track in before.values()}
     new = [judge_run(track, starts, demands) for track in drive.tracks]
-    return replace(result, changes=changes(old, new, demands, scale))
+    return replace(result, changes=rules.changes(old, new, demands, scale))
 
 
 def _worst(result: DriveCheck, asked: CheckedFilter) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.store import SavedRun
 from maurice_mcl.values import Library
 
-from ...listener import Listener
+from ...errors import Listener
 from ...playback import FilterRun, run_together, shared
 from ...running.output import OutputOptions
 from ...running.run import Playback, play

@@ -15,12 +15,12 @@ from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import Step
 from maurice_mcl.values import INCH_M, Library, Moment
 
-from ...listener import Listener
+from ...errors import Listener
 from ...playback import FilterRun
 from ...running.open import make_runs
 from ...running.run_spec import RunSpec
 from ...scene import Scene
-from ...text.what_if import BRANCH
+from ...text.comparison import BRANCH
 
 if TYPE_CHECKING:
     from maurice_datasets.robot.behaviors import Command

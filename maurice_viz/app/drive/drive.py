@@ -12,8 +12,7 @@ from typing import cast
 
 from maurice_mcl.sensor.model import SensorModel
 
-from ...errors import OptionError
-from ...listener import SILENT, Listener
+from ...errors import SILENT, Listener, OptionError
 from ...running.open import library_at
 from ...running.output import OutputOptions, output_of
 from ...running.run import Playback, Report, RunScores, play, remark_zeros

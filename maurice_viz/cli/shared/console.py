@@ -7,19 +7,10 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 
+from rich import progress as bars
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.highlighter import JSONHighlighter
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import Progress, Task
 from rich.segment import Segment
 from rich.text import Text
 
@@ -63,7 +54,7 @@ def print_json(value: object) -> None:
     results.print(JSONHighlighter()(escaped), soft_wrap=True)
 
 
-class RateColumn(ProgressColumn):
+class RateColumn(bars.ProgressColumn):
     """How many are done in a second."""
 
     def render(self, task: Task) -> Text:
@@ -94,14 +85,18 @@ class ConsoleListener:
         if self._bar is None or what != self._what:
             self.end()
             columns = (
-                SpinnerColumn(),
-                TextColumn("{task.description}", markup=False),
-                BarColumn(),
-                MofNCompleteColumn(),
+                bars.SpinnerColumn(),
+                bars.TextColumn("{task.description}", markup=False),
+                bars.BarColumn(),
+                bars.MofNCompleteColumn(),
                 RateColumn(),
             )
-            times: list[ProgressColumn] = [TimeElapsedColumn()]
-            times += [TimeRemainingColumn(compact=True), TextColumn("left", markup=False)] if total else []
+            times: list[bars.ProgressColumn] = [bars.TimeElapsedColumn()]
+            times += (
+                [bars.TimeRemainingColumn(compact=True), bars.TextColumn("left", markup=False)]
+                if total
+                else []
+            )
             self._bar = Progress(
                 *columns,
                 *times,

@@ -25,8 +25,8 @@ from maurice_loaders.files.maps import MOST_WALLS, arena_of_message
 from maurice_loaders.formats.registry import guess, open_session
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.filter.estimate import modes, share_within
+from maurice_mcl.values.library import USUAL
 from maurice_mcl.values.map import open_arena
-from maurice_mcl.values.radii import USUAL
 from maurice_mcl.values.records import Belief, StepRecord, uniform_log_weights
 from maurice_mcl.values.session import Moment
 from maurice_viz.app.replay import replay
@@ -41,7 +41,7 @@ from maurice_viz.running.recorded import (
     together,
 )
 from maurice_viz.style import scale_for
-from maurice_viz.text import narration as narrate
+from maurice_viz.text import phases as narrate
 
 ARENA = open_arena(np.array([[0.0, 0.0], [5.0, 4.0]]))
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
 from maurice_viz.cli.app import app
-from maurice_viz.text.places import WORSE
+from maurice_viz.text.findings import WORSE
 
 RUNNER = CliRunner()
 SPOTS, HEADINGS = ((0.2, 0.2), (0.6, 0.2), (1.0, 0.3)), 8

@@ -14,7 +14,7 @@ from maurice_loaders.libraries.store import open_library
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import arena_extent, map_extent
 from maurice_viz.entities import RunPaths
-from maurice_viz.layouts import one_run, several_runs
+from maurice_viz.layouts import one_run, story
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.story import error_axis
 from maurice_viz.panels.traces import MOST_LETTERS
@@ -69,8 +69,8 @@ def test_a_title_is_short_or_not_shown():
     runs = numbered([COLOR, BLENDED, replace(EDGES, label="edges with a long name")])
     layouts = [one_run.overview, one_run.explain, one_run.sensors, one_run.recorded, one_run.inside_a_step]
     screens = [layout(BLENDED, shown()) for layout in layouts] + [
-        several_runs.traces(runs, shown()),
-        several_runs.compare(runs, shown()),
+        story.traces(runs, shown()),
+        story.compare(runs, shown()),
     ]
     for view in (view for screen in screens for view in views(screen)):
         assert view.titlebar is False or len(str(view.name)) <= MOST_LETTERS, view.name
@@ -150,7 +150,7 @@ def test_inside_a_step_has_short_titles_and_no_bars(has_pictures: bool) -> None:
 
 
 def test_a_run_without_channels_has_no_plot_of_what_pictures_say_and_a_key() -> None:
-    found = {str(view.name) for view in views(several_runs.traces([RunView("sensed", ())], shown()))}
+    found = {str(view.name) for view in views(story.traces([RunView("sensed", ())], shown()))}
     assert {"Position error (in)", "Spread (in)", "Key"} <= found
     assert not {"Knows where it is (0-1)", "Rank of the true place", "Evidence (nats)"} & found
 

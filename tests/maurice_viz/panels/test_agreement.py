@@ -37,7 +37,7 @@ from maurice_viz.style import (
     weight_colors,
     weight_shades,
 )
-from maurice_viz.text import narration
+from maurice_viz.text import phases
 from maurice_viz.text.phases import phase_words, reseeded
 
 RUN, STEPS, CARRIED = RunPaths("robust"), 16, 8
@@ -129,7 +129,7 @@ def test_texts_are_those_of_each_phase(drive):
     for moment, record in played:
         for phase in Phase:
             number = PHASES_PER_STEP * moment.frame.step + phase
-            assert texts[number] == [narration.summary(moment, record, scale)]
+            assert texts[number] == [phases.summary(moment, record, scale)]
             words = phase_words(moment, record, phase, scale, DRAWS_WHERE_LIKELY)
             if phase is Phase.MEASURE:  # also says how far away the best match was taken
                 words = words.removesuffix(" No dot moves.")
@@ -190,7 +190,7 @@ def test_texts_of_recovery_have_the_numbers_of_the_record(strategy):
     first = next(iter(session.moments()))
     acted = 0
     for moment, record in run(localizer.of_session(session), session, first.truth):
-        text = narration.summary(moment, record, scale_for("in", library.arena))
+        text = phases.summary(moment, record, scale_for("in", library.arena))
         test = record.recovery_test
         fresh = 0 if record.injected is None else int(record.injected.sum())
         assert (f"**{fresh} fresh** particles" in text) == (fresh > 0)

@@ -21,7 +21,7 @@ from maurice_loaders.reading.transforms import Placeholders
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.map import Arena
 from maurice_mcl.values.session import SessionInfo
-from maurice_viz.listener import SILENT
+from maurice_viz.errors import SILENT
 from maurice_viz.panels import drive as drive_ways
 from maurice_viz.panels.drive import DriveView, drive_paths, reach
 from maurice_viz.running import drive as drive_alone

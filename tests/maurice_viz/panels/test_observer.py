@@ -26,7 +26,7 @@ from maurice_viz.panels.story import VerdictDrawing
 from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import Detail
 from maurice_viz.style import RUN_COLORS, faint, packed, scale_for, weight_colors, weight_shades
-from maurice_viz.text import narration as narrate
+from maurice_viz.text import phases as narrate
 from maurice_viz.viewer import sinks
 from maurice_viz.viewer.sinks import recording
 

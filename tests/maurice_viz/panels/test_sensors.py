@@ -18,7 +18,7 @@ from maurice_viz.panels.sensors import MARK_WORDS
 from maurice_viz.running.observer import RerunObserver
 from maurice_viz.scene import RunView
 from maurice_viz.style import AGREES, DISAGREES, RUN_COLORS, TRUTH, packed, scale_for
-from maurice_viz.text.sensors import say_moved, thing_at
+from maurice_viz.text.explanation_table import say_moved, thing_at
 from maurice_viz.viewer import sinks
 
 

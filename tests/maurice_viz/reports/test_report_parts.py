@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from maurice_mcl.scoring.events import KINDS, RunEvent
-from maurice_mcl.values.radii import USUAL
-from maurice_viz.reports.charts import MAX_POINTS, px, thin_chart, ticks
-from maurice_viz.reports.choosing import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
+from maurice_mcl.values.library import USUAL
+from maurice_viz.reports.charts import MAX_POINTS, px, templates, thin_chart, ticks
 from maurice_viz.reports.map import MAX_POINTS as MAX_PLACES
 from maurice_viz.reports.map import thin_path, unbroken
-from maurice_viz.reports.pages import templates
+from maurice_viz.reports.shots import MAX_PICTURES, ReportedEvent, choose, listed, step_ranges, worst_step
 from maurice_viz.running.saved_steps import NUMBER_NAMES, UNKNOWN_POSE, Collected, Track
 
 LOST_M = USUAL.lost_m

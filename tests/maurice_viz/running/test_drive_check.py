@@ -17,8 +17,8 @@ from helpers.commands import maurice
 from maurice_mcl.config.build import adapted, build_localizer
 from maurice_mcl.config.parameters import PRESETS, Layer, configure
 from maurice_mcl.examples import picture_at
-from maurice_mcl.library.drive_score import DrivePicture, spread_groups
-from maurice_mcl.scoring.dead_reckoning import DeadReckoning
+from maurice_mcl.library.quality import DrivePicture, spread_groups
+from maurice_mcl.scoring.comparison import DeadReckoning
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
 from maurice_mcl.sensor.references import nearest_reference
 from maurice_mcl.values.geometry import motion_between, wrap

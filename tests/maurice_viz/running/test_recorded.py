@@ -18,8 +18,8 @@ from maurice_loaders.runs.writer import rows_of
 from maurice_viz.app.check.check import check
 from maurice_viz.app.convert import export
 from maurice_viz.app.diagnose import diagnose, draw
-from maurice_viz.app.events import events
 from maurice_viz.app.explain import explain
+from maurice_viz.app.inspect import events
 from maurice_viz.app.replay import replay
 from maurice_viz.errors import OptionError
 from maurice_viz.reports.make import report

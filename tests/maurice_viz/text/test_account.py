@@ -21,8 +21,7 @@ from maurice_viz.app.diagnose import RunDiagnosis
 from maurice_viz.playback import ResultCollector, RunResult
 from maurice_viz.style import Scale, units_named
 from maurice_viz.text.causes import with_failures
-from maurice_viz.text.score_json import to_json
-from maurice_viz.text.summary import score_rows
+from maurice_viz.text.summary import score_rows, to_json
 from maurice_viz.text.tour import tour_pages
 from maurice_viz.text.verdict import verdict_line
 

@@ -14,14 +14,13 @@ from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.reasons.explanation import (
-    Asked,
     ChannelExplanation,
     StepExplanation,
     explain_step,
     where_lost,
 )
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.values.arrays import F32
+from maurice_mcl.values.arrays import F32, F64
 from maurice_mcl.values.library import Library
 from maurice_viz.style import scale_for
 from maurice_viz.text.explanation import KNOWN, ordinal, planes_of, say_behind, say_step
@@ -29,7 +28,7 @@ from maurice_viz.text.explanation_table import brief_table, to_json
 
 
 def explained(
-    library: Library, *, asked: Asked | None = None, truth: bool = True, weigh: bool = True
+    library: Library, *, asked: F64 | int | None = None, truth: bool = True, weigh: bool = True
 ) -> StepExplanation:
     session = fakes.make_session(library, 1)
     localizer = build_localizer(library, session, of_feature("blended", 100))
@@ -109,7 +108,7 @@ def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):
     step = explained(library, truth=False, weigh=False)
     scale = scale_for("in", library.arena)
     assert "truth" not in " ".join(say_step(step, scale)) + brief_table(step, scale)
-    step = explained(library, asked=Asked(pose=np.array([-9.0, -9.0, 0.0])))
+    step = explained(library, asked=np.array([-9.0, -9.0, 0.0]))
     assert "The pose asked for lies outside free space" in " ".join(say_step(step, scale))
     assert "asked for: outside free space" in brief_table(step, scale)
     assert to_json("a", step)["runs"][0]["explained"][0]["reference"] is None
@@ -119,7 +118,7 @@ def test_what_is_unknown_or_outside_is_not_told(library, tmp_path):
 
 
 def test_table_and_json_have_every_reference(library):
-    step = explained(library, asked=Asked(entry=3))
+    step = explained(library, asked=3)
     lines = brief_table(step, scale_for("in", library.arena)).splitlines()
     assert {line.count("|") for line in lines} == {6}
     assert "asked for: 3" in lines[0]

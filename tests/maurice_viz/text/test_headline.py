@@ -6,15 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, UNKNOWN, Failure
-from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, DARK, LIGHTING, UNKNOWN, Failure, Incident
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict
-from maurice_mcl.scoring.comparison import ErrorDifference
-from maurice_mcl.scoring.dead_reckoning import OdometryAlone
+from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_viz.style import UNITS, Scale
-from maurice_viz.text.headline import TWO_LINES, headline
+from maurice_viz.text.tour import TWO_LINES, headline
 
 INCHES = Scale(UNITS["in"])
 OFF, NEAR = StepScore(2.0, 0.1, True, False, True), StepScore(0.05, 0.1, True, True, False)

@@ -14,7 +14,7 @@ import maurice_viz as mv
 from helpers import expect_facts
 from helpers import viz_fakes as fakes
 from maurice_mcl.filter.estimate import weighted_mean
-from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.causes import Incident
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode
 from maurice_mcl.scoring.metrics import Scorer, Success
@@ -28,10 +28,10 @@ from maurice_viz.playback import RunResult
 from maurice_viz.running import run
 from maurice_viz.scene import DRAWS_EVENLY, DRAWS_NEVER
 from maurice_viz.style import UNITS, Scale, units_named
-from maurice_viz.text import narration as narrate
-from maurice_viz.text import phases, summary
-from maurice_viz.text.score_json import to_json
-from maurice_viz.text.sensors import say_other_shape
+from maurice_viz.text import phases as narrate
+from maurice_viz.text import summary
+from maurice_viz.text.explanation_table import say_other_shape
+from maurice_viz.text.summary import to_json
 
 INCHES = Scale(UNITS["in"])
 INCH = 0.0254
@@ -63,20 +63,20 @@ def test_spread_errors_and_reseeding_by_hand():
     poses[:, :2] *= INCH
     cloud = weighted_mean(Belief(poses, uniform_log_weights(4), np.zeros(2)))
     assert narrate.spread(cloud, INCHES) == "3.5 in"  # the root of 12.5
-    text = narrate.estimated(
+    text = narrate.say_estimate(
         SimpleNamespace(estimate=estimate(3, 4, 179)), np.array([0, 0, np.radians(-179)]), INCHES
     )
     assert "error 5.0 in, 2 deg" in text
     ((_, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     fresh = np.array([0, 0, 0, 0, 1, 1], bool)
-    said = phases.reseeded(fakes.changed(record, injected=fresh), DRAWS_EVENLY)
+    said = narrate.reseeded(fakes.changed(record, injected=fresh), DRAWS_EVENLY)
     assert said.startswith("2 of 6 dots are new (pink), drawn anywhere on the map.")
-    assert "never draws" in phases.reseeded(record, DRAWS_NEVER)
+    assert "never draws" in narrate.reseeded(record, DRAWS_NEVER)
     test = RecoveryTest(PICTURE, -9.14, -10.73)
     kept = fakes.changed(record, recovery_test=test)
-    assert "no new dots" in phases.reseeded(kept, DRAWS_EVENLY)
+    assert "no new dots" in narrate.reseeded(kept, DRAWS_EVENLY)
     moved = fakes.changed(kept, events=("expanded",))
-    assert "every dot is moved at random" in phases.reseeded(moved)
+    assert "every dot is moved at random" in narrate.reseeded(moved)
 
 
 def test_summaries_have_units_and_no_unknown_error():
@@ -91,7 +91,7 @@ def test_summaries_have_units_and_no_unknown_error():
     expect_facts(said, f"entry {best}", f"{record.sighting.comparison.quality[best]:.3f}")
     expect_facts(said, "25 of 50 (50%)", "Resampled")
     assert len(said) < 320
-    said = narrate.estimated(fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES)
+    said = narrate.say_estimate(fakes.play(fakes.make_session(fakes.make_library(), 1))[0][1], None, INCHES)
     assert "truth not known" in said
     assert "error" not in said
 
@@ -99,18 +99,18 @@ def test_summaries_have_units_and_no_unknown_error():
 def test_events_and_phases_are_told():
     ((moment, record),) = fakes.play(fakes.make_session(fakes.make_library(), 1), "color", 6)
     copied = fakes.changed(record, parents=np.array([0, 0, 0, 4, 4, 5], np.int32))
-    said = phases.resampled(copied)
+    said = narrate.resampled(copied)
     assert said.startswith("3 of 6 dots survive, the heaviest with 3 copies; 3 die.")
-    assert "none can be weighed" in phases.weighted(fakes.changed(record, events=("all weights zero",)))
+    assert "none can be weighed" in narrate.weighted(fakes.changed(record, events=("all weights zero",)))
     heavy = Belief(record.weighted.poses, np.log([0.5, 0.3, 0.05, 0.05, 0.05, 0.05]), np.zeros(2))
-    said = phases.weighted(fakes.changed(record, weighted=heavy, effective_sample_size=2.9))
+    said = narrate.weighted(fakes.changed(record, weighted=heavy, effective_sample_size=2.9))
     assert said.startswith("1 of 6 dots now hold half of the weight; 4 weigh less than half the average.")
     assert "3.0 times the average" in said
     for slot in Phase:
-        words = phases.phase_words(moment, record, slot, INCHES)
+        words = narrate.phase_words(moment, record, slot, INCHES)
         assert words.startswith(f"Step 1, {slot + 1} {slot.name.lower()}: ")
         assert len(words) < 260
-    assert phases.whole_step(moment, record, INCHES).startswith("Step 1, left: odometry says")
+    assert narrate.whole_step(moment, record, INCHES).startswith("Step 1, left: odometry says")
 
 
 ROWS = ("localized (thesis, sd < 10 %)", "localized (thesis, one foot)")

@@ -3,8 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from helpers import expect_facts
-from maurice_mcl.reasons.causes import CARRIED
-from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.causes import CARRIED, Incident
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import Episode

@@ -5,11 +5,19 @@ from dataclasses import replace
 import pytest
 
 from helpers import expect_facts
-from maurice_mcl.reasons.causes import AMBIGUITY, CARRIED, KIDNAPPED, LIBRARY_GAP, PROPOSAL, SENSOR, Failure
-from maurice_mcl.reasons.incidents import Incident, InObstacle
+from maurice_mcl.reasons.causes import (
+    AMBIGUITY,
+    CARRIED,
+    KIDNAPPED,
+    LIBRARY_GAP,
+    PROPOSAL,
+    SENSOR,
+    Failure,
+    Incident,
+    InObstacle,
+)
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
-from maurice_mcl.scoring.comparison import ErrorDifference
-from maurice_mcl.scoring.dead_reckoning import OdometryAlone
+from maurice_mcl.scoring.comparison import ErrorDifference, OdometryAlone
 from maurice_mcl.scoring.episodes import PROBABLY_LOST, Episode
 from maurice_mcl.scoring.metrics import StepScore
 from maurice_viz.style import UNITS, Scale

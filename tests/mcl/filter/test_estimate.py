@@ -17,7 +17,7 @@ from maurice_mcl.filter.estimate import (
     weighted_mean,
 )
 from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.radii import USUAL
+from maurice_mcl.values.library import USUAL
 from maurice_mcl.values.records import Belief, EntryLikelihood, normalize, uniform_log_weights
 
 RADIUS_M = 24 * INCH_M

@@ -9,7 +9,7 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.examples import picture_at
-from maurice_mcl.library.drive_score import (
+from maurice_mcl.library.quality import (
     MOST_GROUPS,
     PICTURES_A_GROUP,
     DrivePicture,

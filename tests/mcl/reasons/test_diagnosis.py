@@ -17,7 +17,7 @@ from maurice_mcl.reasons.evidence import Surprise
 from maurice_mcl.reasons.surroundings import LightFit, PlaceFit, UsualFit
 from maurice_mcl.reasons.suspicion import suspected
 from maurice_mcl.scoring.metrics import StepScore
-from maurice_mcl.scoring.near_truth import NearTruth
+from maurice_mcl.scoring.modes import NearTruth
 
 UNSURE, BLIND = StepScore(0.1, 0.0, False, True, False), StepScore(None, None, True, None, None)
 FITS = PlaceFit(0.8, -1.0, 0.0, 2, 600, 0, (3.0, 3.0), "color", 0.1)

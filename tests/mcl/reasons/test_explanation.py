@@ -14,7 +14,6 @@ from maurice_mcl.reasons.explanation import (
     ESTIMATE,
     TRUTH,
     WINNER,
-    Asked,
     explain_all,
     explain_step,
     nearest_entries,
@@ -138,18 +137,18 @@ def test_a_step_shows_truth_estimate_and_winner_by_the_filters_own_rule(world):
 
 def test_an_entry_or_a_pose_asked_for_comes_first(world):
     sensor, moment, record = _stepped(world)
-    by_number = explain_step(record, sensor, moment.truth, Asked(entry=33)).shown[0]
+    by_number = explain_step(record, sensor, moment.truth, 33).shown[0]
     assert (by_number.who, by_number.entry.entry) == (ASKED, 33)
     pose = world.library.poses[50] + (0.01, -0.01, 0.02)
-    by_pose = explain_step(record, sensor, moment.truth, Asked(pose=pose)).shown[0]
+    by_pose = explain_step(record, sensor, moment.truth, pose).shown[0]
     assert by_pose.entry.entry == nearest_entries(sensor, pose[None])[0] == 50
     x, y = world.library.arena.bounds[:2]
-    step = explain_step(record, sensor, moment.truth, Asked(pose=np.array([x - 9, y - 9, 0.0])), weigh=True)
+    step = explain_step(record, sensor, moment.truth, np.array([x - 9, y - 9, 0.0]), weigh=True)
     assert step.shown[0].entry is None
     assert step.shown[0].weighed == -np.inf
     number = int(np.argmax(record.sighting.entries >= 0))
     pose = record.predicted.world_poses[number]
-    step = explain_step(record, sensor, moment.truth, Asked(pose=pose), weigh=True)
+    step = explain_step(record, sensor, moment.truth, pose, weigh=True)
     assert step.shown[0].weighed == pytest.approx(float(record.sighting.log_likelihood[number]), abs=1e-3)
     assert step.shown[0].entry.entry == record.sighting.entries[number]
 

@@ -9,7 +9,7 @@ import pytest
 
 import maurice_mcl as mcl
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
-from maurice_mcl.reasons.explanation import Asked, explain_step
+from maurice_mcl.reasons.explanation import explain_step
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.reasons.surroundings import Surroundings
 from maurice_mcl.scoring.lost_signal import BeliefNumbers, LostSignal
@@ -110,7 +110,7 @@ def test_an_explanation_says_what_a_pose_sensor_gives_of_a_weight(drive, sensor)
     steps = []
     for localizer in (alone, both):
         record = localizer.step(localizer.initialize(None), moment.frame)[1]
-        asked = Asked(pose=moment.truth + np.array([0.1, 0.0, 0.0]))
+        asked = moment.truth + np.array([0.1, 0.0, 0.0])
         steps.append(explain_step(record, localizer.sensor, moment.truth, asked, weigh=True).shown[0])
     assert steps[0].sensed == {}
     assert steps[1].sensed["position"] == pytest.approx(-2.0 * both.sensor.parameters.sharpness, abs=1e-3)

@@ -2,8 +2,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from maurice_mcl.reasons.causes import CARRIED, PROPOSAL, Failure
-from maurice_mcl.reasons.incidents import Incident
+from maurice_mcl.reasons.causes import CARRIED, PROPOSAL, Failure, Incident
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.reasons.verdict import Ambiguity, RunVerdict, SureAndWrong
 from maurice_mcl.scoring.episodes import Episode

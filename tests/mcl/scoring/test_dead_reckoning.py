@@ -10,7 +10,7 @@ import pytest
 import maurice_mcl as mcl
 from helpers.filter_world import FilterDrive, make_world
 from maurice_mcl.examples import picture_at
-from maurice_mcl.scoring.dead_reckoning import DeadReckoning
+from maurice_mcl.scoring.comparison import DeadReckoning
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.session import Frame, Moment, SessionInfo
 

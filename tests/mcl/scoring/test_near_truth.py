@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.step_records import at, made
-from maurice_mcl.scoring.near_truth import near_truth
+from maurice_mcl.scoring.modes import near_truth
 from maurice_mcl.values.records import Belief
 
 TRUTH = np.array([1.0, 1.0, 0.0])

@@ -9,9 +9,8 @@ from maurice_mcl.config.parameters import Layer, configure
 from maurice_mcl.filter.estimate import heaviest_cluster
 from maurice_mcl.scoring.metrics import score_step
 from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.library import Library
+from maurice_mcl.values.library import USUAL, Library, Radii, RadiiParameters, fitted_m, radii_of
 from maurice_mcl.values.map import Arena
-from maurice_mcl.values.radii import USUAL, Radii, RadiiParameters, fitted_m, radii_of
 from maurice_mcl.values.records import Belief, uniform_log_weights
 
 
