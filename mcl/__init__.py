@@ -47,11 +47,24 @@ if TYPE_CHECKING:
     from .values.session import Moment as Moment
     from .values.session import Session as Session
 
-# One thread an operation of numpy and OpenCV, unless the user says otherwise; they read these when imported.
-# Reading, comparing, filtering and drawing already run side by side, and their operations are small: on two
-# cores a second thread of the libraries made them slower. Results do not depend on it.
-for _variable in ("OPENBLAS_NUM", "OMP_NUM", "MKL_NUM", "VECLIB_MAXIMUM"):
-    os.environ.setdefault(f"{_variable}_THREADS", "1")
-os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
+THREADS = (
+    "OPENBLAS_NUM_THREADS",
+    "OMP_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
+)
 
+
+def bound_threads() -> None:
+    """Let an operation of numpy and OpenCV use one thread, where the user does not say otherwise.
+
+    Reading, comparing, filtering and drawing already run side by side, and their operations are small: on two
+    cores a second thread of the libraries made them slower. Results do not depend on it.
+    """
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+
+
+bound_threads()  # before the first import of numpy and OpenCV, which read these
 __all__, __getattr__, __dir__ = front_page(__name__)

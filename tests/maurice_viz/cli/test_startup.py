@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import process
-from maurice_mcl.threads import THREADS, bound_threads
+from maurice_mcl import THREADS, bound_threads
 from maurice_viz.cli.app import COMMANDS
 
 HEAVY = (
