@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 from rerun.chunk import RrdReader
 
 import maurice_viz as mv
-from maurice_datasets import surveys
+from maurice_datasets import simulation, surveys
 from maurice_datasets.surveys import Surveyor
+from maurice_datasets.worlds.build import load_world
 from maurice_viz.app.drive.drive import drive
 from maurice_viz.entities import CAMERA, VERDICT
 from maurice_viz.errors import OptionError
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")  # live ones have none on purpose
 QUICK = {"world": "two-rooms", "particles": 300}
+WORLD = cache(load_world)  # the same one, so that it is lit once
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> str:
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(tmp_path_factory.mktemp("cache"))  # not that of other tests: its surveys have few headings
 
 
 @pytest.fixture(autouse=True)
-def quick_survey(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, cache: str) -> None:
+def quick_survey(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, own_cache: str) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MAURICE_CACHE", cache)
+    monkeypatch.setenv("MAURICE_CACHE", own_cache)
     monkeypatch.setattr(surveys, "_surveyor_of", lambda _: Surveyor(headings=2, covered=1))
+    monkeypatch.setattr(simulation, "load_world", WORLD)
 
 
 def driven(keys: str | list[str], **how: object) -> tuple[mv.RunScores, list[str]]:
