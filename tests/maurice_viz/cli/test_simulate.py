@@ -12,7 +12,7 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from helpers.commands import COMMAND
+from helpers.commands import COMMAND, failure
 from maurice_viz.cli.app import app
 
 PATIENCE_S = 60
@@ -54,16 +54,8 @@ def test_a_port_in_use_is_one_line():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        done = subprocess.run(
-            command("tracking", "--updates", "1", "--serve", address),
-            capture_output=True,
-            text=True,
-            env=environment(),
-            check=False,
-        )
-    assert done.returncode == 1
-    assert done.stderr.splitlines() == [done.stderr.strip()]
-    assert done.stderr.startswith(f"maurice-replay: {address}: cannot listen there")
+        said = failure("simulate", "tracking", "--updates", "1", "--serve", address)
+    assert said.startswith(f"maurice-replay: {address}: cannot listen there")
 
 
 def test_ctrl_c_ends_the_live_robot_with_its_account():
