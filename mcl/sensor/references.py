@@ -110,10 +110,14 @@ class NearestReference:
 
     def entries_at(self, cell: I32, heading: I32) -> I32:
         """Return the entry (N,) for cells and heading bins (N,)."""
+        return self.entry_of.take(self._at(cell, heading))
+
+    def _at(self, cell: I32, heading: I32) -> I32:
+        """Return where in the flattened tables by place and heading cells and heading bins (N,) are."""
         at = self.place_of_cell.take(cell)
         at *= np.int32(HEADING_BINS)
         at += heading
-        return self.entry_of.ravel().take(at)
+        return at
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the log-likelihood (N,) of the nearest entry of each pose (N, 3); -inf outside."""
@@ -136,10 +140,7 @@ class NearestReference:
             return None
         known = np.ones(len(cell), np.float32)
         if self.faced is not None:
-            at = self.place_of_cell.take(cell)
-            at *= np.int32(HEADING_BINS)
-            at += heading
-            known *= self.faced.ravel().take(at)
+            known *= self.faced.take(self._at(cell, heading))
         if self.reached is not None:
             known *= self.reached.take(cell)
         return known
@@ -227,8 +228,7 @@ def _grow(place: I32, free: Bool) -> I32:
         padded = np.pad(place, 1, constant_values=-1)
         open_cells = free & (place < 0)
         beside = [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
-        next_to = np.maximum.reduce(beside)
-        grown = np.where(open_cells, next_to, place)
+        grown = np.where(open_cells, np.maximum.reduce(beside), place)
         if np.array_equal(grown, place):
             return grown
         place = grown
@@ -236,6 +236,7 @@ def _grow(place: I32, free: Bool) -> I32:
 
 # Interpolation: a particle is weighted by several entries around it.
 
+TOGETHER = 8192  # poses that are looked up at a time: what they need stays in a core's cache
 LEAST_KERNEL_SUM = 1e-9  # a cell with a smaller kernel sum uses its nearest place instead
 
 
@@ -282,6 +283,14 @@ class InterpolatedReference:
 
     def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
         """Return the nearest entry of each pose, its interpolated log-likelihood, and how far it is known."""
+        if len(poses) <= TOGETHER:
+            return self._look(log_likelihood, poses, origin)
+        some = (poses[first : first + TOGETHER] for first in range(0, len(poses), TOGETHER))
+        looked, join = (self._look(log_likelihood, part, origin) for part in some), np.concatenate
+        entries, values, known = zip(*looked, strict=True)
+        return join(entries), join(values), join(known) if self.is_partial else None
+
+    def _look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
         cell, heading = self.nearest.bins_of(poses, origin)
         entries = self.nearest.entries_at(cell, heading)
 
@@ -341,9 +350,8 @@ def interpolated_reference(
     nearest: NearestReference, poses: F64, arena: Arena, parameters: InterpolationParameters | None = None
 ) -> InterpolatedReference:
     """Build the tables for references (R, 3): the library's entries, then the virtual ones, if any."""
-    parameters = parameters or InterpolationParameters()
     places, place_of_reference = distinct_places(poses[:, :2])
-    at, weights = _kernel(nearest, places, arena, parameters)
+    at, weights = _kernel(nearest, places, arena, parameters or InterpolationParameters())
     before, after, share, turned = _neighbors(len(places), place_of_reference, poses)
     faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     return InterpolatedReference(nearest, at, weights, before, after, share, faced)
