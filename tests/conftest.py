@@ -37,6 +37,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: "pages" not in item.path.parts)
 
 
+gc.disable()  # thousands of tests are found sooner without looking through what was found already
+
+
+def pytest_collection_finish() -> None:
+    """Leave what was imported and found alone from here on."""
+    gc.enable()
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def _no_test_hangs() -> Iterator[None]:
     """End the process, with where it stood, after a test that does not end: others then go on without it."""
