@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import errno
-import json
 import queue
 import socket
 import threading
@@ -18,8 +17,9 @@ from urllib.parse import urlsplit
 
 from maurice_loaders.files.pictures import encode_jpeg
 from maurice_loaders.session_log.header import header_to_json
-from maurice_loaders.session_log.records import scan_to_json
-from maurice_mcl.values import F64, U8, LaserScan, NamedProgress, SessionInfo
+from maurice_loaders.session_log.records import line_of
+from maurice_loaders.session_log.writer import LogLines
+from maurice_mcl.values import U8, NamedProgress, SessionInfo
 
 from .sessions import play, session_info
 from .simulation import SimulationPlan, stage
@@ -188,45 +188,22 @@ def header_line(info: SessionInfo) -> bytes:
     return line_of(header_to_json(info, "session", Path()))
 
 
-def line_of(value: dict[str, Any]) -> bytes:
-    """Return one line of a log, with its end."""
-    return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
-
-
-class LiveLog:
+class LiveLog(LogLines):
     """Says each record of a session as a line, pictures inline; truth and events only if wanted."""
 
     def __init__(self, say: Say, *, truth: bool = True) -> None:
         self._say = say
-        self._truth = truth
-
-    def odometry(self, t_s: float, motion: F64, encoders_m: F64 | None = None) -> None:
-        """Send a movement."""
-        wheels = {} if encoders_m is None else {"encoders_m": [float(v) for v in encoders_m]}
-        self._put(t_s, {"odometry": [float(v) for v in motion]} | wheels)
+        self._left_out = set() if truth else {"truth", "event"}  # what a real robot would not know
 
     def image(self, t_s: float, image_rgb: U8, *, camera: str | None = None) -> None:
         """Send a picture: JPEG in base64."""
         data = base64.b64encode(encode_jpeg(image_rgb)).decode("ascii")
         named = {} if camera is None else {"camera": camera}
-        self._put(t_s, {"image": {"base64": data}} | named)
+        self._record(t_s, {"image": {"base64": data}} | named)
 
-    def scan(self, t_s: float, scan: LaserScan) -> None:
-        """Send a scan of a laser."""
-        self._put(t_s, {"scan": scan_to_json(scan)})
-
-    def truth(self, t_s: float, pose: F64) -> None:
-        """Send the true pose."""
-        if self._truth:
-            self._put(t_s, {"truth": [float(v) for v in pose]})
-
-    def event(self, t_s: float, text: str) -> None:
-        """Send an event; left out with the truth, as a real robot would not know it."""
-        if self._truth:
-            self._put(t_s, {"event": text})
-
-    def _put(self, t_s: float, record: dict[str, Any]) -> None:
-        self._say(t_s, line_of({"t": float(t_s)} | record))
+    def _record(self, t_s: float, record: dict[str, Any]) -> None:
+        if not self._left_out & record.keys():
+            self._say(t_s, line_of({"t": float(t_s)} | record))
 
 
 class Pace:

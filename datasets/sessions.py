@@ -12,8 +12,9 @@ import numpy as np
 from maurice_loaders.files.pictures import PictureKind
 from maurice_loaders.files.ros_maps import write_ros_map
 from maurice_loaders.files.writing import expect_apart, new_folder
+from maurice_loaders.reading.recording import Motion, Note
 from maurice_loaders.session_log.header import SESSION_LOG
-from maurice_loaders.session_log.writer import SessionWriter
+from maurice_loaders.session_log.writer import LogLines, SessionWriter
 from maurice_mcl.errors import InputError
 from maurice_mcl.values.arrays import F64, U8, NamedProgress
 from maurice_mcl.values.laser import LaserScan
@@ -23,7 +24,7 @@ from .folders import SIMULATION, SimulationPaths, cached, copy_whole, fingerprin
 from .render.camera_session import survey_camera
 from .render.conditions import parse_lights
 from .render.laser import SimulatedLaser, occupancy_of
-from .robot.segments import Eye, Happened, Log, Moved, Segment, write_segments
+from .robot.segments import Eye, Segment, write_segments
 from .simulation import SimulationPlan, Stage, parse_span, stage
 from .surveys import Surveyor, cached_survey, camera_of, one_thread, write_survey
 from .tasks import (
@@ -135,7 +136,7 @@ def _notes_of(set_up: Stage) -> tuple[str, ...]:
     return (f"tier {set_up.plan.tier}", *set_up.eye.notes, *things, *set_up.course.notes)
 
 
-def play(set_up: Stage, log: Log, report: NamedProgress) -> None:
+def play(set_up: Stage, log: LogLines, report: NamedProgress) -> None:
     """Drive the robot and write the session."""
     course, arena = set_up.course, set_up.world.arena
     write_segments(log, course.start, course.segments(), set_up.eye, arena, course.total, report)
@@ -238,9 +239,9 @@ def frame_of(number: int, t_s: float, motions: F64, seen: U8 | LaserScan) -> Fra
 
 def moment_of(number: int, segment: Segment, before: Segment | None, eye: Eye) -> Moment:
     """Return the moment of a segment, the `number`-th, after the one `before`; the eye looks at its end."""
-    motions = [entry.motion for entry in segment.entries if isinstance(entry, Moved)]
+    motions = [entry.motion for entry in segment.entries if isinstance(entry, Motion)]
     texts = [KIDNAPPED] if before is not None and before.kidnapped_to is not None else []
-    texts += [entry.text for entry in segment.entries if isinstance(entry, Happened)]
+    texts += [entry.text for entry in segment.entries if isinstance(entry, Note)]
     moved = np.array(motions).reshape(-1, 3)
     frame = frame_of(number, segment.t_s, moved, eye.take(number, segment.pose))
     return Moment(frame, segment.pose, (*texts, *eye.events(number)))

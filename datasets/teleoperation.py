@@ -14,6 +14,7 @@ import numpy as np
 
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import new_folder
+from maurice_loaders.reading.recording import Note
 from maurice_loaders.session_log.header import SESSION_LOG
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values import F64, U8, LaserScan, Moment, NamedProgress, SessionInfo, wrap
@@ -26,7 +27,7 @@ from .robot.behaviors import Command
 from .robot.drive import BY_HAND, KIDNAP_M, STAY, DriveUpdate, Robot
 from .robot.motion import Chassis, draw_slip
 from .robot.planner import free_pose, raster
-from .robot.segments import CARRY_S, FRAME_S, Happened, Segment, timed, write_segments
+from .robot.segments import CARRY_S, FRAME_S, Segment, timed, write_segments
 from .sessions import known_of, moment_of, session_info, write_known
 from .simulation import SimulationPlan, stage
 from .surveys import one_thread
@@ -95,7 +96,7 @@ class TeleoperatedRobot:
     def look(self, *happened: str) -> Moment:
         """Take a picture, after what happened to the robot."""
         self.behavior = ""
-        texts = tuple(Happened(self._now_s, text) for text in happened)
+        texts = tuple(Note(self._now_s, text) for text in happened)
         return self._seen(Segment(texts, self._now_s + FRAME_S, self.pose))
 
     def carry(self) -> Moment:

@@ -10,10 +10,11 @@ from pathlib import Path
 import cv2
 
 from maurice_datasets.demos import demo_paths
-from maurice_datasets.robot.motion import TrialPlan, calibration_drive
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from helpers.trials import write_trials  # found by that path
+from benchmarks.thesis.calibration_drive import TrialPlan, calibration_drive
+from helpers.trials import write_trials  # both found by that path
 
 OUT = Path(__file__).parent / "pictures"
 COMMAND = [sys.executable, "-c", "from maurice_viz.cli.main import main; main()", "calibrate"]

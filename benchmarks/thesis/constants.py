@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from maurice_datasets.robot.motion import TrialPlan, calibration_drive
 from maurice_datasets.trials.drives import survey_log
 from maurice_loaders.calibration_trials import covered_pictures
 from maurice_mcl.fitting.motion import calibrate
@@ -19,6 +18,7 @@ from maurice_viz.plots.calibration import FIGURES as OF_MOTION
 from maurice_viz.plots.calibration import INK, ShownFit, motion_figure, noise_figure
 from maurice_viz.style import units_named
 
+from .calibration_drive import TrialPlan, calibration_drive
 from .marks import by_bin, draw_colors, remark, wrapped
 from .material import EXAMPLE, Material, ThesisFigure
 

@@ -13,7 +13,7 @@ from maurice_mcl.values.map import Arena, make_grid
 from maurice_mcl.values.randomness import Domain, stream
 
 from ..tasks import SimPurpose
-from ..worlds.world import World, inside
+from ..worlds.world import World, cast, inside, segments_of, sides_of
 from .people import stands_at
 
 BEAMS = 360  # a degree apart
@@ -37,9 +37,7 @@ class SimulatedLaser:
     _segments: F64 = field(init=False)  # (S, 4)
 
     def __post_init__(self) -> None:
-        arena = self.world.arena
-        outlines = [_outline(obstacle.polygon) for obstacle in arena.obstacles]
-        object.__setattr__(self, "_segments", np.concatenate([arena.walls, *outlines]))
+        object.__setattr__(self, "_segments", segments_of(self.world.arena))
 
     def take(self, number: int, pose: F64) -> LaserScan:
         """Take scan `number` from a true pose (3,) of the robot."""
@@ -59,28 +57,9 @@ class SimulatedLaser:
         return ()
 
 
-def cast(start: F64, angles_rad: F64, segments: F64) -> F64:
-    """Return how far (B,) rays from a point (2,) reach until they meet a segment (S, 4); or infinity."""
-    along = np.stack([np.cos(angles_rad), np.sin(angles_rad)], axis=1)[:, None]  # (B, 1, 2)
-    side = segments[:, 2:] - segments[:, :2]
-    to = segments[:, :2] - start
-    across = along[..., 0] * side[:, 1] - along[..., 1] * side[:, 0]  # (B, S)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = (to[:, 0] * side[:, 1] - to[:, 1] * side[:, 0]) / across
-        share = (to[:, 0] * along[..., 1] - to[:, 1] * along[..., 0]) / across
-        hit = (far > 0) & (share >= 0) & (share <= 1)
-    reach: F64 = np.where(hit, far, np.inf).min(axis=1, initial=np.inf)
-    return reach
-
-
-def _outline(polygon: F64) -> F64:
-    """Return the sides (P, 4) of a polygon (P, 2)."""
-    return np.concatenate([polygon, np.roll(polygon, -1, axis=0)], axis=1)
-
-
 def _person(x_m: float, y_m: float) -> F64:
     angles = np.arange(PERSON_SIDES) * (2 * np.pi / PERSON_SIDES)
-    return _outline(np.array([x_m, y_m]) + PERSON_M * np.stack([np.cos(angles), np.sin(angles)], axis=1))
+    return sides_of(np.array([x_m, y_m]) + PERSON_M * np.stack([np.cos(angles), np.sin(angles)], axis=1))
 
 
 def occupancy_of(arena: Arena, places: F64) -> OccupancyMap:

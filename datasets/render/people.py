@@ -16,7 +16,7 @@ from maurice_mcl.values import F32, F64, Arena, Bool, Domain, stream
 from ..tasks import SimPurpose
 from ..worlds.palettes import Rgb, dye, near
 from ..worlds.textures import Size, cloth, noise, tint
-from ..worlds.world import World, clearance, inside
+from ..worlds.world import World, clearance, inside, segments_of
 from .camera import LitFace, LitScene, halvings, scene_of
 from .light import LightPart, seen_past
 
@@ -210,14 +210,14 @@ def free(arena: Arena, eye: F64, places: F64) -> Bool:
     x_min, y_min, x_max, y_max = arena.bounds
     x, y = places.T
     within = (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
-    outlines = [region.polygon for region in arena.obstacles]
-    starts = np.concatenate([arena.walls[:, :2], *outlines])
-    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(outline, -1, axis=0) for outline in outlines)])
-    return np.asarray(within & (clearance(arena, places) > ROOM_M) & ~crossed(eye, places, starts, ends))
+    return np.asarray(
+        within & (clearance(arena, places) > ROOM_M) & ~crossed(eye, places, segments_of(arena))
+    )
 
 
-def crossed(eye: F64, places: F64, starts: F64, ends: F64) -> Bool:
-    """Return whether the line from `eye` (2,) to each place (K, 2) crosses a segment (S, 2), (S, 2)."""
+def crossed(eye: F64, places: F64, segments: F64) -> Bool:
+    """Return whether the line from `eye` (2,) to each place (K, 2) crosses a segment (S, 4)."""
+    starts, ends = segments[:, :2], segments[:, 2:]
 
     def side(a: F64, b: F64, p: F64) -> F64:
         return np.asarray(

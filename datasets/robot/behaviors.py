@@ -13,6 +13,8 @@ import numpy as np
 
 from maurice_mcl.values import F64, INCH_M, Arena, wrap_angle
 
+from ..worlds.world import cast, segments_of
+
 # Infrared proximity: a ring of short-sighted distance sensors, and what they show of the space ahead.
 
 
@@ -50,29 +52,9 @@ class Proximity:
 def sense(arena: Arena, pose: F64, ring: Ring, rng: np.random.Generator) -> Proximity:
     """Read the complete ring once at a pose (3,)."""
     bearings: F64 = np.linspace(0, 2 * np.pi, ring.count, endpoint=False, dtype=np.float64)
-    true = distances(arena, pose[:2], pose[2] + bearings)
+    true = cast(pose[:2], pose[2] + bearings, segments_of(arena))
     read = true * (1 + ring.noise * rng.standard_normal(ring.count))
     return Proximity(bearings, np.clip(read, 0, ring.reach_m), ring.reach_m)
-
-
-def distances(arena: Arena, point: F64, headings_rad: F64) -> F64:
-    """Return how far it is from a point (2,) along headings (S,) to the first wall or obstacle, else inf."""
-    starts, ends = _outlines(arena)
-    along = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)[:, None]  # (S, 1, 2)
-    wall, away = ends - starts, starts - point  # (W, 2)
-    cross = along[..., 0] * wall[:, 1] - along[..., 1] * wall[:, 0]  # (S, W)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        far = (away[:, 0] * wall[:, 1] - away[:, 1] * wall[:, 0]) / cross
-        share = (away[:, 0] * along[..., 1] - away[:, 1] * along[..., 0]) / cross
-    hit = (cross != 0) & (far >= 0) & (share >= 0) & (share <= 1)
-    return np.asarray(np.where(hit, far, np.inf).min(axis=1, initial=np.inf))
-
-
-def _outlines(arena: Arena) -> tuple[F64, F64]:
-    polygons = [obstacle.polygon for obstacle in arena.obstacles]
-    starts = np.concatenate([arena.walls[:, :2], *polygons])
-    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(p, -1, axis=0) for p in polygons)])
-    return starts, ends
 
 
 # The robot's behaviors: each looks at what the robot senses and proposes a movement, or nothing.

@@ -19,7 +19,7 @@ from maurice_loaders.session_log.reader import LogRecording
 from maurice_mcl.values import F64, INCH_M, KIDNAPPED, is_kidnapping, motion_between
 
 from .planner import Placement
-from .segments import Happened, Moved, Segment
+from .segments import Segment
 
 ROW_S = 1 / 3  # between two rows of a folder's tables: about three a second, as their source says
 STRIDE_M = 9 * INCH_M  # the robot takes a picture when the odometry has covered this distance ...
@@ -39,14 +39,14 @@ class RecordedPath:
     @property
     def carried(self) -> int:
         """Return how often the robot was carried to where it went on."""
-        return sum(isinstance(e, Happened) for segment in self.segments for e in segment.entries)
+        return sum(isinstance(e, Note) for segment in self.segments for e in segment.entries)
 
     def placed(self, at: Placement) -> Iterator[Segment]:
         """Return the segments at another place; a scale applies to the odometry's lengths as well."""
         lengths = np.array([at.scale, at.scale, 1.0])
         for segment in self.segments:
             each = segment.entries
-            moved = (Moved(e.t_s, e.motion * lengths) if isinstance(e, Moved) else e for e in each)
+            moved = (Motion(e.t_s, e.motion * lengths) if isinstance(e, Motion) else e for e in each)
             yield Segment(tuple(moved), segment.t_s, at.pose(segment.pose))
 
 
@@ -73,8 +73,8 @@ def read_tables(folder: Path, updates: int) -> RecordedPath:
             rows.append(row)
     segments = []
     for a, b in pairwise(rows):
-        carried = (Happened(b * ROW_S, KIDNAPPED),) if jumped[a:b].any() else ()
-        moved = Moved(b * ROW_S, motion_between(drive.odometry[a], drive.odometry[b]))
+        carried = (Note(b * ROW_S, KIDNAPPED),) if jumped[a:b].any() else ()
+        moved = Motion(b * ROW_S, motion_between(drive.odometry[a], drive.odometry[b]))
         segments.append(Segment((*carried, moved), b * ROW_S, drive.truth[b]))
     return RecordedPath(folder.name, drive.truth[0], tuple(segments), drive.truth[: rows[-1] + 1, :2], None)
 
@@ -86,14 +86,14 @@ def read_log(path: Path, updates: int) -> RecordedPath:
     info = log.info
     start, begin_s = info.start, 0.0
     segments: list[Segment] = []
-    moved: list[Moved | Happened] = []
+    moved: list[Motion | Note] = []
     for record in log.records(notes):
         if isinstance(record, TruthPose) and start is None and not moved:
             start, begin_s = record.pose, record.t_s
         if isinstance(record, Note) and is_kidnapping(record.text):
-            moved.append(Happened(record.t_s - begin_s, KIDNAPPED))
+            moved.append(Note(record.t_s - begin_s, KIDNAPPED))
         if isinstance(record, Motion):
-            moved.append(Moved(record.t_s - begin_s, record.motion, record.encoders_m))
+            moved.append(Motion(record.t_s - begin_s, record.motion, record.encoders_m))
         if isinstance(record, Picture) and len(segments) < updates:
             truth = next(truths)
             if start is None or truth is None:

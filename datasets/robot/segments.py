@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from maurice_loaders.reading.recording import Motion, Note
+from maurice_loaders.session_log.writer import LogLines
 from maurice_mcl.values import F64, INCH_M, KIDNAPPED, U8, Arena, LaserScan, NamedProgress
 
 from ..worlds.world import floor_at
@@ -18,30 +20,6 @@ SETTLE_S = 0.5  # before and after each movement; invented
 TURN_RAD_S = float(np.radians(45))  # invented
 DRIVE_M_S = 0.15  # invented
 CARRY_S = 20.0  # to carry the robot somewhere else; invented
-
-
-class Log(Protocol):
-    """Anything that a session is written to, line by line, as `SessionWriter` does it."""
-
-    def odometry(self, t_s: float, motion: F64, encoders_m: F64 | None = None) -> None:
-        """Write a movement."""
-        ...
-
-    def image(self, t_s: float, image_rgb: U8, *, camera: str | None = None) -> object:
-        """Write a picture."""
-        ...
-
-    def scan(self, t_s: float, scan: LaserScan) -> None:
-        """Write a scan."""
-        ...
-
-    def truth(self, t_s: float, pose: F64) -> None:
-        """Write a true pose."""
-        ...
-
-    def event(self, t_s: float, text: str) -> None:
-        """Write an event."""
-        ...
 
 
 class Eye(Protocol):
@@ -57,34 +35,17 @@ class Eye(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moved:
-    """A movement as the robot measured it."""
-
-    t_s: float
-    motion: F64  # (3,) forward_m, left_m, turn_rad
-    encoders_m: F64 | None = None  # (4,)
-
-
-@dataclass(frozen=True, slots=True)
-class Happened:
-    """Something that happened."""
-
-    t_s: float
-    text: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Segment:
     """Everything from the last picture up to and with the next one."""
 
-    entries: tuple[Moved | Happened, ...]  # in order, none after `t_s`
+    entries: tuple[Motion | Note, ...]  # in order, none after `t_s`
     t_s: float  # when the picture is there
     pose: F64  # (3,) where it was taken
     kidnapped_to: F64 | None = None  # (3,) where the robot was carried afterwards
 
 
 def write_segments(
-    log: Log,
+    log: LogLines,
     start: F64,
     segments: Iterable[Segment],
     eye: Eye,
@@ -97,10 +58,7 @@ def write_segments(
     log.truth(0.0, start)
     for number, segment in enumerate(segments, start=1):
         for entry in segment.entries:
-            if isinstance(entry, Moved):
-                log.odometry(entry.t_s, entry.motion, entry.encoders_m)
-            else:
-                log.event(entry.t_s, entry.text)
+            log.add(entry)
         for text in eye.events(number):
             log.event(segment.t_s, text)
         seen = eye.take(number, segment.pose)
@@ -137,16 +95,16 @@ def timed(t_s: float, update: DriveUpdate, arena: Arena) -> Segment:
     driven = turned + 2 * SETTLE_S + took
     changes = crossings(straight.path, arena)
     begun = turned + SETTLE_S
-    happened = [Happened(begun + share * took, f"floor {name}".strip()) for share, name in changes]
+    happened = [Note(begun + share * took, f"floor {name}".strip()) for share, name in changes]
     if straight.slipped_rad:
         slip = f"slip {np.degrees(straight.slipped_rad):+.1f} deg"
-        happened.insert(1, Happened(happened[0].t_s, slip))
+        happened.insert(1, Note(happened[0].t_s, slip))
     if straight.spun_m:
-        happened.append(Happened(driven, f"slip {straight.spun_m / INCH_M:.1f} in ahead: the wheels spin"))
+        happened.append(Note(driven, f"slip {straight.spun_m / INCH_M:.1f} in ahead: the wheels spin"))
     if straight.bumped:
-        happened.append(Happened(driven, "bump"))
-    first = Moved(turned, turn.measured, turn.encoders_m)
-    last = Moved(driven, straight.measured, straight.encoders_m)
+        happened.append(Note(driven, "bump"))
+    first = Motion(turned, turn.measured, turn.encoders_m)
+    last = Motion(driven, straight.measured, straight.encoders_m)
     return Segment((first, *happened, last), driven + FRAME_S, update.pose, update.kidnapped_to)
 
 

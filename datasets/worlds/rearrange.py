@@ -16,7 +16,7 @@ from maurice_mcl.values import F64, INCH_M, Arena, Domain, Region, rotated, stre
 
 from ..tasks import SimPurpose
 from .plan import WorldError, WorldPlan
-from .world import Box, Face, Lamp, Piece, World, clearance, inside, touching
+from .world import Box, Face, Lamp, Piece, World, inside, segment_distance, sides_of, touching
 
 LEAST_M = 24 * INCH_M  # every piece is moved at least so far
 DOOR_M = 10 * INCH_M  # no piece comes nearer to a door
@@ -74,12 +74,7 @@ def door_middles(arena: Arena) -> list[F64]:
 
 def _on_outline(arena: Arena, wall: F64) -> bool:
     middle = (wall[:2] + wall[2:])[None] / 2
-    return any(_edge_distance(room.polygon, middle) < 1e-6 for room in arena.rooms)
-
-
-def _edge_distance(polygon: F64, points: F64) -> float:
-    edges = np.concatenate([polygon, np.roll(polygon, -1, axis=0)], axis=1)
-    return float(clearance(Arena((0, 0, 1, 1), edges), points)[0])
+    return any(segment_distance(middle, sides_of(room.polygon))[0] < 1e-6 for room in arena.rooms)
 
 
 def _spun(points: F64, turn: float) -> F64:

@@ -140,9 +140,31 @@ def _holds(polygon: F64, x: float, y: float) -> bool:
     return within
 
 
-def segment_distance(points: F64, start: F64, end: F64) -> F64:
-    """Return the distance (K,) of points (K, 2) to the nearest segment from start (S, 2) to end (S, 2)."""
-    along = end - start
+def sides_of(polygon: F64) -> F64:
+    """Return the sides (P, 4) of a polygon (P, 2)."""
+    return np.concatenate([polygon, np.roll(polygon, -1, axis=0)], axis=1)
+
+
+def segments_of(arena: Arena) -> F64:
+    """Return all walls, and the sides of all obstacles: (S, 4)."""
+    return np.concatenate([arena.walls, *(sides_of(obstacle.polygon) for obstacle in arena.obstacles)])
+
+
+def cast(point: F64, headings_rad: F64, segments: F64) -> F64:
+    """Return how far (B,) it is from a point (2,) along headings (B,) to a segment (S, 4), else inf."""
+    along = np.stack([np.cos(headings_rad), np.sin(headings_rad)], axis=1)[:, None]  # (B, 1, 2)
+    side, away = segments[:, 2:] - segments[:, :2], segments[:, :2] - point
+    cross = along[..., 0] * side[:, 1] - along[..., 1] * side[:, 0]  # (B, S)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = (away[:, 0] * side[:, 1] - away[:, 1] * side[:, 0]) / cross
+        share = (away[:, 0] * along[..., 1] - away[:, 1] * along[..., 0]) / cross
+        hit = (far >= 0) & (share >= 0) & (share <= 1)
+    return np.asarray(np.where(hit, far, np.inf).min(axis=1, initial=np.inf))
+
+
+def segment_distance(points: F64, segments: F64) -> F64:
+    """Return the distance (K,) of points (K, 2) to the nearest segment (S, 4)."""
+    start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
     away = points[:, None] - start
     length2 = np.maximum(np.sum(along**2, axis=1), 1e-12)
     share = np.clip(np.sum(away * along, axis=2) / length2, 0, 1)
@@ -152,12 +174,9 @@ def segment_distance(points: F64, start: F64, end: F64) -> F64:
 
 def clearance(arena: Arena, points: F64) -> F64:
     """Return the distance (K,) from points (K, 2) to the nearest wall or obstacle; 0 inside obstacles."""
-    outlines = [obstacle.polygon for obstacle in arena.obstacles]
-    starts = np.concatenate([arena.walls[:, :2], *outlines])
-    ends = np.concatenate([arena.walls[:, 2:], *(np.roll(outline, -1, axis=0) for outline in outlines)])
-    distance = segment_distance(points, starts, ends)
-    for outline in outlines:
-        distance = np.where(inside(outline, points), 0.0, distance)
+    distance = segment_distance(points, segments_of(arena))
+    for obstacle in arena.obstacles:
+        distance = np.where(inside(obstacle.polygon, points), 0.0, distance)
     return distance
 
 

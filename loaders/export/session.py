@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -57,6 +56,17 @@ NOTHING = "found nothing to write, expected pictures, scans, odometry or truth"
 PICTURE = r"\d{5,}\.(?:png|jpg)"  # name of a picture that is written here
 
 
+COUNTED: dict[type[Record], str] = {
+    Picture: "pictures",
+    Motion: "motions",
+    OdometryPose: "motions",
+    TruthPose: "truths",
+    Note: "events",
+    Readings: "readings",
+    Scan: "scans",
+}
+
+
 @dataclass(slots=True)
 class Converted:
     """How much was written so far, and at the end what was read and has no place in the file."""
@@ -73,6 +83,12 @@ class Converted:
     def to_json(self) -> dict[str, Any]:
         """Return the counts as JSON."""
         return {name: value for name, value in asdict(self).items() if name != "last_s"}
+
+    def add(self, record: Record) -> None:
+        """Count one more record, unless it is a picture that stands where there is none."""
+        name = COUNTED.get(type(record))
+        if name is not None and getattr(record, "name", "") != PLACEHOLDER:
+            setattr(self, name, getattr(self, name) + 1)
 
     def count(self, moment: Moment) -> None:
         """Count one more update."""
@@ -150,22 +166,20 @@ def left_out(recording: Recording, done: Converted) -> dict[str, int]:
 
     A log with pictures has everything at the pictures that make a step, as a replay sees it.
     """
-    total, after, begin_s = Counter[type](), Counter[type](), None
-    covered = encoders = 0
+    total, begin_s, covered, encoders, late = Converted(), None, 0, 0, 0
     for record in checked(recording, ReadingNotes(keep_going=True)):
         begin_s = record.t_s if begin_s is None else begin_s
         covered += isinstance(record, LeftOut) and record.picture.covered
         encoders += isinstance(record, Motion) and record.encoders_m is not None
-        if not isinstance(record, Picture) or record.name != PLACEHOLDER:
-            total[type(record)] += 1
-            after[type(record)] += record.t_s - begin_s > done.last_s
+        late += isinstance(record, Motion | OdometryPose) and record.t_s - begin_s > done.last_s
+        total.add(record)
     counts = {
-        "pictures that no step uses": total[Picture] - done.pictures,
-        "motions after the last picture": after[Motion] + after[OdometryPose],
-        "true poses between pictures": total[TruthPose] - done.truths,
-        "events after the last picture": total[Note] - done.events,
-        "readings that newer ones replace": total[Readings] - done.readings,
-        "scans that no step uses": total[Scan] - done.scans,
+        "pictures that no step uses": total.pictures - done.pictures,
+        "motions after the last picture": late,
+        "true poses between pictures": total.truths - done.truths,
+        "events after the last picture": total.events - done.events,
+        "readings that newer ones replace": total.readings - done.readings,
+        "scans that no step uses": total.scans - done.scans,
         "covered pictures": covered,
         "raw distances of wheels": encoders,
     }
@@ -183,46 +197,25 @@ def records_to_log(
     Odometry poses become motions, but beside scans, which are between poses.
     """
     done, poses = Converted(), observed_in(recording).scans
-    last: F64 | None = None
+    before: F64 | None = None  # the last pose (3,) of the odometry
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
     with filling(file, force=force, form=FORMAT) as part:
         with SessionWriter(part, beside(recording.info, file), force=True) as log:
             for record in checked(recording, notes):
-                if poses and isinstance(record, OdometryPose):
-                    log.odometry_pose(record.t_s, record.pose)
-                    done.motions += 1
-                else:
-                    last = write_record(log, record, last, done)
+                if isinstance(record, OdometryPose) and not poses:
+                    last, before = before, record.pose
+                    if last is None:
+                        continue
+                    record = Motion(record.t_s, motion_between(last, record.pose))
+                elif isinstance(record, Motion):
+                    record = replace(record, encoders_m=None)
+                if not isinstance(record, Picture | LeftOut):
+                    log.add(record)
+                    done.add(record)
                 yield done
         if not (done.motions or done.truths or done.events or done.readings or done.scans):
             raise InputError(recording.path, NOTHING)
-
-
-def write_record(log: SessionWriter, record: Record, last: F64 | None, done: Converted) -> F64 | None:
-    """Write and count a record that is no picture; return the last odometry pose (3,), if it is one."""
-    t_s = record.t_s
-    if isinstance(record, OdometryPose):
-        if last is not None:
-            log.odometry(t_s, motion_between(last, record.pose))
-            done.motions += 1
-        return record.pose
-    if isinstance(record, Motion):
-        log.odometry(t_s, record.motion)
-        done.motions += 1
-    elif isinstance(record, TruthPose):
-        log.truth(t_s, record.pose)
-        done.truths += 1
-    elif isinstance(record, Note):
-        log.event(t_s, record.text)
-        done.events += 1
-    elif isinstance(record, Readings):
-        log.reading(t_s, record.values)
-        done.readings += 1
-    elif isinstance(record, Scan):
-        log.scan(t_s, record.scan)
-        done.scans += 1
-    return last
 
 
 # A recording of any format as an MCAP file of ROS 2 messages, record by record at their own times.
@@ -291,6 +284,7 @@ class DriveWriter:
     def add(self, record: Record, moment: Moment | None) -> None:
         """Write one record, a picture by its moment."""
         t_s = record.t_s
+        self.done.add(record)
         if self._due_s is not None and t_s > self._due_s:
             self._write_transforms()
         make = self._mcap.at(t_s)
@@ -310,21 +304,16 @@ class DriveWriter:
             self._path.add(record.pose)
             self._place(record.pose)
             self._due_s = t_s
-            self.done.truths += 1
         elif isinstance(record, Note):
             self._mcap.write(EVENTS, t_s, make.text(record.text))
-            self.done.events += 1
         elif isinstance(record, Readings):
             self._mcap.write(READINGS, t_s, make.readings(record.values))
-            self.done.readings += 1
         elif isinstance(record, Scan):
             self._scans.write(t_s, record.scan)
-            self.done.scans += 1
         elif isinstance(record, Picture) and moment is not None and record.name != PLACEHOLDER:
             if self._in_motions and t_s > self._odometry_s:  # other readers pair by time
                 self._write_odometry(t_s)
             self._scene.write_picture(self._mcap, t_s, moment.frame.image, self._kind)
-            self.done.pictures += 1
 
     def end(self, begin_s: float) -> None:
         """Write what is known only at the end."""
@@ -335,7 +324,6 @@ class DriveWriter:
     def _move(self, t_s: float, odometry: F64) -> None:
         self._odometry, self._moved, self._due_s = odometry, True, t_s
         self._write_odometry(t_s)
-        self.done.motions += 1
 
     def _write_odometry(self, t_s: float) -> None:
         self._mcap.write(ODOMETRY, t_s, self._mcap.at(t_s).odometry(ODOM, ROBOT, self._odometry))

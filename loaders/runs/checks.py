@@ -16,7 +16,7 @@ from maurice_mcl.values import AVERAGES, PICTURE
 
 from ..errors import InputError
 from ..files.text import MOST, MOST_T_S, show, up_to
-from .writer import BEST, TABLES, TOOK, StepRows, steps_schema
+from .writer import BEST, PARTS, TABLES, TOOK, StepRows, steps_schema
 
 SLACK = 1e-3  # tolerance of shares and sums of weights: processors round differently
 SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -37,6 +37,10 @@ def _from(low: float, high: float, expected: str, also: float = math.nan) -> Rul
         return value is not None and (low <= value) & (value <= high) | (value == also)
 
     return Rule(holds, expected)
+
+
+def _or_none(rule: Rule) -> Rule:
+    return Rule(lambda value: value is None or rule.holds(value), rule.expected)
 
 
 def _list_of(holds: Callable[[Any], bool], expected: str, most: float = math.inf) -> Rule:
@@ -72,12 +76,9 @@ BY_COLUMN = {
     "best_entries": _list_of(lambda k: k is not None and k >= 0, f"at most {BEST} numbers of entries", BEST),
     "best_quality": _list_of(_is_number, f"at most {BEST} finite numbers", BEST),
     "recovery_compared": Rule(lambda v: v in (None, PICTURE, AVERAGES), f"{PICTURE} or {AVERAGES}"),
-    "recovery_threshold": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
-    "recovery_found": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
-    "library_evidence_mean": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
-    "library_evidence_best": Rule(lambda value: value is None or NATS.holds(value), NATS.expected),
-    "not_lost": Rule(lambda value: value is None or SHARE.holds(value), SHARE.expected),
-    "not_lost_alarm": Rule(lambda value: value is None or SHARE.holds(value), SHARE.expected),
+    **dict.fromkeys(("recovery_threshold", "recovery_found"), _or_none(NATS)),
+    **dict.fromkeys(("library_evidence_mean", "library_evidence_best"), _or_none(NATS)),
+    **dict.fromkeys(("not_lost", "not_lost_alarm"), _or_none(SHARE)),
     "particles": _from(1, 2**31, "a whole number from 1"),
     TOOK: SPREAD,
 }
@@ -107,7 +108,7 @@ def _rule(name: str) -> Rule:
     if name.startswith("evidence_"):
         return NATS
     if name.startswith("truth_"):
-        return Rule(lambda value: value is None or FINITE.holds(value), FINITE.expected)
+        return _or_none(FINITE)
     ending = next((rule for end, rule in BY_ENDING.items() if name.endswith(end)), FINITE)
     return BY_COLUMN.get(name, ending)
 
@@ -123,16 +124,13 @@ def expect_files(folder: Path) -> None:
 def check_step(file: Path, row: Mapping[str, Any], rules: Mapping[str, Rule]) -> None:
     """Raise InputError for the first value in a row of `steps` that its column does not allow."""
     for name, rule in rules.items():
-        if name in row and not rule.holds(row[name]):
+        if not rule.holds(row[name]):
             _refuse(file, name, row[name], row["step"], rule.expected)
-    wholes = {"truth_": "all three of the true pose", "recovery_": "all three of the recovery columns"}
-    wholes |= {"library_evidence_": "both columns of the library's evidence"}
-    wholes |= {"not_lost": "both columns of the second opinion"}
-    for start, what in wholes.items():
-        together = [name for name in row if name.startswith(start)]
-        if len({row[name] is None for name in together}) > 1:
-            missing = next(name for name in together if row[name] is None)
-            _refuse(file, missing, None, row["step"], f"{what} or none")
+    truth = [name for name in row if name.startswith("truth_")]
+    for together in (truth, *(list(columns) for _, columns in PARTS.values())):
+        missing = [name for name in together if row[name] is None]
+        if 0 < len(missing) < len(together):
+            _refuse(file, missing[0], None, row["step"], f"{', '.join(together)}, or none of them")
     if len(row["best_entries"]) != len(row["best_quality"]):
         _refuse(file, "best_quality", row["best_quality"], row["step"], "one for each of best_entries")
 

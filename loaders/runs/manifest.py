@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.reasons.causes import Failure
+from maurice_mcl.reasons.causes import CAUSES, Failure, Value
+from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, PROBABLY_LOST, SEARCHING, Episode
 from maurice_mcl.sensor.outside import package_of
 from maurice_mcl.values import NAMES, USUAL, Library, Radii
 
@@ -29,7 +31,6 @@ from ..formats.donkeycar import looks_like_tub
 from ..formats.video import ENDINGS as VIDEOS
 from ..libraries.files import MANIFEST, hash_file
 from ..reading.options import ReadingOptions, reading_from_json, reading_to_json
-from .failures import failure_to_json, failures_from_json
 
 FORMAT, COMPARISON = "maurice-run", "maurice-runs"
 VERSION = 2
@@ -219,6 +220,65 @@ def _units(value: Any) -> str:
     if value not in ("m", "in"):
         raise FieldError(f"found display_units {show(value)}, expected 'm' or 'in'")
     return str(value)
+
+
+# Failures: what a diagnosis found when the run ended.
+
+
+def failure_to_json(failure: Failure) -> dict[str, Any]:
+    """Return a failure as JSON; a number that is infinite or none, which JSON cannot hold, as null."""
+    kept = {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in failure.evidence.items()
+    }
+    return asdict(failure) | {"evidence": kept, "also": list(failure.also)}
+
+
+def failures_from_json(value: Any, steps: int | None) -> tuple[Failure, ...]:
+    """Return the failures of a run of so many steps; none of one that did not end. FieldError for others."""
+    failures = [] if steps is None else items(value, "failures")
+    return tuple(_failure(mapping(failure, "failures"), steps or 0) for failure in failures)
+
+
+def _failure(values: dict[str, Any], steps: int) -> Failure:
+    first = whole(values.get("first"), "failures.first")
+    episode = _episode(mapping(values["episode"], "failures.episode"))
+    named = [first, episode.first, episode.onset, episode.last]
+    if not 1 <= min(named) <= max(named) <= steps:
+        raise FieldError(f"found a failure from step {min(named)} to {max(named)}, expected 1 to {steps}")
+    return Failure(
+        _kind(values.get("kind")),
+        first,
+        episode,
+        {
+            str(name): _value(value)
+            for name, value in mapping(values.get("evidence"), "failures.evidence").items()
+        },
+        flag(values.get("truth_known"), "failures.truth_known"),
+        tuple(_kind(kind) for kind in items(values.get("also"), "failures.also")),
+    )
+
+
+def _episode(values: dict[str, Any]) -> Episode:
+    kind = values.get("kind")
+    if kind not in (KIDNAPPED, LOST, SEARCHING, PROBABLY_LOST):
+        raise FieldError(f"found episode {show(kind)}, expected kidnapped, lost, searching or probably-lost")
+    named: dict[str, Any] = {field.name: values.get(field.name) for field in fields(Episode)[1:]}
+    for name, value in named.items():
+        named[name] = None if value is None else whole(value, f"failures.episode.{name}")
+    return Episode(kind, **named)
+
+
+def _kind(value: Any) -> str:
+    if value not in CAUSES:
+        raise FieldError(f"found cause {show(value)}, expected one of {', '.join(CAUSES)}")
+    return str(value)
+
+
+def _value(value: Any) -> Value:
+    if value is None:
+        return math.inf
+    return text(value, "failures.evidence") if isinstance(value, str) else number(value, "failures.evidence")
 
 
 # what a folder is read from, beside pictures

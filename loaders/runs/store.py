@@ -23,7 +23,7 @@ from ..libraries.files import MANIFEST, hash_file
 from ..session_log.header import arena_from_json
 from .checks import check_cloud, check_step, check_update, expect_files, step_rules
 from .manifest import COMPARISON, CONFIGURATION, FORMAT, MAP, RunManifest, read_manifest, read_object
-from .writer import LATER, PARTICLES, RENEWED, TOOK, StepRows, steps_schema
+from .writer import PARTICLES, RENEWED, TOOK, StepRows, steps_schema
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,7 +138,6 @@ def _table(file: Path, schema: Mapping[str, Any]) -> pl.DataFrame:
     try:
         content = io.BytesIO(file.read_bytes())
         stored = pl.read_parquet_schema(content)
-        schema = {name: kind for name, kind in schema.items() if name in stored or name not in LATER}
         wrong = [name for name, kind in schema.items() if stored.get(name) != kind]
         if wrong:
             raise InputError(file, f"found no column {wrong[0]} as expected; was it made by another version?")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -131,13 +131,19 @@ RENEWED: dict[str, Any] = {**_CLOUD, "log_weight": pl.Float64, "parent": pl.Int3
 _POSE = ("x_m", "y_m", "heading_rad")
 _SPREAD = ("sd_x_m", "sd_y_m", "heading_sd_rad", "mass", "confidence", "converged")
 
-# what recovery compared, what the library as a whole says of a picture, and what a second filter says of the
-# estimate; runs saved by earlier versions do not have these columns
-RECOVERY: dict[str, Any] = {"recovery_compared": pl.String}
-RECOVERY |= {"recovery_threshold": pl.Float64, "recovery_found": pl.Float64}
-LIBRARY: dict[str, Any] = {"library_evidence_mean": pl.Float64, "library_evidence_best": pl.Float64}
-OPINION: dict[str, Any] = {"not_lost": pl.Float64, "not_lost_alarm": pl.Float64}
-LATER = {**RECOVERY, **LIBRARY, **OPINION}
+# Parts of a record that may be None, as all of their columns are then: what recovery compared, what the
+# library as a whole says of a picture, and what a second filter says of the estimate.
+PARTS: Mapping[str, tuple[type[Any], Mapping[str, Any]]] = {
+    "recovery_test": (
+        RecoveryTest,
+        {"recovery_compared": pl.String, "recovery_threshold": pl.Float64, "recovery_found": pl.Float64},
+    ),
+    "library_evidence": (
+        LibraryEvidence,
+        {"library_evidence_mean": pl.Float64, "library_evidence_best": pl.Float64},
+    ),
+    "opinion": (Opinion, {"not_lost": pl.Float64, "not_lost_alarm": pl.Float64}),
+}
 
 
 def steps_schema(channels: Sequence[str]) -> dict[str, Any]:
@@ -148,7 +154,8 @@ def steps_schema(channels: Sequence[str]) -> dict[str, Any]:
     schema: dict[str, Any] = {"step": pl.Int32, "time_s": pl.Float64}
     schema |= {"picture": pl.String, "picture_sha256": pl.String, "motions": pl.List(pl.List(pl.Float64))}
     schema |= dict.fromkeys(floats, pl.Float64)
-    schema |= LATER
+    for _, columns in PARTS.values():
+        schema |= columns
     schema |= {"events": pl.List(pl.String), "session_events": pl.List(pl.String)}
     schema |= {"best_entries": pl.List(pl.Int32), "best_quality": pl.List(pl.Float32)}
     return schema | {"particles": pl.Int32, TOOK: pl.Float64}
@@ -179,8 +186,9 @@ def _step_row(moment: Moment, record: StepRecord) -> dict[str, Any]:
     row |= {"calibrated_evidence": record.calibrated_evidence}
     evidences = zip(comparison.channels, record.channel_evidence.tolist(), strict=True)
     row |= {f"evidence_{name}": value for name, value in evidences}
-    row |= _recovery_columns(record.recovery_test) | _library_columns(record.library_evidence)
-    row |= _opinion_columns(record.opinion)
+    for part, (_, columns) in PARTS.items():
+        value = getattr(record, part)
+        row |= dict(zip(columns, astuple(value), strict=True)) if value else dict.fromkeys(columns)
     truth: list[Any] = [None] * len(_POSE) if moment.truth is None else moment.truth.tolist()
     row |= {f"truth_{name}": value for name, value in zip(_POSE, truth, strict=True)}
     row |= {"events": list(record.events), "session_events": list(moment.events)}
@@ -203,35 +211,10 @@ def _estimate_columns(kind: str, estimate: Estimate) -> dict[str, float]:
     return dict(zip(names, (*estimate.pose.tolist(), *spread), strict=True))
 
 
-def _recovery_columns(test: RecoveryTest | None) -> dict[str, Any]:
-    values = (None, None, None) if test is None else (test.compared, test.threshold, test.found)
-    return dict(zip(RECOVERY, values, strict=True))
-
-
-def _library_columns(evidence: LibraryEvidence | None) -> dict[str, Any]:
-    values = (None, None) if evidence is None else (evidence.mean, evidence.best)
-    return dict(zip(LIBRARY, values, strict=True))
-
-
-def _opinion_columns(opinion: Opinion | None) -> dict[str, Any]:
-    values = (None, None) if opinion is None else (opinion.not_lost, opinion.alarm_below)
-    return dict(zip(OPINION, values, strict=True))
-
-
-def _opinion_of(row: Mapping[str, Any]) -> Opinion | None:
-    return None if row.get("not_lost") is None else Opinion(*(row[name] for name in OPINION))
-
-
-def _library_of(row: Mapping[str, Any]) -> LibraryEvidence | None:
-    if row.get("library_evidence_mean") is None:
-        return None
-    return LibraryEvidence(*(row[name] for name in LIBRARY))
-
-
-def _recovery_of(row: Mapping[str, Any]) -> RecoveryTest | None:
-    if row.get("recovery_compared") is None:
-        return None
-    return RecoveryTest(*(row[name] for name in RECOVERY))
+def _part_of(row: Mapping[str, Any], part: str) -> Any:
+    kind, columns = PARTS[part]
+    values = [row[name] for name in columns]
+    return None if values[0] is None else kind(*values)
 
 
 def _cloud(step: int, belief: Belief) -> dict[str, Any]:
@@ -297,9 +280,9 @@ def record_of(rows: StepRows, frame: Frame, sighting: Sighting, origin: F64, rad
         belief=_belief_of(renewed, origin) if renewed.height else weighted,
         events=tuple(row["events"]),
         took_s={"all": row[TOOK]},
-        recovery_test=_recovery_of(row),
-        library_evidence=_library_of(row) or sighting.comparison.library_evidence,
-        opinion=_opinion_of(row),
+        recovery_test=_part_of(row, "recovery_test"),
+        library_evidence=_part_of(row, "library_evidence") or sighting.comparison.library_evidence,
+        opinion=_part_of(row, "opinion"),
     )
 
 

@@ -6,7 +6,7 @@ import base64
 import binascii
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -92,6 +92,11 @@ def parse_object(line: LogLine) -> dict[str, Any]:
         text = "found JSON nested too deeply or with an endless number, expected an object"
         raise FieldError(text) from None
     return mapping(value, "a line")
+
+
+def line_of(value: Mapping[str, Any]) -> bytes:
+    """Return an object as a line of a log, with its end."""
+    return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def _text(line: LogLine) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,14 +16,74 @@ from ..errors import InputError
 from ..files.pictures import PictureKind, encode_picture
 from ..files.text import MOST, MOST_T_S, up_to
 from ..files.writing import expect_absent
-from ..reading.recording import scan_fault
+from ..reading.recording import Motion, Note, OdometryPose, Readings, Record, Scan, TruthPose, scan_fault
 from .header import FORMAT, KINDS, Kind, header_to_json
-from .records import scan_to_json
+from .records import line_of, scan_to_json
 
 Numbers = F64 | Sequence[float]
 
 
-class SessionWriter:
+class LogLines:
+    """Records of a session as lines of a log; subclasses say where a line goes. Seconds, meters, radians."""
+
+    def odometry(self, t_s: float, motion: Numbers, encoders_m: Numbers | None = None) -> None:
+        """Write a movement (forward_m, left_m, turn_rad) since the last one, as the robot measured it.
+
+        `encoders_m` are the raw advances of the four wheels: front left, front right, rear left, rear right.
+        """
+        record: dict[str, Any] = {"odometry": _numbers(motion, 3, "odometry")}
+        if encoders_m is not None:
+            record["encoders_m"] = _numbers(encoders_m, 4, "encoders_m")
+        self._record(t_s, record)
+
+    def odometry_pose(self, t_s: float, pose: Numbers) -> None:
+        """Write the robot's pose by its odometry: x_m, y_m, heading_rad in a frame of the odometry's own."""
+        self._record(t_s, {"odometry_pose": _numbers(pose, 3, "odometry_pose")})
+
+    def scan(self, t_s: float, scan: LaserScan) -> None:
+        """Write a scan of a planar laser, its ranges to the last bit."""
+        fault = scan_fault(scan)
+        if fault:
+            raise ValueError(fault)
+        self._record(t_s, {"scan": scan_to_json(scan)})
+
+    def truth(self, t_s: float, pose: Numbers) -> None:
+        """Write where the robot really was: x_m, y_m, heading_rad."""
+        self._record(t_s, {"truth": _numbers(pose, 3, "truth")})
+
+    def reading(self, t_s: float, values: Mapping[str, float]) -> None:
+        """Write what sensors other than cameras measured: numbers by name, in whatever unit they have."""
+        numbers = _numbers(list(values.values()), len(values), "reading")
+        self._record(t_s, {"reading": dict(zip(values, numbers, strict=True))})
+
+    def event(self, t_s: float, text: str) -> None:
+        """Write what happened, in free text (`kidnapped`, `floor carpet`, `lights off`)."""
+        self._record(t_s, {"event": text})
+
+    def add(self, record: Record) -> None:
+        """Write a record that is no picture."""
+        if isinstance(record, Motion):
+            self.odometry(record.t_s, record.motion, record.encoders_m)
+        elif isinstance(record, OdometryPose):
+            self.odometry_pose(record.t_s, record.pose)
+        elif isinstance(record, TruthPose):
+            self.truth(record.t_s, record.pose)
+        elif isinstance(record, Note):
+            self.event(record.t_s, record.text)
+        elif isinstance(record, Readings):
+            self.reading(record.t_s, record.values)
+        elif isinstance(record, Scan):
+            self.scan(record.t_s, record.scan)
+
+    def image(self, t_s: float, image_rgb: U8, *, camera: str | None = None) -> object:
+        """Write an RGB picture (H, W, 3)."""
+        raise NotImplementedError
+
+    def _record(self, t_s: float, record: dict[str, Any]) -> None:
+        raise NotImplementedError
+
+
+class SessionWriter(LogLines):
     """A session log or survey log being written; every line is flushed complete. Use it as a context manager.
 
     Times in seconds, meters, radians. Pictures (H, W, 3) uint8 RGB go to `pictures/` beside the log, named
@@ -53,32 +112,11 @@ class SessionWriter:
         self._path, self._kind, self._form, self._force = path, kind, pictures, force
         self._last_t_s = -np.inf
         self._pictures = 0
-        header = _line(header_to_json(info, kind, path.parent))  # before the file is touched
+        header = line_of(header_to_json(info, kind, path.parent))  # before the file is touched
         if force:
             expect_absent(path, force=force, form=FORMAT)
         self._file = _create(path, "found a log already", force)
         self._put(header)
-
-    def odometry(self, t_s: float, motion: Numbers, encoders_m: Numbers | None = None) -> None:
-        """Write a movement (forward_m, left_m, turn_rad) since the last one, as the robot measured it.
-
-        `encoders_m` are the raw advances of the four wheels: front left, front right, rear left, rear right.
-        """
-        record: dict[str, Any] = {"odometry": _numbers(motion, 3, "odometry")}
-        if encoders_m is not None:
-            record["encoders_m"] = _numbers(encoders_m, 4, "encoders_m")
-        self._record(t_s, record)
-
-    def odometry_pose(self, t_s: float, pose: Numbers) -> None:
-        """Write the robot's pose by its odometry: x_m, y_m, heading_rad in a frame of the odometry's own."""
-        self._record(t_s, {"odometry_pose": _numbers(pose, 3, "odometry_pose")})
-
-    def scan(self, t_s: float, scan: LaserScan) -> None:
-        """Write a scan of a planar laser, its ranges to the last bit."""
-        fault = scan_fault(scan)
-        if fault:
-            raise ValueError(fault)
-        self._record(t_s, {"scan": scan_to_json(scan)})
 
     def image(
         self,
@@ -114,19 +152,6 @@ class SessionWriter:
     ) -> None:
         """Write the line of a picture that exists already, by its path relative to the log."""
         self._record(t_s, {"image": relative_path} | self._image_record(pose, covered, camera))
-
-    def truth(self, t_s: float, pose: Numbers) -> None:
-        """Write where the robot really was: x_m, y_m, heading_rad."""
-        self._record(t_s, {"truth": _numbers(pose, 3, "truth")})
-
-    def reading(self, t_s: float, values: Mapping[str, float]) -> None:
-        """Write what sensors other than cameras measured: numbers by name, in whatever unit they have."""
-        numbers = _numbers(list(values.values()), len(values), "reading")
-        self._record(t_s, {"reading": dict(zip(values, numbers, strict=True))})
-
-    def event(self, t_s: float, text: str) -> None:
-        """Write what happened, in free text (`kidnapped`, `floor carpet`, `lights off`)."""
-        self._record(t_s, {"event": text})
 
     def close(self) -> None:
         """Close the file; closing twice does no harm."""
@@ -164,7 +189,7 @@ class SessionWriter:
 
     def _record(self, t_s: float, record: dict[str, Any]) -> None:
         self._check_time(t_s)
-        self._put(_line({"t": float(t_s)} | record))
+        self._put(line_of({"t": float(t_s)} | record))
         self._last_t_s = float(t_s)
 
     def _put(self, line: bytes) -> None:
@@ -190,10 +215,6 @@ def _clear_errors(file: Path) -> Iterator[None]:
         yield
     except OSError as problem:
         raise InputError(file, f"cannot be written: {problem.strerror}") from None
-
-
-def _line(value: dict[str, Any]) -> bytes:
-    return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
 def _numbers(values: Numbers, count: int, what: str) -> list[float]:

@@ -13,10 +13,10 @@ from maurice_datasets.render.laser import (
     RANGE_SD_M,
     REACH_M,
     SimulatedLaser,
-    cast,
     occupancy_of,
 )
 from maurice_datasets.worlds.build import load_world
+from maurice_datasets.worlds.world import cast
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.laser import FREE, OCCUPIED
 

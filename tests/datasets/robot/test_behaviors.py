@@ -14,10 +14,10 @@ from maurice_datasets.robot.behaviors import (
     Stride,
     Wander,
     choose,
-    distances,
     sense,
 )
 from maurice_datasets.robot.drive import BEHAVIORS
+from maurice_datasets.worlds.world import cast, segments_of
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.map import Arena, Region
 
@@ -100,7 +100,7 @@ ORIGIN = np.zeros(3)
 
 
 def test_readings_are_those_of_geometry():
-    found = distances(ARENA, ORIGIN[:2], np.array([0.0, np.pi, 3 * np.pi / 4, np.pi / 2, np.pi / 4]))
+    found = cast(ORIGIN[:2], np.array([0.0, np.pi, 3 * np.pi / 4, np.pi / 2, np.pi / 4]), segments_of(ARENA))
     assert found[:3] == pytest.approx([2.0, 1.0, np.sqrt(2)])
     assert np.isinf(found[3:]).all()
     empty = Arena((-1, -1, 1, 1), np.zeros((0, 4)))

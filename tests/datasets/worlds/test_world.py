@@ -43,7 +43,7 @@ def test_inside_tells_points_whichever_way_round():
 def test_distances_and_floors_by_hand():
     start, end = np.array([[0.0, 0], [9, 9]]), np.array([[4.0, 0], [9, 9]])
     points = np.array([[2, 3], [7, 4], [-3, -4], [9, 8]])
-    assert segment_distance(points, start, end) == pytest.approx([3, 5, 5, 1])
+    assert segment_distance(points, np.concatenate([start, end], axis=1)) == pytest.approx([3, 5, 5, 1])
     points = np.array([[8, 1], [4.5, 6], [2, 6.5], [2, 5.6], [5, 3]])
     assert clearance(arena(), points) == pytest.approx([1, 0.5, 0, 0.4, 1])
     assert floor_at(arena(), 2, 1.5) == "carpet"

@@ -17,7 +17,6 @@ import pytest
 from polars.testing import assert_frame_equal
 
 from maurice_loaders.errors import InputError
-from maurice_loaders.export.tables import ExportStep, table_row
 from maurice_loaders.libraries.files import hash_file
 from maurice_loaders.runs import writer as writing
 from maurice_loaders.runs.manifest import (
@@ -105,19 +104,6 @@ def test_best_entries_and_evidences_can_be_read_without_the_project(save_run: Sa
     moment, record = played[0]
     rows = writing.rows_of(replace(moment, truth=None), record)
     assert writing.moment_of(rows, moment.frame.image).truth is None
-
-
-def test_runs_saved_before_recovery_wrote_what_it_compared_are_read(save_run: Save) -> None:
-    folder, played = save_run(**THRESHOLD)
-    for file in (folder / "steps").glob("*.parquet"):
-        pl.read_parquet(file).drop(writing.RECOVERY).write_parquet(file)
-    saved = opened(folder)
-    origin = np.array(saved.manifest.origin_m)
-    for rows, (moment, record) in zip(saved.steps(), played, strict=True):
-        found = writing.record_of(rows, moment.frame, record.sighting, origin, saved.manifest.radii)
-        assert_same(found, replace(record, recovery_test=None))
-        assert first_difference(rows, writing.rows_of(moment, record)) is None  # `verify` agrees
-        assert table_row(ExportStep(rows, 0.0, record.estimate.pose, None, np.zeros(3)))["step"]
 
 
 def test_a_run_whose_configuration_lacks_a_key_is_refused(save_run: Save) -> None:

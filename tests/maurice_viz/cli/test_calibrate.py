@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 import pytest
 
+from benchmarks.thesis.calibration_drive import TrialPlan, calibration_drive
 from helpers.commands import failure, run, runs_of
 from helpers.trials import write_trials
-from maurice_datasets.robot.motion import TrialPlan, calibration_drive
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.values.geometry import compose

@@ -7,15 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from maurice_datasets.robot.motion import (
-    Chassis,
-    Luck,
-    TrialPlan,
-    calibration_drive,
-    drive_by,
-    floor_everywhere,
-    turn_by,
-)
+from benchmarks.thesis.calibration_drive import TrialPlan, calibration_drive, floor_everywhere
+from maurice_datasets.robot.motion import Chassis, Luck, drive_by, turn_by
 from maurice_mcl.fitting.motion import Calibration, MotionSegment, calibrate, trials_of
 
 CHASSIS = Chassis()
