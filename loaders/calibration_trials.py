@@ -59,11 +59,11 @@ def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Ro
             raise InputError(file, f"found kind {show(row['kind'])}, expected turn or straight", line)
         straight = kind == "straight"
         unit = meters if straight else math.pi / 180
-        measured, actual = (number_in(file, line, name, row[name]) * unit for name in ("measured", "actual"))
+        measured, actual = (number_in(file, line, row[name], name) * unit for name in ("measured", "actual"))
         if measured == 0:
             raise InputError(file, "found measured 0, expected a movement", line)
         given = (row.get("heading_error_deg") or "").strip()
-        drift = math.radians(number_in(file, line, "heading_error_deg", given)) if given else math.nan
+        drift = math.radians(number_in(file, line, given, "heading_error_deg")) if given else math.nan
         yield _Row(straight, measured, actual, drift, (row.get("floor") or "").strip())
 
 

@@ -20,8 +20,6 @@ from typing import Any, Protocol, TextIO
 
 import numpy as np
 import polars as pl
-import pyarrow as pa  # type: ignore[import-untyped]  # has no types
-import pyarrow.parquet as pq  # type: ignore[import-untyped]  # has no types
 
 from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.values import F64, U8, LaserScan, compose
@@ -82,7 +80,6 @@ def _pose(rows: StepRows, kind: str) -> F64:
 
 LEFT_OUT = ("picture_sha256", "motions", "best_entries", "best_quality", "events", "session_events")
 TEXTS = ("events", "session_events")  # lists in a saved run; one text here
-GROUP_ROWS = 2000  # of a Parquet file are written at once; no more are held
 
 
 def table_columns(channels: Sequence[str]) -> dict[str, type]:
@@ -101,58 +98,35 @@ def table_row(step: ExportStep) -> dict[str, Any]:
     return row | {name: "; ".join(row[name]) for name in TEXTS}
 
 
-class CsvSink:
-    """Writes one row per update."""
+class TableSink:
+    """Collects one row per update, never the clouds."""
 
-    def __init__(self, writer: csv.DictWriter[str]) -> None:
-        self._writer = writer
-
-    def add(self, step: ExportStep, image: U8 | None) -> None:
-        """Write one update."""
-        self._writer.writerow(table_row(step))
-
-
-@contextmanager
-def csv_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[CsvSink]:
-    """Open a CSV file (RFC 4180, UTF-8, a header line). Raises InputError as for `filling`."""
-    with filling(file, force=force) as part, part.open("w", encoding="utf-8", newline="") as out:
-        writer = csv.DictWriter(
-            out, list(table_columns(channels)), extrasaction="ignore", lineterminator="\n"
-        )
-        writer.writeheader()
-        yield CsvSink(writer)
-
-
-class ParquetSink:
-    """Writes groups of rows, so that memory holds no more than one."""
-
-    def __init__(self, writer: Any, schema: Any) -> None:
-        self._writer, self._schema = writer, schema
-        self._rows: list[dict[str, Any]] = []
+    def __init__(self, channels: Sequence[str]) -> None:
+        self.columns = table_columns(channels)
+        self.rows: list[dict[str, Any]] = []
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
         """Take in one update."""
         row = table_row(step)
-        self._rows.append({name: row.get(name) for name in self._schema.names})
-        if len(self._rows) >= GROUP_ROWS:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write what is waiting."""
-        if self._rows:
-            self._writer.write_table(pa.Table.from_pylist(self._rows, self._schema))
-        self._rows = []
+        self.rows.append({name: row.get(name) for name in self.columns})
 
 
 @contextmanager
-def parquet_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[ParquetSink]:
-    """Open a Parquet file. Raises InputError as for `filling`."""
-    kinds = {int: pa.int32(), float: pa.float64(), str: pa.string()}
-    schema = pa.schema([(name, kinds[kind]) for name, kind in table_columns(channels).items()])
-    with filling(file, force=force) as part, pq.ParquetWriter(part, schema, compression="zstd") as writer:
-        sink = ParquetSink(writer, schema)
+def table_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[TableSink]:
+    """Open a CSV file (RFC 4180, UTF-8, a header line), or Parquet by its ending. InputError as `filling`."""
+    with filling(file, force=force) as part:
+        sink = TableSink(channels)
         yield sink
-        sink.flush()
+        if file.suffix == ".parquet":
+            kinds = {int: pl.Int32, float: pl.Float64, str: pl.String}
+            table = pl.DataFrame(sink.rows, {name: kinds[kind] for name, kind in sink.columns.items()})
+            with part.open("wb") as content:  # not by name: a name with a star in it is taken for a pattern
+                table.write_parquet(content, compression="zstd")
+            return
+        with part.open("w", encoding="utf-8", newline="") as out:
+            writer = csv.DictWriter(out, list(sink.columns), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(sink.rows)
 
 
 # Paths as text that evo, rpg_trajectory_evaluation and others read: TUM and KITTI.

@@ -22,19 +22,25 @@ def expect_regular(file: Path, expected: str) -> None:
         raise InputError(file, f"found no regular file, expected {expected}; save it to a file first")
 
 
+@contextmanager
+def reading(file: Path, wanted: str) -> Iterator[None]:
+    """Turn what the system says while a file is read into an InputError; a device or pipe is one at once."""
+    expect_regular(file, wanted)
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(file, f"found no such file, expected {wanted}; check the path") from None
+    except OSError as problem:
+        raise InputError(file, f"cannot be read: {problem.strerror or problem}") from None
+
+
 def read_bounded(file: Path, wanted: str, most_bytes: int) -> bytes:
     """Return what a regular file holds. InputError for any other, a larger one, and one that cannot be read.
 
     A pipe would wait forever, and a device such as `/dev/zero` has no end.
     """
-    expect_regular(file, wanted)
-    try:
-        with file.open("rb") as data:
-            content = data.read(most_bytes + 1)
-    except FileNotFoundError:
-        raise InputError(file, f"found no such file, expected {wanted}; check the path") from None
-    except OSError as problem:
-        raise InputError(file, f"cannot be read: {problem.strerror or problem}") from None
+    with reading(file, wanted), file.open("rb") as data:
+        content = data.read(most_bytes + 1)
     if len(content) > most_bytes:
         size = f"more than {most_bytes / 1e6:g} MB"
         raise InputError(file, f"found {size}, expected {wanted} of at most that size; is it another file?")
@@ -67,27 +73,15 @@ def pictures_in(folder: Path) -> list[Path]:
 Row = TypeVar("Row")
 
 
-@contextmanager
-def _reading(file: Path, regular: str, wanted: str, form: str, *errors: type[Exception]) -> Iterator[None]:
-    expect_regular(file, regular)
-    unreadable: tuple[type[Exception], ...] = (OSError, UnicodeDecodeError, *errors)
-    try:
-        yield
-    except FileNotFoundError:
-        raise InputError(file, f"found no such file, expected {wanted}; check the path") from None
-    except unreadable as problem:
-        raise InputError(file, f"cannot be read as {form}: {problem}") from None
-
-
 def read_csv(
     file: Path, wanted: str, each: str, parse: Callable[[csv.DictReader[str]], Iterator[Row]]
 ) -> list[Row]:
     """Read a CSV table row by row. Raises InputError if it cannot be read, or has no rows."""
-    with (
-        _reading(file, wanted, wanted, "a CSV table", csv.Error),
-        file.open(newline="", encoding="utf-8-sig") as data,
-    ):
-        rows = list(parse(csv.DictReader(data)))
+    try:
+        with reading(file, wanted), file.open(newline="", encoding="utf-8-sig") as data:
+            rows = list(parse(csv.DictReader(data)))
+    except (UnicodeDecodeError, csv.Error) as problem:
+        raise InputError(file, f"cannot be read as a CSV table: {problem}") from None
     if not rows:
         raise InputError(file, f"found no rows, expected one a {each}")
     return rows
@@ -263,20 +257,20 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
     return value
 
 
-# Cells of CSV tables: a number, or one line that says where it is none.
+# Cells of tables: a number, or one line that says where it is none.
 
 
-def number_in(file: Path, line: int, column: str, value: str | None) -> float:
-    """Read a finite number of sensible size. Raises InputError naming file, line and column otherwise."""
+def number_in(file: Path, line: int, word: str | None, what: str, most: float = MOST) -> float:
+    """Read a finite number of sensible size. Raises InputError naming file and line otherwise."""
     try:
-        number = float(value or "")
+        value = float(word or "")
     except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        raise InputError(file, f"found {show(value)} in column {column!r}, expected a finite number", line)
-    if abs(number) > MOST:
-        raise InputError(file, f"found {show(value)} in column {column!r}, expected {up_to()}", line)
-    return number
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(file, f"found {what} {show(word)}, expected a finite number", line)
+    if abs(value) > most:
+        raise InputError(file, f"found {what} {show(word)}, expected {up_to(most)}", line)
+    return value
 
 
 # Values as TOML. `tomli-w` writes neither inline tables nor comments behind values, which our files have.

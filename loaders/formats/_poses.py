@@ -18,6 +18,7 @@ from maurice_mcl.values import F64, U8, SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import decode_picture, picture_in
 from ..files.text import MOST_T_S, show, time_falls, up_to
+from ..reading.options import ReadingOptions
 from ..reading.plane import OutOfPlane, Plane, Pose, forward_axis, planar, plane_of, rotation
 from ..reading.recording import Note, OdometryPose, Picture, Record, TruthPose
 from ..reading.time_alignment import PER_SECOND, TimeSpan, apart, detect_unit, offset_between, seconds
@@ -181,14 +182,15 @@ class PoseFile(_TimedFile):
 def pose_file(
     file: Path | None,
     kind: type[OdometryPose] | type[TruthPose],
-    unit: str | None,
-    offset_s: float,
-    wanted: str | None,
+    options: ReadingOptions,
+    layout: Layout | None = None,
+    unit: str | None = None,
 ) -> PoseFile | None:
-    """Return a file of poses; None where there is none."""
+    """Return a file of poses; None where there is none. `unit` is what its head says of the times."""
     if file is None or not file.is_file():
         return None
-    return PoseFile(file, kind, Layout(), unit, offset_s, wanted)
+    offset_s = options.odometry_offset_s if kind is OdometryPose else options.truth_offset_s
+    return PoseFile(file, kind, layout or Layout(), options.time_unit or unit, offset_s, options.plane)
 
 
 def first_file(folder: Path, names: Sequence[str]) -> Path | None:

@@ -15,7 +15,7 @@ from typing import BinaryIO
 from maurice_mcl.values import INCH_M
 
 from ..errors import InputError
-from ..files.text import MOST, expect_regular, show, up_to
+from ..files.text import MOST, number_in, reading
 from ..reading.time_alignment import PER_SECOND
 
 MAX_ROW_BYTES = 2**20  # a laser scan has ten thousand
@@ -63,10 +63,9 @@ def begin_lines(file: Path, size: int = 4096) -> list[str]:
 
 def rows(file: Path) -> Iterator[Row]:
     """Yield all lines that are not empty. Raises InputError for what is no text, cut (gzip) or not there."""
-    expect_regular(file, "a table")
     number = 0
-    try:
-        with open_bytes(file) as data:
+    with reading(file, "a table"), open_bytes(file) as data:
+        try:
             while line := data.readline(MAX_ROW_BYTES + 1):
                 number += 1
                 if len(line) > MAX_ROW_BYTES:
@@ -76,14 +75,10 @@ def rows(file: Path) -> Iterator[Row]:
                     raise InputError(file, "found binary data, expected text", number)
                 if text:
                     yield Row(number, text)
-    except FileNotFoundError:
-        raise InputError(file, "found no such file, expected a table; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(file, "found bytes that are not UTF-8, expected text", number) from None
-    except (EOFError, zlib.error, gzip.BadGzipFile) as problem:
-        raise InputError(file, f"cannot be unpacked after line {number}: {problem}") from None
-    except OSError as problem:
-        raise InputError(file, f"cannot be read: {problem.strerror}") from None
+        except UnicodeDecodeError:
+            raise InputError(file, "found bytes that are not UTF-8, expected text", number) from None
+        except (EOFError, zlib.error, gzip.BadGzipFile) as problem:
+            raise InputError(file, f"cannot be unpacked after line {number}: {problem}") from None
 
 
 def words_of(text: str, most: int = -1) -> list[str]:
@@ -108,15 +103,7 @@ def is_number(word: str) -> bool:
 
 def number_of(file: Path, row: Row, word: str, what: str, most: float = MOST) -> float:
     """Read a finite number of sensible size. Raises InputError naming file and line otherwise."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(file, f"found {what} {show(word)}, expected a finite number", row.number)
-    if abs(value) > most:
-        raise InputError(file, f"found {what} {show(word)}, expected {up_to(most)}", row.number)
-    return value
+    return number_in(file, row.number, word, what, most)
 
 
 # The head of a CSV table: what separates its columns, and what they are called.

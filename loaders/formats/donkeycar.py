@@ -19,7 +19,7 @@ from maurice_mcl.values import Camera, SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, items, mapping, number, read_json, text, whole
 from ..reading.options import ReadingOptions
-from ..reading.recording import Picture, Record
+from ..reading.recording import Picture, Record, camera_named
 from ._poses import read_picture
 from ._tables import Row, begin_lines, rows
 from .registry import Format
@@ -88,14 +88,13 @@ def open_donkeycar(path: Path, options: ReadingOptions) -> TubRecording:
         reason = f"is no manifest of a tub of version 2 ({problem}), expected columns, types and catalogs"
         raise InputError(file, reason) from None
     cameras = [name for name, kind in zip(names, types, strict=False) if kind == PICTURES]
-    camera = options.camera or next(iter(cameras), None)
-    if camera not in cameras or not catalogs:
-        known = ", ".join(map(str, cameras)) or "none"
-        wanted = "a camera and a catalog" if options.camera is None else f"{camera!r} among them"
-        raise InputError(file, f"found cameras {known} and {len(catalogs)} catalogs, expected {wanted}")
-    info = SessionInfo(path.resolve().name, cameras=(Camera(str(camera)),))
+    camera = camera_named(file, list(map(str, cameras)), options.camera)
+    if camera is None or not catalogs:
+        counts = f"found {len(cameras)} cameras and {len(catalogs)} catalogs"
+        raise InputError(file, f"{counts}, expected at least one of each")
+    info = SessionInfo(path.resolve().name, cameras=(Camera(camera),))
     files = tuple(path / name for name in catalogs)
-    return TubRecording(path, info, str(camera), files, frozenset(deleted))
+    return TubRecording(path, info, camera, files, frozenset(deleted))
 
 
 def looks_like_tub(path: Path) -> bool:

@@ -18,11 +18,11 @@ from maurice_mcl.values import F64, Camera, SessionInfo
 from ..errors import InputError
 from ..files.text import PICTURES
 from ..reading.options import ReadingOptions
-from ..reading.recording import OdometryPose, TruthPose
+from ..reading.recording import OdometryPose, TruthPose, camera_named
 from ..reading.time_alignment import unit_in
-from ._poses import Layout, PictureList, PoseFile, TimedFolder, layout_of
+from ._poses import Layout, PictureList, PoseFile, TimedFolder, layout_of, pose_file
 from ._tables import begin_lines, begin_of, words_of
-from .registry import Format
+from .registry import pose_format
 
 # What an EuRoC camera's `sensor.yaml` says: size, angle of view, and where the camera looks on the body.
 
@@ -110,12 +110,12 @@ def open_euroc(path: Path, options: ReadingOptions) -> TimedFolder:
     cameras = [sensor for sensor in sensors if sensor.has_pictures]
     if not sensors:
         raise InputError(path, f"found no {TABLE} below it, expected an EuRoC / ASL folder")
-    camera = _camera(path, cameras, options.camera)
+    name = camera_named(path, [sensor.name for sensor in cameras], options.camera)
+    camera = next((sensor for sensor in cameras if sensor.name == name), None)
     poses = [sensor for sensor in sensors if not sensor.has_pictures and sensor.layout]
     truth = _named(poses, TRUTHS)
     odometry = _named(poses, ODOMETRY)
-    went = None if odometry is None else _pose_file(odometry, OdometryPose, options)
-    true = None if truth is None else _pose_file(truth, TruthPose, options)
+    went, true = _poses(odometry, OdometryPose, options), _poses(truth, TruthPose, options)
     described = (
         None if camera is None else camera_of(camera.file.with_name(DESCRIBED), camera.name, true or went)
     )
@@ -158,16 +158,6 @@ def _columns(file: Path) -> list[str]:
     return list(USUAL) if len(words) >= len(USUAL) and file.parent.name.startswith(TRUTHS) else []
 
 
-def _camera(path: Path, cameras: Sequence[_Sensor], wanted: str | None) -> _Sensor | None:
-    if wanted is None:
-        return cameras[0] if cameras else None
-    for camera in cameras:
-        if camera.name == wanted:
-            return camera
-    names = ", ".join(camera.name for camera in cameras) or "no camera"
-    raise InputError(path, f"found {names}, expected {wanted!r} among them")
-
-
 def _named(sensors: Sequence[_Sensor], words: Sequence[str]) -> _Sensor | None:
     for word in words:
         for sensor in sensors:
@@ -181,12 +171,12 @@ def _pictures(camera: _Sensor, options: ReadingOptions) -> PictureList:
     return PictureList(camera.file, camera.file.parent / "data", 1, unit, options.pictures_outside)
 
 
-def _pose_file(
-    sensor: _Sensor, kind: type[OdometryPose] | type[TruthPose], options: ReadingOptions
-) -> PoseFile:
-    offset_s = options.odometry_offset_s if kind is OdometryPose else options.truth_offset_s
-    unit = options.time_unit or sensor.unit
-    return PoseFile(sensor.file, kind, sensor.layout or Layout(), unit, offset_s, options.plane)
+def _poses(
+    sensor: _Sensor | None, kind: type[OdometryPose] | type[TruthPose], options: ReadingOptions
+) -> PoseFile | None:
+    if sensor is None:
+        return None
+    return pose_file(sensor.file, kind, options, sensor.layout or Layout(), sensor.unit)
 
 
 def _about(camera: Camera | None, poses: PoseFile | None) -> list[str]:
@@ -221,13 +211,7 @@ def _remarks(
 
 
 FORMATS = (
-    Format(
-        "euroc",
-        "an EuRoC / ASL folder: a data.csv for each sensor, pictures",
-        looks_euroc,
-        open_euroc,
-        shifts=True,
-        in_space=True,
-        takes_unit=True,
+    pose_format(
+        "euroc", "an EuRoC / ASL folder: a data.csv for each sensor, pictures", looks_euroc, open_euroc
     ),
 )

@@ -21,7 +21,7 @@ from maurice_mcl.values import F64, Camera, SessionInfo
 from ..errors import InputError, ReadingNotes
 from ..files.text import MOST_T_S, show
 from ..reading.options import ReadingOptions
-from ..reading.recording import Picture, Record, TruthPose
+from ..reading.recording import Picture, Record, TruthPose, camera_named
 from ..reading.time_alignment import clock_s
 from ._poses import first_file, read_picture
 from ._tables import Row, begin_lines, number_of, rows, words_of
@@ -129,12 +129,7 @@ def open_sequence(path: Path, options: ReadingOptions) -> KittiRecording:
     folders = [path / name for name in (*CAMERAS, *RAW) if (path / name).is_dir()]
     if not folders:
         raise InputError(path, "found none of image_0 to image_3, expected a KITTI odometry sequence")
-    folder = folders[0]
-    if options.camera is not None:
-        folder = path / options.camera
-        if folder not in folders:
-            names = ", ".join(camera.name for camera in folders)
-            raise InputError(path, f"found cameras {names}, expected {options.camera!r} among them")
+    folder = path / str(camera_named(path, [folder.name for folder in folders], options.camera))
     name = path.resolve().name
     places = (
         *poses_beside(path),

@@ -15,10 +15,10 @@ from maurice_mcl.values import Camera, SessionInfo
 
 from ..errors import InputError
 from ..reading.options import ReadingOptions
-from ..reading.recording import OdometryPose, TruthPose
+from ..reading.recording import OdometryPose, TruthPose, camera_named
 from ._poses import PictureList, TimedFolder, first_file, pose_file
 from ._tables import begin_lines
-from .registry import Format
+from .registry import pose_format
 
 NAMES = ("color", "fisheye1", "fisheye2", "infra1", "infra2")
 PICTURES = (*(f"{name}.txt" for name in NAMES), "d400_color.txt", "t265_fisheye1.txt", "t265_fisheye2.txt")
@@ -36,19 +36,14 @@ def open_openloris(path: Path, options: ReadingOptions) -> TimedFolder:
     listed = [path / name for name in PICTURES if (path / name).is_file()]
     if not listed:
         raise InputError(path, f"found no {PICTURES[0]} in it, expected an OpenLORIS folder")
-    chosen = listed[0]
-    if options.camera is not None:
-        chosen = path / f"{options.camera}.txt"
-        if chosen not in listed:
-            names = ", ".join(file.stem for file in listed)
-            raise InputError(path, f"found cameras {names}, expected {options.camera!r} among them")
-    unit = options.time_unit
+    camera = camera_named(path, [file.stem for file in listed], options.camera)
+    chosen = path / f"{camera}.txt"
     return TimedFolder(
         path,
         SessionInfo(path.resolve().name, cameras=_cameras(path, chosen.stem)),
-        PictureList(chosen, path, unit=unit, outside=options.pictures_outside),
-        pose_file(path / "odom.txt", OdometryPose, unit, options.odometry_offset_s, options.plane),
-        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s, options.plane),
+        PictureList(chosen, path, unit=options.time_unit, outside=options.pictures_outside),
+        pose_file(path / "odom.txt", OdometryPose, options),
+        pose_file(first_file(path, TRUTH), TruthPose, options),
     ).check()
 
 
@@ -92,14 +87,5 @@ def _yaw(file: Path, sensor: str) -> float:
     return 0.0
 
 
-FORMATS = (
-    Format(
-        "openloris",
-        "an OpenLORIS-Scene folder: color.txt, odom.txt, pictures",
-        looks_openloris,
-        open_openloris,
-        shifts=True,
-        in_space=True,
-        takes_unit=True,
-    ),
-)
+WHAT = "an OpenLORIS-Scene folder: color.txt, odom.txt, pictures"
+FORMATS = (pose_format("openloris", WHAT, looks_openloris, open_openloris),)

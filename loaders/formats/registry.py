@@ -73,6 +73,11 @@ class Format:
         return () if self.ours else (f"read as {self.name}, {self.what}",)
 
 
+def pose_format(name: str, what: str, looks_like: Callable[[Path], bool], opening: Opening) -> Format:
+    """Return a format of poses in space, in files of which each has its own clock."""
+    return Format(name, what, looks_like, opening, shifts=True, in_space=True, takes_unit=True)
+
+
 @cache
 def formats() -> dict[str, Format]:
     """Return all formats by name, in the order in which they are asked."""

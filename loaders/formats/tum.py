@@ -13,9 +13,9 @@ from ..errors import InputError
 from ..reading.options import ReadingOptions
 from ..reading.recording import OdometryPose, TruthPose
 from ..reading.time_alignment import unit_in
-from ._poses import COMMENTS, Layout, PictureList, PoseFile, TimedFolder, first_file, layout_of, pose_file
+from ._poses import COMMENTS, Layout, PictureList, TimedFolder, first_file, layout_of, pose_file
 from ._tables import NAMES, begin_lines, is_number, names_columns, words_of
-from .registry import Format
+from .registry import pose_format
 
 PICTURES = "rgb.txt"
 PAIRED = ("associated.txt", "associations.txt", "associate.txt")  # time and picture twice: color and depth
@@ -28,13 +28,12 @@ def open_tum(path: Path, options: ReadingOptions) -> TimedFolder:
     listed = _listed(path)
     if listed is None:
         raise InputError(path, f"found no {PICTURES} in it, expected a TUM RGB-D folder")
-    unit = options.time_unit
     return TimedFolder(
         path,
         SessionInfo(path.resolve().name),
-        PictureList(listed, path, _color_column(listed), unit, options.pictures_outside),
-        pose_file(first_file(path, ODOMETRY), OdometryPose, unit, options.odometry_offset_s, options.plane),
-        pose_file(first_file(path, TRUTH), TruthPose, unit, options.truth_offset_s, options.plane),
+        PictureList(listed, path, _color_column(listed), options.time_unit, options.pictures_outside),
+        pose_file(first_file(path, ODOMETRY), OdometryPose, options),
+        pose_file(first_file(path, TRUTH), TruthPose, options),
     ).check()
 
 
@@ -42,8 +41,7 @@ def open_trajectory(path: Path, options: ReadingOptions) -> TimedFolder:
     """Open a trajectory by itself; its poses are the truth."""
     names = _names(path)
     layout = (layout_of(names) if names else None) or Layout()
-    unit = options.time_unit or (unit_in(names[0]) if names else None)
-    truth = PoseFile(path, TruthPose, layout, unit, options.truth_offset_s, options.plane)
+    truth = pose_file(path, TruthPose, options, layout, unit_in(names[0]) if names else None)
     return TimedFolder(path, SessionInfo(path.stem), None, None, truth).check()
 
 
@@ -93,22 +91,8 @@ def _is_poses(names: list[str]) -> bool:
 
 
 FORMATS = (
-    Format(
-        "tum",
-        "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures",
-        looks_tum,
-        open_tum,
-        shifts=True,
-        in_space=True,
-        takes_unit=True,
-    ),
-    Format(
-        "tum-trajectory",
-        "poses alone: t x y z qx qy qz qw a line",
-        looks_like_trajectory,
-        open_trajectory,
-        shifts=True,
-        in_space=True,
-        takes_unit=True,
+    pose_format("tum", "a TUM RGB-D folder: rgb.txt, groundtruth.txt, pictures", looks_tum, open_tum),
+    pose_format(
+        "tum-trajectory", "poses alone: t x y z qx qy qz qw a line", looks_like_trajectory, open_trajectory
     ),
 )

@@ -6,7 +6,7 @@ Meters, radians, seconds; x forward, y left, headings counter-clockwise (docs/se
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -115,6 +115,14 @@ class Recording(Protocol):
 
     def records(self, notes: ReadingNotes) -> Iterator[Record]:
         """Read lazily from the beginning, in time order; broken parts go to `notes`. InputError."""
+
+
+def camera_named(path: Path, known: Sequence[str], wanted: str | None, line: int | None = None) -> str | None:
+    """Return the camera to read: as wanted, else the first. InputError for one that is not there."""
+    if wanted is not None and wanted not in known:
+        names = ", ".join(known) or "none"
+        raise InputError(path, f"found cameras {names}, expected {wanted!r} among them", line)
+    return wanted or next(iter(known), None)
 
 
 def checked(recording: Recording, notes: ReadingNotes) -> Iterator[Record]:

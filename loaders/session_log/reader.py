@@ -11,7 +11,7 @@ from maurice_mcl.values import F64, U8, SessionInfo
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from ..formats.registry import Format
 from ..reading.options import ReadingOptions
-from ..reading.recording import LeftOut, Picture, Record
+from ..reading.recording import LeftOut, Picture, Record, camera_named
 from ..reading.time_alignment import PER_SECOND
 from .header import FORMAT, Kind, session_in
 from .records import LineReader, read_header
@@ -130,9 +130,7 @@ class CameraChoice:
 def camera_of(path: Path, info: SessionInfo, wanted: str | None) -> str | None:
     """Return the camera to read: as wanted, else the header's first. InputError for one that is not there."""
     known = [camera.name for camera in info.cameras]
-    if wanted is not None and known and wanted not in known:
-        raise InputError(path, f"found cameras {', '.join(known)}, expected {wanted!r} among them", 1)
-    return wanted or (known[0] if known else None)
+    return camera_named(path, known, wanted, 1) if known else wanted
 
 
 def is_survey(path: Path) -> bool:

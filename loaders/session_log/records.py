@@ -21,12 +21,12 @@ from ..files.pictures import decode_picture, picture_in
 from ..files.text import (
     MOST,
     MOST_T_S,
-    expect_regular,
     flag,
     items,
     mapping,
     number,
     numbers,
+    reading,
     show,
     text,
     time_falls,
@@ -64,17 +64,11 @@ def read_lines(path: Path) -> Iterator[LogLine]:
     """Read a file line by line. InputError if it cannot be opened or is no regular file."""
     if path.is_dir():
         raise InputError(path, _folder_advice(path))
-    expect_regular(path, "a log")
-    try:
-        with path.open("rb") as file:
-            number = 0
-            while data := file.readline(MAX_LINE_BYTES + 1):
-                number += 1
-                yield _line(file, number, data)
-    except FileNotFoundError:
-        raise InputError(path, "found no such file, expected a log; check the path") from None
-    except OSError as problem:
-        raise InputError(path, f"cannot be read: {problem.strerror}") from None
+    with reading(path, "a log"), path.open("rb") as file:
+        number = 0
+        while data := file.readline(MAX_LINE_BYTES + 1):
+            number += 1
+            yield _line(file, number, data)
 
 
 def parse_object(line: LogLine) -> dict[str, Any]:

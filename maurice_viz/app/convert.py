@@ -341,8 +341,8 @@ def _open(
         "kitti": lambda file: tables.path_sink(
             tables.path_files(file, paths), tables.kitti_line, together=together, force=force
         ),
-        "csv": lambda file: tables.csv_sink(file, channels, force=force),
-        "parquet": lambda file: tables.parquet_sink(file, channels, force=force),
+        "csv": lambda file: tables.table_sink(file, channels, force=force),
+        "parquet": lambda file: tables.table_sink(file, channels, force=force),
         "mcap": lambda file: mcap_sink(file, origin, _scene(run, session), force=force),
         "zip": lambda file: tables.evo_sink(file, label, force=force),
     }

@@ -104,9 +104,9 @@ def test_nothing_is_left_after_a_failure_and_an_old_file_stays(tmp_path: Path) -
     old = tmp_path / "a.csv"
     old.write_text("mine")
     for path, told in ((old, "--force"), (tmp_path / "no" / "a.csv", "cannot be written")):
-        with pytest.raises(InputError, match=told), tables.csv_sink(path, CHANNELS):
+        with pytest.raises(InputError, match=told), tables.table_sink(path, CHANNELS):
             pytest.fail("was opened")
-    with pytest.raises(TypeError), tables.csv_sink(old, CHANNELS, force=True) as sink:
+    with pytest.raises(TypeError), tables.table_sink(old, CHANNELS, force=True) as sink:
         sink.add(step_at(1, events=None, session_events=None), None)
     with pytest.raises(InputError, match="no truth"), tables.evo_sink(tmp_path / "a.zip", "blended") as sink:
         sink.add(step_at(1, truth=False), None)
@@ -134,8 +134,8 @@ def test_csv_and_parquet_hold_the_same_table(save_run: Save, tmp_path: Path) -> 
     folder, played = save_run()
     (run,) = open_runs(folder)
     with (
-        tables.csv_sink(tmp_path / "a.csv", CHANNELS) as one,
-        tables.parquet_sink(tmp_path / "a.parquet", CHANNELS) as two,
+        tables.table_sink(tmp_path / "a.csv", CHANNELS) as one,
+        tables.table_sink(tmp_path / "a.parquet", CHANNELS) as two,
     ):
         for step in tables.export_steps(run):
             one.add(step, None)

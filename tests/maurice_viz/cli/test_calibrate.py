@@ -187,7 +187,7 @@ def test_a_session_with_truth_is_shown_in_its_own_units(tmp_path):
         ("kind,measured,actual\nturn,9,9\n", "found 1 turn and no straights, expected 3 or more"),
         ("kind,measured,actual\n" + "turn,9,9\n" * 9, "found 9 turns and no straights"),
         ("kind,measured,actual,colour\nturn,9,9,red\n", "found columns kind, measured, actual, colour"),
-        ("kind,measured,actual\nturn,nan,9\n", "found 'nan' in column 'measured'"),
+        ("kind,measured,actual\nturn,nan,9\n", "found measured 'nan'"),
     ],
     ids=["one movement", "only turns", "an unknown column", "NaN"],
 )
