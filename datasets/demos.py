@@ -12,33 +12,24 @@ from .tasks import DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES, LASER_SEED, UPDATE
 
 def demo_paths(seed: int = DEMO, progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo from the user's cache (MAURICE_CACHE names another place), made when absent."""
-
-    def make(folder: Path) -> None:
-        from .sessions import write_demo
-
-        write_demo(folder, seed, progress=progress)
-
-    return paths_in(cached("demos", simulation_key("tracking", seed, seed, UPDATES), make))
+    return _paths(simulation_key("tracking", seed, seed, UPDATES), progress, "demo_plan", seed)
 
 
 def kidnapping_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo's kidnapped drive from the user's cache, made when absent."""
-
-    def make(folder: Path) -> None:
-        from .sessions import kidnapping_plan, write_simulation
-
-        write_simulation(folder, kidnapping_plan(), progress=progress)
-
     key = simulation_key("kidnapped", DEMO, KIDNAPPING_SEED, KIDNAPPING_UPDATES)
-    return paths_in(cached("demos", key, make))
+    return _paths(key, progress, "kidnapping_plan")
 
 
 def laser_paths(progress: NamedProgress | None = None) -> SimulationPaths:
     """Return the demo of a robot with a laser, carried away in an office, from the user's cache."""
+    return _paths(simulation_key("laser-kidnapped", DEMO, LASER_SEED, UPDATES), progress, "laser_plan")
 
+
+def _paths(key: str, progress: NamedProgress | None, plan: str, *seed: int) -> SimulationPaths:
     def make(folder: Path) -> None:
-        from .sessions import laser_plan, write_simulation
+        from . import sessions
 
-        write_simulation(folder, laser_plan(), progress=progress)
+        sessions.write_simulation(folder, getattr(sessions, plan)(*seed), progress=progress)
 
-    return paths_in(cached("demos", simulation_key("laser-kidnapped", DEMO, LASER_SEED, UPDATES), make))
+    return paths_in(cached("demos", key, make))

@@ -117,6 +117,8 @@ def simulate(
 def session_info(set_up: Stage) -> SessionInfo:
     """Return the header of a session: its map is the survey's, which does not know of things moved since."""
     plan, eye = set_up.plan, set_up.eye
+    things = (f"pieces of furniture moved after the survey: {plan.moved}",) if plan.moved else ()
+    changes = (f"tier {plan.tier}", *eye.notes, *things, *set_up.course.notes)
     return SessionInfo(
         name=f"{plan.task.title} in {Path(plan.world).stem}, arena seed {plan.arena_seed}, seed {plan.seed}",
         display_units="in",
@@ -126,14 +128,8 @@ def session_info(set_up: Stage) -> SessionInfo:
         start=set_up.course.start if plan.task.start_known else None,
         survey=MAP if plan.laser else SURVEY,
         arena=set_up.surveyed.arena,
-        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *_notes_of(set_up)),
+        notes=(f"simulated: {set_up.surveyed.name}, generator {GENERATOR}", *changes),
     )
-
-
-def _notes_of(set_up: Stage) -> tuple[str, ...]:
-    moved = set_up.plan.moved
-    things = (f"pieces of furniture moved after the survey: {moved}",) if moved else ()
-    return (f"tier {set_up.plan.tier}", *set_up.eye.notes, *things, *set_up.course.notes)
 
 
 def play(set_up: Stage, log: LogLines, report: NamedProgress) -> None:
@@ -191,25 +187,13 @@ def write_simulation(
         pictures: PictureKind = "png" if lossless else "jpeg"
         with SessionWriter(filling / SESSION_LOG, session_info(set_up), pictures=pictures) as log:
             play(set_up, log, report)
-        seal(filling, _key_of(plan))
+        name = f"laser-{plan.task.name}" if plan.laser else plan.task.name
+        seal(filling, simulation_key(name, plan.arena_seed, plan.seed, plan.updates))
     return paths_in(folder)
 
 
-def write_demo(
-    folder: Path,
-    seed: int = DEMO,
-    *,
-    updates: int = UPDATES,
-    surveyor: Surveyor | None = None,
-    force: bool = False,
-    progress: NamedProgress | None = None,
-) -> SimulationPaths:
-    """Write survey and session of one seed into a new folder: position tracking where nothing changes."""
-    plan = _demo_plan(seed, updates)
-    return write_simulation(folder, plan, surveyor=surveyor or Surveyor(), force=force, progress=progress)
-
-
-def _demo_plan(seed: int, updates: int) -> SimulationPlan:
+def demo_plan(seed: int = DEMO, updates: int = UPDATES) -> SimulationPlan:
+    """Return the demo's drive of one seed: position tracking where nothing changes."""
     return SimulationPlan(TASKS["tracking"], arena_seed=seed, seed=seed, updates=updates, slip_chance=0.0)
 
 
@@ -223,11 +207,6 @@ def laser_plan() -> SimulationPlan:
     """Return the demo's drive with a laser: a robot that is carried away in an office."""
     task = TASKS["kidnapped"]
     return SimulationPlan(task, "office", arena_seed=DEMO, seed=LASER_SEED, laser=True)
-
-
-def _key_of(plan: SimulationPlan) -> str:
-    name = f"laser-{plan.task.name}" if plan.laser else plan.task.name
-    return simulation_key(name, plan.arena_seed, plan.seed, plan.updates)
 
 
 def frame_of(number: int, t_s: float, motions: F64, seen: U8 | LaserScan) -> Frame:

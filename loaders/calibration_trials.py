@@ -28,16 +28,11 @@ from .session_log.reader import LogRecording
 NEEDED = ("kind", "measured", "actual")
 COLUMNS = (*NEEDED, "heading_error_deg", "floor")
 KINDS = ("turn", "straight")
+WAY_NUMBERS = 3  # of a straight, which has a drift
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
-    straight: bool
-    measured: float  # m or rad
-    actual: float
-    drift_rad: float  # nan: not given
-    floor: str
+Moved = tuple[float, ...]  # of a turn, measured and actual (rad); of a straight (m), with its drift (rad) too
 
 
 def read_trials(file: Path, unit: str = "m") -> Trials:
@@ -45,10 +40,18 @@ def read_trials(file: Path, unit: str = "m") -> Trials:
     if unit not in METERS:
         raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
     rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
-    return _trials(rows)
+    ways = [row for row in rows if len(row[0]) == WAY_NUMBERS]
+    turns = [moved for moved, _ in rows if len(moved) != WAY_NUMBERS]
+    return _trials(turns, [moved for moved, _ in ways], tuple(floor for _, floor in ways))
 
 
-def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Row]:
+def _trials(turns: list[Moved], ways: list[Moved], floors: tuple[str, ...], left_out: int = 0) -> Trials:
+    measured, actual = np.array(turns, np.float64).reshape(-1, 2).T
+    way_m, went_m, drift_rad = np.array(ways, np.float64).reshape(-1, WAY_NUMBERS).T
+    return Trials(Turns(measured, actual), Straights(way_m, went_m, drift_rad, floors), left_out)
+
+
+def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[tuple[Moved, str]]:
     _check_columns(file, table.fieldnames or [])
     for row in table:
         line = table.line_num
@@ -64,7 +67,7 @@ def _rows(file: Path, table: csv.DictReader[str], meters: float) -> Iterator[_Ro
             raise InputError(file, "found measured 0, expected a movement", line)
         given = (row.get("heading_error_deg") or "").strip()
         drift = math.radians(number_in(file, line, given, "heading_error_deg")) if given else math.nan
-        yield _Row(straight, measured, actual, drift, (row.get("floor") or "").strip())
+        yield (measured, actual, *([drift] if straight else [])), (row.get("floor") or "").strip()
 
 
 def _check_columns(file: Path, columns: Sequence[str]) -> None:
@@ -74,23 +77,6 @@ def _check_columns(file: Path, columns: Sequence[str]) -> None:
         names = ", ".join(columns) or "none"
         wanted = f"{', '.join(NEEDED)}, and perhaps {', '.join(COLUMNS[len(NEEDED) :])}"
         raise InputError(file, f"found columns {names}; expected {wanted}, each once", 1)
-
-
-def _trials(rows: list[_Row]) -> Trials:
-    turns, ways = ([r for r in rows if r.straight is kind] for kind in (False, True))
-
-    def column(of: list[_Row], name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        return np.array([getattr(row, name) for row in of], np.float64)
-
-    return Trials(
-        Turns(column(turns, "measured"), column(turns, "actual")),
-        Straights(
-            column(ways, "measured"),
-            column(ways, "actual"),
-            column(ways, "drift_rad"),
-            tuple(row.floor for row in ways),
-        ),
-    )
 
 
 # Calibration trials from a session log with truth: what each movement did, by the poses around it.
@@ -304,7 +290,7 @@ def cut(drive: AlignedDrive) -> Trials:
     """
     kinds, jumped = _kinds(drive.odometry), jumps(drive)
     edges = np.flatnonzero(np.diff(kinds)) + 1
-    turns, ways, left_out = [], [], 0
+    turns, ways, left_out = list[Moved](), list[Moved](), 0
     for first, last in zip([0, *edges], [*edges, len(kinds)], strict=True):  # steps first to last - 1
         moved, went = (rows[last] - rows[first] for rows in (drive.odometry, drive.truth))
         kind = kinds[first]
@@ -317,10 +303,7 @@ def cut(drive: AlignedDrive) -> Trials:
         else:
             sign = -1 if kind == BACKWARD else 1
             ways.append((sign * np.hypot(*moved[:2]), sign * np.hypot(*went[:2]), went[2] - moved[2]))
-    measured, actual = np.array(turns, np.float64).reshape(-1, 2).T
-    way_m, went_m, drift_rad = np.array(ways, np.float64).reshape(-1, 3).T
-    straights = Straights(way_m, went_m, drift_rad, ("",) * len(ways))
-    return Trials(Turns(measured, actual), straights, left_out)
+    return _trials(turns, ways, ("",) * len(ways), left_out)
 
 
 def _believed(moved: F64, went: F64, turning: bool) -> bool:

@@ -19,8 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_datasets.trials.controls import filter_for
-from maurice_datasets.trials.drives import Drive
+from maurice_datasets.trials.drives import Drive, filter_for
 from maurice_datasets.trials.statistics import Clusters, mean
 from maurice_loaders.files.writing import cache_root
 from maurice_mcl.filter.batch import compared_once

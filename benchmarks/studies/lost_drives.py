@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from maurice_datasets.sessions import simulated_session, simulation_plan
 from maurice_datasets.surveys import cached_survey
 from maurice_datasets.tasks import DEMO, FITTING, GENERATOR, SURVEY, TEST
-from maurice_datasets.trials.controls import filter_for
-from maurice_datasets.trials.drives import Bench, Drive, RenderedSession
+from maurice_datasets.trials.drives import Bench, Drive, RenderedSession, filter_for
 from maurice_datasets.worlds.build import load_world
 from maurice_loaders.libraries.store import open_library
 from maurice_mcl.filter.batch import RunTrace, compared_once, run_batch

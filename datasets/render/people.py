@@ -238,7 +238,8 @@ def people(
     lights: list[F32] = []
     for stand in stands:
         skins = wardrobe(seed)[stand.who]
-        turn = _turning(stand.heading_rad)
+        c, s = np.cos(stand.heading_rad), np.sin(stand.heading_rad)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
         at = np.array([stand.x_m, stand.y_m, 0.0])
         faces = [skin.face for skin in skins]
         corner = np.stack([face.corner for face in faces]) @ turn.T + at
@@ -252,11 +253,6 @@ def people(
             for k, face in enumerate(faces)
         ]
     return scene_of(tuple(lit), np.concatenate(lights))
-
-
-def _turning(angle_rad: float) -> F64:
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
 
 
 def person_light(

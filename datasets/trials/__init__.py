@@ -1,9 +1,10 @@
 """Trials: many runs over drives, filters and seeds, and what they show.
 
 * `plan`: what is to be run, as TOML; `plans/` come along
-* `drives`, `stretches`, `runs`: one drive or a part of a recorded one, all filters on it, a row for each run
+* `drives`, `stretches`, `runs`: one drive or a part of a recorded one, all filters on it, also those that are
+  given something wrong, a row for each run
 * `rows`, `engine`: rows on disk; runs on the cores of one machine, or on many machines
-* `tally`, `truths`: what a row tells of a run, and of a drive; `controls`: filters given something wrong
+* `tally`: what a row tells of a run, and of the truth along its drive
 * `statistics`, `table`: intervals, survival curves, grouped figures, paired differences
 * `folder`: the run behind a row; `atlas`, `budget`: where runs go wrong, and what each part costs
 

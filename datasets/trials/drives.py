@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import takewhile
@@ -18,6 +18,7 @@ from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.config.build import adapted, available, build_localizer
 from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.motion import motion_model
 from maurice_mcl.library.occupancy_building import build_occupancy
 from maurice_mcl.scoring.metrics import FIRST_SCORED
 from maurice_mcl.sensor.map_places import map_library, reference_of
@@ -30,7 +31,7 @@ from ..surveys import cached_survey, surveyed_world
 from ..tasks import SURVEY, TEST
 from ..worlds.build import load_world
 from ..worlds.world import World
-from .plan import SessionSpec, configuration_of
+from .plan import MISJUDGED, SHUFFLED, SessionSpec, configuration_of
 from .stretches import Stretches
 
 Settings = dict[str, Any]
@@ -231,3 +232,35 @@ def oracle_m(library: Library, truths: Sequence[F64 | None]) -> float | None:
     known = [truth for truth in truths[FIRST_SCORED - 1 :] if truth is not None]
     far = [float(np.linalg.norm(places - truth[:2], axis=1).min()) for truth in known]
     return float(np.mean(far)) if far else None
+
+
+# Controls: filters that are deliberately given something wrong, to show what a result depends on.
+
+MORE = 1.3
+
+
+def filter_for(drive: Drive, settings: Mapping[str, Any], seed: int) -> Localizer:
+    """Return the filter of a variant for one run of a drive, with its control where it names one."""
+    control = settings.get("control")
+    plain = {key: value for key, value in settings.items() if key != "control"}
+    bench = drive.bench if control != SHUFFLED else shuffled(drive.bench, seed)
+    localizer = replace(bench.localizer(plain), seed=seed)
+    if control == MISJUDGED:
+        motion = misjudged(drive.session.info.motion or {})
+        localizer = replace(localizer, motion=motion_model(motion, localizer.reference.grid))
+    return localizer.of_session(drive.session)
+
+
+def shuffled(bench: Bench, seed: int) -> Bench:
+    """Return a library whose pictures belong to other poses: nothing but chance can localize with it."""
+    library = bench.library
+    order = np.random.default_rng(seed).permutation(library.size)
+    return Bench.of(replace(library, poses=library.poses[order]))
+
+
+def misjudged(motion: Mapping[str, Any]) -> dict[str, Any]:
+    """Return motion constants that are all 30 percent too large, as of a robot that was badly calibrated."""
+    return {
+        key: misjudged(value) if isinstance(value, Mapping) else value * MORE if key != "model" else value
+        for key, value in motion.items()
+    }

@@ -15,8 +15,7 @@ from maurice_loaders.files.text import toml_value
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values import Arena
 
-from .controls import filter_for
-from .drives import FIRST, Drive, arena_of, open_drive
+from .drives import FIRST, Drive, arena_of, filter_for, open_drive
 from .plan import SPECIAL, SessionSpec, Variant, Variants
 from .rows import read_plan_of
 from .table import load_trials

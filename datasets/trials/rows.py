@@ -91,11 +91,6 @@ SCHEMA: Mapping[str, tuple[Any, str]] = {
 }
 TYPES = {name: kind for name, (kind, _) in SCHEMA.items()}
 KEY = ("part", "session", "variant", "seed")
-# not in rows of earlier versions: null
-LATER = (
-    *("right_m", "true_x_m", "true_y_m", "truth_rank", "heading_error_median_rad", "after_m", "after_s"),
-    *("off_rad", "mapped"),
-)
 MEASURED = ("took_s", "host")  # what may differ between two computations of the same run
 Key = tuple[str, str, int, int]
 
@@ -236,10 +231,7 @@ def _files(folder: Path) -> list[Path]:
 def _frame(file: Path, columns: Sequence[str]) -> pl.DataFrame:
     """Read columns of a file of rows; InputError for one that is damaged, or is none of ours."""
     try:
-        columns_there = pl.read_parquet_schema(file)
-        missing = [name for name in columns if name in LATER and name not in columns_there]
-        rows = pl.read_parquet(file, columns=[name for name in columns if name not in missing])
-        rows = rows.with_columns(pl.lit(None, TYPES[name]).alias(name) for name in missing).select(columns)
+        rows = pl.read_parquet(file, columns=list(columns))
         what = next(
             (f"found {name} as {kind}" for name, kind in rows.schema.items() if kind != TYPES[name]), ""
         )

@@ -24,11 +24,9 @@ from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_mcl.sensor.ahead import compared_ahead
 from maurice_mcl.values import Moment
 
-from .controls import filter_for
-from .drives import Drive, open_drive, oracle_m
+from .drives import Drive, filter_for, open_drive, oracle_m
 from .plan import SHUFFLED, Part, Plan, SessionSpec, configuration_of
-from .tally import RunTally
-from .truths import TruthRanks, mapped_shares
+from .tally import RunTally, TruthRanks, mapped_shares
 
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run

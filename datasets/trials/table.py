@@ -162,11 +162,8 @@ def clusters_of(rows: pl.DataFrame) -> Clusters:
     place = pl.when(recorded).then(session).otherwise(pl.format("arena {}", "arena"))
     drive = pl.when(recorded).then(session).otherwise(pl.format("{} {}", "session", "seed"))
     labels = rows.select(place=place, drive=drive).to_dict()
-    return Clusters.of(labels["place"].to_numpy(), labels["drive"].to_numpy(), _runs_of(rows))
-
-
-def _runs_of(rows: pl.DataFrame) -> Any:
-    return rows["run"].to_numpy() if "run" in rows.columns else None
+    runs = rows["run"].to_numpy() if "run" in rows.columns else None
+    return Clusters.of(labels["place"].to_numpy(), labels["drive"].to_numpy(), runs)
 
 
 def paired(rows: pl.DataFrame, by: Sequence[str], metric: str = DEFAULT) -> list[Difference]:

@@ -24,7 +24,7 @@ from .openings import (
     opening_of,
     wall_of,
 )
-from .plan import FloorPlan, FurniturePlan, LibraryPlan, RoomPlan, WorldError, WorldPlan
+from .plan import FurniturePlan, LibraryPlan, RoomPlan, WorldError, WorldPlan
 from .read_plan import read_plan
 from .rearrange import with_twin
 from .shell import DrawnStyle, bounds_of, door_faces, draw_look, rectangle, room_faces, solid_boxes
@@ -33,11 +33,6 @@ from .world import Face, Lamp, Piece, RoomLight, World, clearance, inside, touch
 
 GAP_IN = 0.5  # between furniture and the wall it stands against
 PER_INCH = 6.0
-
-
-def _pieces_of(rng: np.random.Generator, plan: WorldPlan) -> tuple[FurniturePlan, ...]:
-    layout = plan.layouts[int(rng.integers(len(plan.layouts)))] if plan.layouts else ()
-    return (*plan.furniture, *layout)
 
 
 def place_all(
@@ -100,7 +95,8 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
     bare = Bareness(tier.bare, stream(Domain.SIMULATOR, seed, 0, SimPurpose.BARE))
     looks = draw_looks(rng, plan, tier.light, bare)
     windows = {room.name: _draw_windows(rng, plan, room, looks[room.name], openings) for room in plan.rooms}
-    layout = _pieces_of(rng, plan)
+    drawn = plan.layouts[int(rng.integers(len(plan.layouts)))] if plan.layouts else ()
+    layout = (*plan.furniture, *drawn)
     pieces = place_all(rng, layout, plan)
     floors, regions = _lay_floors(rng, plan)
     frames = [door_faces(rng, opening) for opening in openings]
@@ -110,6 +106,7 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
         for face in room_faces(rng, plan, room, looks[room.name], windows[room.name], openings, bare)
     ]
     arena = map_of(plan, openings, pieces, regions)
+    nodes = grid_nodes(plan.library, arena)
     world = World(
         name=f"{plan.name}, seed {seed}",
         arena=arena,
@@ -120,7 +117,7 @@ def build_world(plan: WorldPlan, seed: int, tier: Tier) -> World:
         room_lights=tuple(
             light for r in plan.rooms for light in ambient_of(r, looks[r.name], windows[r.name])
         ),
-        nodes=_free_nodes(plan.library, arena),
+        nodes=nodes[clearance(arena, nodes) > plan.library.clearance_in * INCH_M],
         headings=plan.library.headings,
         start=None if plan.start is None else np.array(plan.start) * [INCH_M, INCH_M, 1.0],
     )
@@ -208,20 +205,12 @@ FLOOR_PER_INCH = 5.0
 def _lay_floors(rng: np.random.Generator, plan: WorldPlan) -> tuple[list[Face], tuple[Region, ...]]:
     faces, regions = [], []
     for k, floor in enumerate(plan.floors):
-        corners = rectangle(*_floor_rect(rng, plan, floor))
+        rect = bounds_of(plan) if floor.rect is None else [number(rng, value) for value in floor.rect]
+        corners = rectangle(*rect)
         paint = paint_of(rng, floor.paint, Palette(), FLOOR_PER_INCH)
         faces.append(flat(rng, corners, 0.15 * k, paint, per_inch=FLOOR_PER_INCH))
         regions.append(Region(floor.name, corners * INCH_M))
     return faces, tuple(regions)
-
-
-def _floor_rect(
-    rng: np.random.Generator, plan: WorldPlan, floor: FloorPlan
-) -> tuple[float, float, float, float]:
-    if floor.rect is None:
-        return bounds_of(plan)
-    x1, y1, x2, y2 = (number(rng, value) for value in floor.rect)
-    return x1, y1, x2, y2
 
 
 def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
@@ -234,11 +223,6 @@ def grid_nodes(library: LibraryPlan, arena: Arena) -> F64:
     nodes = np.stack(np.meshgrid(axes[0], axes[1]), axis=-1).reshape(-1, 2)
     bare = Arena(arena.bounds, arena.walls)
     return nodes[(clearance(bare, nodes) > library.clearance_in * INCH_M) & _in_rooms(arena, nodes)]
-
-
-def _free_nodes(library: LibraryPlan, arena: Arena) -> F64:
-    nodes = grid_nodes(library, arena)
-    return nodes[clearance(arena, nodes) > library.clearance_in * INCH_M]
 
 
 def _in_rooms(arena: Arena, points: F64) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

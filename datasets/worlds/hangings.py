@@ -142,12 +142,9 @@ def window_in(
         for a, b in ((-half - 6, -half + 3), (half - 3, half + 6))
     ]
     sill_ends = wall.at(middle_in - half, 1.2), wall.at(middle_in + half, 1.2)
-    sill = upright(rng, sill_ends[0], sill_ends[1], span_in[0] - 1.6, span_in[0], _white, per_inch=3)
+    white = partial(textures.plaster, color=(0.62, 0.6, 0.56), stains=0.05)
+    sill = upright(rng, *sill_ends, span_in[0] - 1.6, span_in[0], white, per_inch=3)
     return [pane, sill, *sides]
-
-
-def _white(rng: np.random.Generator, size: textures.Size) -> F32:
-    return textures.plaster(rng, size, (0.62, 0.6, 0.56), 0.05)
 
 
 def trim(color: Rgb) -> Paint:

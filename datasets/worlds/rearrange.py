@@ -50,31 +50,23 @@ def moved(world: World, piece: Piece, others: list[F64], rng: np.random.Generato
         turn = float(rng.uniform(-np.pi, np.pi))
         plan = _turned(piece.plan, middle, place, turn)
         far = float(np.linalg.norm(place - middle)) >= LEAST_M
-        if far and _stands_free(world.arena, plan, others, gaps):
+        in_room = far and any(inside(room.polygon, plan).all() for room in world.arena.rooms)
+        if in_room and not any(touching(plan, other) for other in (*others, *gaps)):
             return carried(piece, middle, place, turn)
     raise InputError(Path(world.name), f"found no other free place for the {piece.name}; move fewer pieces")
 
 
-def _stands_free(arena: Arena, plan: F64, others: list[F64], gaps: list[F64]) -> bool:
-    if not any(inside(room.polygon, plan).all() for room in arena.rooms):
-        return False
-    return not any(touching(plan, other) for other in (*others, *gaps))
-
-
 def door_middles(arena: Arena) -> list[F64]:
     """Return the ground (4, 2) around each door gap: jambs, in no room's outline, come in pairs."""
-    jambs = [wall for wall in arena.walls if not _on_outline(arena, wall)]
+    middles = (arena.walls[:, :2] + arena.walls[:, 2:]) / 2
+    outlines = np.concatenate([sides_of(room.polygon) for room in arena.rooms])
+    jambs = arena.walls[segment_distance(middles, outlines) >= 1e-6]
     grounds = []
     for first, second in zip(jambs[::2], jambs[1::2], strict=True):
         points = np.concatenate([first, second]).reshape(-1, 2)
         (x1, y1), (x2, y2) = points.min(axis=0) - DOOR_M, points.max(axis=0) + DOOR_M
         grounds.append(np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]]))
     return grounds
-
-
-def _on_outline(arena: Arena, wall: F64) -> bool:
-    middle = (wall[:2] + wall[2:])[None] / 2
-    return any(segment_distance(middle, sides_of(room.polygon))[0] < 1e-6 for room in arena.rooms)
 
 
 def _spun(points: F64, turn: float) -> F64:

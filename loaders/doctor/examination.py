@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
@@ -66,63 +66,54 @@ class Gathered:
     scans: RecordedScans = field(default_factory=lambda: RecordedScans(np.zeros(0), ()))
 
 
-@dataclass(slots=True)
-class _Lists:
-    t_s: list[float] = field(default_factory=list)
-    values: list[F64] = field(default_factory=list)
-    parts: list[int] = field(default_factory=list)
-
-    def add(self, t_s: float, values: F64, part: int = 0) -> None:
-        self.t_s.append(t_s)
-        self.values.append(values)
-        self.parts.append(part)
-
-    @property
-    def full(self) -> bool:
-        return len(self.t_s) >= MOST_RECORDS
-
-    def rows(self) -> F64:
-        return np.array(self.values, np.float64).reshape(-1, 3)
+Row = tuple[float, F64, int]  # time, values (3,), and how often the robot was carried away before
 
 
 def gather(path: Path, options: ReadingOptions) -> Gathered:
     """Read all but the pictures. Raises InputError if there is nothing to examine."""
     recording = open_recording(path, options, unchecked=True)
     info, notes = recording.info, ReadingNotes(keep_going=True)
-    moved, went, truth, pictures = _Lists(), _Lists(), _Lists(), _Lists()
+    kept: dict[type, list[tuple[float, F64, int]]] = {
+        Motion: [],
+        OdometryPose: [],
+        TruthPose: [],
+        Picture: [],
+    }
     scans = list[tuple[float, LaserScan]]()
     falls, part, last_s, cut = 0, 0, -math.inf, False
     for record in recording.records(notes):
         falls += record.t_s < last_s
-        last_s = max(last_s, record.t_s) if record.t_s >= last_s else record.t_s
-        if isinstance(record, Motion):
-            moved.add(record.t_s, record.motion)
-        elif isinstance(record, OdometryPose):
-            went.add(record.t_s, record.pose)
-        elif isinstance(record, TruthPose):
-            truth.add(record.t_s, record.pose, part)
-        elif isinstance(record, Picture):
-            pictures.add(record.t_s, np.zeros(3))
-        elif isinstance(record, Scan):
-            if len(scans) < MOST_SCANS:
-                scans.append((record.t_s, thinned(record.scan)))
-        elif isinstance(record, Note):
-            part += is_kidnapping(record.text)
-        if any(records.full for records in (moved, went, truth, pictures)):
-            cut = True
+        last_s = record.t_s
+        if isinstance(record, Scan) and len(scans) < MOST_SCANS:
+            scans.append((record.t_s, thinned(record.scan)))
+        part += isinstance(record, Note) and is_kidnapping(record.text)
+        rows = kept.get(type(record))
+        if rows is not None:
+            values = record.motion if isinstance(record, Motion) else getattr(record, "pose", None)
+            rows.append((record.t_s, np.zeros(3) if values is None else values, part))
+            cut = len(rows) >= MOST_RECORDS
+        if cut:
             break
-    odometry = moved if moved.t_s else went
+    odometry, truth = kept[Motion] or kept[OdometryPose], kept[TruthPose]
     drive = RecordedDrive(
-        RecordedOdometry(np.array(odometry.t_s), odometry.rows(), odometry is went),
-        RecordedTruth(np.array(truth.t_s), truth.rows(), np.array(truth.parts, np.int32)),
-        np.array(pictures.t_s),
+        RecordedOdometry(_times(odometry), _values(odometry), odometry is kept[OdometryPose]),
+        RecordedTruth(_times(truth), _values(truth), np.array([part for _, _, part in truth], np.int32)),
+        _times(kept[Picture]),
         max(info.arena.size_m) if info.arena else math.inf,
         _gain(path, info),
     )
     first = str(notes.problems[0]) if notes.problems else ""
     remarks = tuple(dict.fromkeys((*info.notes, *notes.warnings)))
-    kept = RecordedScans(np.array([t_s for t_s, _ in scans]), tuple(scan for _, scan in scans))
-    return Gathered(info, drive, falls, notes.count, first, cut, remarks, notes.tilts, kept)
+    seen = RecordedScans(np.array([t_s for t_s, _ in scans]), tuple(scan for _, scan in scans))
+    return Gathered(info, drive, falls, notes.count, first, cut, remarks, notes.tilts, seen)
+
+
+def _times(rows: Sequence[Row]) -> F64:
+    return np.array([t_s for t_s, _, _ in rows], np.float64)
+
+
+def _values(rows: Sequence[Row]) -> F64:
+    return np.array([values for _, values, _ in rows], np.float64).reshape(-1, 3)
 
 
 def movement_apart(drive: RecordedDrive) -> float | None:

@@ -9,6 +9,7 @@ import math
 import os
 import re
 import zlib
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
@@ -159,17 +160,21 @@ def _whole(
     return int.from_bytes(data[at : at + count], order, signed=signed)
 
 
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Return the size that the first frame of a JPEG gives, before its first scan."""
+def _segments(data: bytes) -> Iterator[tuple[int, int]]:
+    """Yield the segments of a JPEG up to its first scan: the code of each, and where it begins."""
     at = 2
     while marker := _MARKER.search(data, at):
         code, at = marker[1][0], marker.end()
-        if code in _FRAMES:
-            return _whole(data, at + 5, 2, "big"), _whole(data, at + 3, 2, "big")
+        yield code, at
         if code == _START_OF_SCAN:
-            return None
+            return
         at += _whole(data, at, 2, "big")
-    return None
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int] | None:
+    """Return the size that the first frame of a JPEG gives, before its first scan."""
+    at = next((at for code, at in _segments(data) if code in _FRAMES), None)
+    return None if at is None else (_whole(data, at + 5, 2, "big"), _whole(data, at + 3, 2, "big"))
 
 
 def picture_format(data: bytes) -> str:
@@ -189,14 +194,8 @@ def picture_format(data: bytes) -> str:
 
 def _check_jpeg(data: bytes) -> None:
     """Walk the segments to the first scan, past thumbnails; the first FF D9 after it is the end."""
-    at = 2
-    while marker := _MARKER.search(data, at):
-        code, at = marker[1][0], marker.end()
-        if code == _START_OF_SCAN:
-            at = data.find(_END_OF_IMAGE, at)
-            break
-        at += int.from_bytes(data[at : at + 2], "big")
-    if not marker or at < 0:
+    scan = next((at for code, at in _segments(data) if code == _START_OF_SCAN), None)
+    if scan is None or data.find(_END_OF_IMAGE, scan) < 0:
         raise PictureError("found a cut JPEG picture (no end marker), expected a whole one")
 
 

@@ -226,7 +226,39 @@ def _file_named(drive: RecordedSession, name: str | None) -> Path | None:
     return None
 
 
-class SelectedSurvey:
+class _Surveys:
+    """Surveys or drives before their pictures are read; name, map and units are those of the first."""
+
+    def __init__(self, *sources: Survey | RecordedSession) -> None:
+        self._sources = sources
+
+    @property
+    def path(self) -> Path:
+        """The log, file or folder of the first."""
+        return self._sources[0].path
+
+    @property
+    def info(self) -> SessionInfo:
+        """What the header of the first says."""
+        return self._sources[0].info
+
+    @property
+    def problem_count(self) -> int:
+        """How much was skipped."""
+        return sum(source.problem_count for source in self._sources)
+
+    @property
+    def problems(self) -> tuple[InputError, ...]:
+        """The first of it."""
+        return tuple(problem for source in self._sources for problem in source.problems)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks for the user."""
+        return tuple(text for source in self._sources for text in source.warnings)
+
+
+class SelectedSurvey(_Surveys):
     """The chosen pictures of a drive or survey. All are looked at once, when this is made."""
 
     def __init__(
@@ -238,34 +270,15 @@ class SelectedSurvey:
         progress: Progress | None,
     ) -> None:
         """With `every` None all are taken; EVERY is fitted to the size of the place."""
+        super().__init__(source)
         self._source, self._pictures, self._keep = source, pictures, keep
         self._taken, self.chosen = self._choose(every, progress)
-
-    @property
-    def path(self) -> Path:
-        """The log, file or folder."""
-        return self._source.path
-
-    @property
-    def info(self) -> SessionInfo:
-        """What the header says."""
-        return self._source.info
-
-    @property
-    def problem_count(self) -> int:
-        """How much was skipped."""
-        return self._source.problem_count
-
-    @property
-    def problems(self) -> tuple[InputError, ...]:
-        """The first of it."""
-        return self._source.problems
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Remarks for the user; the first one says what was chosen."""
         table = isinstance(self._source, RecordedSession) and _is_surveyed(self._source)
-        of_a_drive = () if table else self._source.warnings  # no odometry, no times
+        of_a_drive = () if table else super().warnings  # no odometry, no times
         return (f"{self.path}: {self.chosen}", *of_a_drive)
 
     def count_pictures(self) -> int:
@@ -317,36 +330,12 @@ class SelectedSurvey:
         return SurveyPicture(file, picture.image, picture.pose, picture.covered)
 
 
-class JoinedSurvey:
-    """Several surveys of one place as one; name, map and units are those of the first."""
+class JoinedSurvey(_Surveys):
+    """Several surveys of one place as one."""
 
     def __init__(self, surveys: Sequence[Survey]) -> None:
+        super().__init__(*surveys)
         self._surveys = tuple(surveys)
-
-    @property
-    def path(self) -> Path:
-        """The log, file or folder of the first."""
-        return self._surveys[0].path
-
-    @property
-    def info(self) -> SessionInfo:
-        """What the header of the first says."""
-        return self._surveys[0].info
-
-    @property
-    def problem_count(self) -> int:
-        """How much was skipped."""
-        return sum(survey.problem_count for survey in self._surveys)
-
-    @property
-    def problems(self) -> tuple[InputError, ...]:
-        """The first of it."""
-        return tuple(problem for survey in self._surveys for problem in survey.problems)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Remarks for the user."""
-        return tuple(text for survey in self._surveys for text in survey.warnings)
 
     def count_pictures(self) -> int:
         """Return the number of pictures, including covered ones."""

@@ -184,14 +184,11 @@ def demo(
 
 
 def _write_demo(folder: Path, story: str, *, force: bool, json_output: bool) -> None:
-    from maurice_datasets.sessions import kidnapping_plan, laser_plan, write_demo, write_simulation
+    from maurice_datasets.sessions import demo_plan, kidnapping_plan, laser_plan, write_simulation
 
+    plan = {KIDNAPPED: kidnapping_plan, FEATURES: demo_plan, LASER: laser_plan}[story]()
     with listening(usage=False) as listener:
-        if story == FEATURES:
-            written = write_demo(folder, force=force, progress=listener.progress)
-        else:
-            plan = laser_plan() if story == LASER else kidnapping_plan()
-            written = write_simulation(folder, plan, force=force, progress=listener.progress)
+        written = write_simulation(folder, plan, force=force, progress=listener.progress)
     if json_output:
         print_json({"session": written.session, "survey": written.survey})
     else:

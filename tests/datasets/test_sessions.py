@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +11,15 @@ from maurice_datasets import demos, sessions
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.folders import SimulationPaths
 from maurice_datasets.robot.segments import crossings
-from maurice_datasets.sessions import write_demo
+from maurice_datasets.sessions import demo_plan, write_simulation
+from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.trials.drives import RenderedSession
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.session_log.reader import SurveyLog
+from maurice_mcl.values import NamedProgress
 from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.session import Frame, Moment
 
@@ -29,10 +30,16 @@ UPDATES = 6
 TOLD: list[tuple[int, int, str]] = []  # what is told of the progress of making the demo
 
 
+def write_demo(
+    folder: Path, seed: int = 0, updates: int = UPDATES, progress: NamedProgress | None = None
+) -> SimulationPaths:
+    return write_simulation(folder, demo_plan(seed, updates), surveyor=QUICK, progress=progress)
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> SimulationPaths:
     folder = tmp_path_factory.mktemp("demo") / "zero"
-    return write_demo(folder, updates=UPDATES, surveyor=QUICK, progress=lambda *told: TOLD.append(told))
+    return write_demo(folder, progress=lambda *told: TOLD.append(told))
 
 
 def contents(paths: SimulationPaths) -> dict[str, bytes]:
@@ -42,8 +49,8 @@ def contents(paths: SimulationPaths) -> dict[str, bytes]:
 
 @pytest.mark.slow
 def test_a_seed_decides_every_byte(demo, tmp_path):
-    again = write_demo(tmp_path / "again", updates=UPDATES, surveyor=QUICK)
-    other = write_demo(tmp_path / "other", 1, updates=1, surveyor=QUICK)
+    again = write_demo(tmp_path / "again")
+    other = write_demo(tmp_path / "other", 1, updates=1)
     assert contents(again) == contents(demo)
     assert not (set(contents(other).values()) & set(contents(demo).values()))
 
@@ -100,7 +107,7 @@ def test_floors_are_named_where_they_change(world):
 def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     with pytest.raises(InputError):
-        write_demo(tmp_path, updates=1, surveyor=QUICK)
+        write_demo(tmp_path, updates=1)
     assert [f.name for f in tmp_path.iterdir()] == ["letter.txt"]
 
     def stop(done: int, total: int, what: str) -> None:
@@ -108,7 +115,7 @@ def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_demo(tmp_path / "demo", updates=1, surveyor=QUICK, progress=stop)
+        write_demo(tmp_path / "demo", updates=1, progress=stop)
     assert [f.name for f in tmp_path.iterdir()] == ["letter.txt"]
 
 
@@ -116,13 +123,13 @@ def test_a_demo_leaves_other_folders_alone_and_nothing_half(tmp_path):
 def test_the_cache_is_made_once_and_made_again_when_damaged(tmp_path, monkeypatch):
     made: list[Path] = []
 
-    def quick(folder: Path, seed: int, **options: object) -> SimulationPaths:
+    def quick(folder: Path, plan: SimulationPlan, **options: object) -> SimulationPaths:
         made.append(folder)
-        return partial(write_demo, updates=2, surveyor=QUICK)(folder, seed)
+        return write_simulation(folder, replace(plan, updates=2), surveyor=QUICK)
 
     monkeypatch.setenv("MAURICE_CACHE", str(tmp_path))
     monkeypatch.setattr(demos, "UPDATES", 2)
-    monkeypatch.setattr(sessions, "write_demo", quick)
+    monkeypatch.setattr(sessions, "write_simulation", quick)
     first = demo_paths()
     before = contents(first)
     assert demo_paths() == first
