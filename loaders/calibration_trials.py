@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.fitting.motion import MotionSegment, Straights, Trials, Turns, trials_of
-from maurice_mcl.values import F64, INCH_M, KIDNAPPED, U8, Arena, Bool, SessionInfo, first_word, rotated
+from maurice_mcl.values import F64, KIDNAPPED, U8, Arena, Bool, SessionInfo, first_word, rotated
 
 from .errors import InputError, PictureError, ReadingNotes
 from .files.pictures import decode_picture, picture_file
-from .files.text import PICTURES, number_in, read_csv, read_number_rows, show
+from .files.text import METERS, PICTURES, number_in, read_csv, read_number_rows, show
 from .reading.recording import LeftOut, Note, OdometryPose, Record, TruthPose
 from .reading.session import RecordedSession, drive_segments
 from .session_log.reader import LogRecording
@@ -29,7 +29,7 @@ NEEDED = ("kind", "measured", "actual")
 COLUMNS = (*NEEDED, "heading_error_deg", "floor")
 KINDS = ("turn", "straight")
 WAY_NUMBERS = 3  # of a straight, which has a drift
-METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
+LENGTHS = ("m", "cm", "mm", "in")  # units of straights
 
 
 Moved = tuple[float, ...]  # of a turn, measured and actual (rad); of a straight (m), with its drift (rad) too
@@ -37,8 +37,8 @@ Moved = tuple[float, ...]  # of a turn, measured and actual (rad); of a straight
 
 def read_trials(file: Path, unit: str = "m") -> Trials:
     """Read turns (degrees) and straights (in `unit`: m, cm, mm, in). InputError names row and column."""
-    if unit not in METERS:
-        raise ValueError(f"found unit {unit!r}, expected one of {', '.join(METERS)}")
+    if unit not in LENGTHS:
+        raise ValueError(f"found unit {unit!r}, expected one of {', '.join(LENGTHS)}")
     rows = read_csv(file, "a table of trials", "trial", lambda table: _rows(file, table, METERS[unit]))
     ways = [row for row in rows if len(row[0]) == WAY_NUMBERS]
     turns = [moved for moved, _ in rows if len(moved) != WAY_NUMBERS]
@@ -88,30 +88,16 @@ SAMPLES = 9  # points of a path at which the floor is looked up
 def trials_from_session(path: Path) -> Trials:
     """Read a session's movements and truth. Raises InputError for what is no session, or has no truth."""
     log = LogRecording(path)
-    reader = _Legs(log)
-    trials = trials_of(reader, lambda a, b: floor_between(log.info.arena, a, b))
-    trials = replace(trials, left_out=trials.left_out + reader.bent)
+    legs = [(plain(segment), segment) for segment in drive_segments(RecordedSession(log))]
+    trials = trials_of([leg for leg, _ in legs if leg], lambda a, b: floor_between(log.info.arena, a, b))
+    arcs = sum(len(segment.motions) for leg, segment in legs if leg is None)
+    trials = replace(trials, left_out=trials.left_out + arcs)
     records = log.records(ReadingNotes(keep_going=False))
     truths = sum(1 for _ in islice((r for r in records if isinstance(r, TruthPose)), 2))
     if truths < 2:
         count = "no truth" if not truths else "one truth"
         raise InputError(path, f"found {count}, expected truth records before and after the movements")
     return trials
-
-
-class _Legs:
-    """The movements between truths that are turns or straights, and how many are left out as arcs."""
-
-    def __init__(self, log: LogRecording) -> None:
-        self._session = RecordedSession(log)
-        self.bent = 0
-
-    def __iter__(self) -> Iterator[MotionSegment]:
-        self.bent = 0
-        for segment in drive_segments(self._session):
-            leg = plain(segment)
-            self.bent += 0 if leg else len(segment.motions)
-            yield from (leg,) if leg else ()
 
 
 def mishaps(path: Path) -> dict[str, int]:

@@ -77,10 +77,8 @@ class TrialsFolder:
 
     def spec_of(self, row: Row) -> SessionSpec:
         """Return the session that a row is of."""
-        for session in self._part_of(row)["sessions"]:
-            if session["label"] == row["session"]:
-                return SessionSpec(**session)
-        raise MissingRuns(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
+        sessions = self._part_of(row)["sessions"]
+        return next(SessionSpec(**session) for session in sessions if session["label"] == row["session"])
 
     def settings_of(self, row: Row) -> dict[str, Any]:
         """Return all that the variant of a row sets."""
@@ -90,7 +88,7 @@ class TrialsFolder:
 
     def _part_of(self, row: Row) -> dict[str, Any]:
         for part in self.parts:
-            if part["name"] == row["part"]:
+            if part["name"] == row["part"] and any(row["session"] == s["label"] for s in part["sessions"]):
                 return part
         raise MissingRuns(self.folder, f"holds no session {row['session']!r} of a part {row['part']!r}")
 

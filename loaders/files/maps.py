@@ -13,7 +13,7 @@ from maurice_mcl.values import F64, FREE, OCCUPIED, Arena, Bool, OccupancyMap, o
 from ..errors import FieldError, InputError
 from .ros_maps import ENDINGS, grid_of_message, read_grid
 from .ros_maps import write_ros_map as write_ros_map
-from .text import MOST, read_number_rows, up_to
+from .text import METERS, MOST, read_number_rows, up_to
 
 # How much ground a survey may cover: one wild pose would make the map's cells larger than the rooms.
 
@@ -47,7 +47,7 @@ def _corners(arena: Arena) -> F64:
 
 # A map that is given with poses: a ROS map if its suffix says so, else a file of wall segments.
 
-METERS = {"m": 1.0, "mm": 0.001}
+UNITS = ("m", "mm")
 
 
 def read_map(file: Path, unit: str, poses: F64) -> Arena:
@@ -64,8 +64,8 @@ def arena_from_lines(file: Path, unit: str, poses: F64) -> Arena:
 
     The bounds reach a margin beyond the poses (L, 2 or 3); walls entirely outside are left out.
     """
-    if unit not in METERS:
-        raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(METERS)}")
+    if unit not in UNITS:
+        raise ValueError(f"found map unit {unit!r}, expected one of {', '.join(UNITS)}")
     rows = read_number_rows(file, "a map", "a map", 4, "four numbers x1 y1 x2 y2", commas=True)
     segments = np.array(rows, np.float64).reshape(-1, 4)
     bounds = open_arena(poses, 1.0).bounds

@@ -263,6 +263,9 @@ def number_in(file: Path, line: int, word: str | None, what: str, most: float = 
     return value
 
 
+METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # units of length as typed
+
+
 # Values as TOML. `tomli-w` writes neither inline tables nor comments behind values, which our files have.
 
 

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from maurice_mcl.values import INCH_M
-
 from ..errors import InputError
-from ..files.text import MOST, number_in, reading
+from ..files.text import METERS, MOST, number_in, reading
 from ..reading.time_alignment import PER_SECOND
 
 MAX_ROW_BYTES = 2**20  # a laser scan has ten thousand
@@ -162,7 +160,7 @@ def _named(row: Row, separator: str | None) -> Head:
 
 # What is in the columns of a table: by the command line, or by their names.
 
-LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": INCH_M}
+LENGTHS = {unit: METERS[unit] for unit in ("m", "cm", "mm", "in")}
 ANGLES = {"rad": 1.0, "deg": math.pi / 180}
 BEFORE = ("", "truth_", "true_", "gt_", "pose_", "pos_", "position_", "t")  # before x, y and the heading
 NAMES: dict[str, tuple[str, ...]] = {  # role: names that tell it, without units, lower case

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -100,17 +99,10 @@ def open_donkeycar(path: Path, options: ReadingOptions) -> TubRecording:
 def looks_like_tub(path: Path) -> bool:
     """Recognize a tub by its manifest, whose first line is a list of columns, with a catalog beside it."""
     try:
-        return path.is_dir() and _is_list(begin_lines(path / MANIFEST)[:1]) and any(path.glob("*.catalog"))
+        first = next(iter(begin_lines(path / MANIFEST)), "") if path.is_dir() else ""
+        return first.lstrip().startswith("[") and any(path.glob("*.catalog"))
     except OSError:
         return False
-
-
-def _is_list(lines: list[str]) -> bool:
-    try:
-        found: Any = read_json(lines[0]) if lines else None
-    except ValueError:
-        return False
-    return isinstance(found, list)
 
 
 FORMATS = (

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import zip_longest
+from itertools import count, takewhile, zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +62,8 @@ class KittiRecording:
         yield from heapq.merge(shifted, others, key=lambda record: record.t_s)
 
     def _merged(self, notes: ReadingNotes) -> Iterator[Record]:
-        times = self._untimed() if self.times is None else rows(self.times)
+        pictures = takewhile(lambda number: self._file(number).is_file(), count() if self.pictures else ())
+        times = rows(self.times) if self.times else (Row(number, "") for number in pictures)
         poses = iter(()) if self.poses is None else rows(self.poses)
         number, posed = -1, 0
         for number, (time, pose) in enumerate(zip_longest(times, poses)):
@@ -94,12 +95,6 @@ class KittiRecording:
             return clock_s(row.text)
         except ValueError:
             return number_of(file, row, row.text, "time", MOST_T_S)
-
-    def _untimed(self) -> Iterator[Row]:
-        number = 0
-        while self.pictures is not None and self._file(number).is_file():
-            number += 1
-            yield Row(number, "")
 
     def _file(self, number: int) -> Path:
         folder = self.pictures or self.path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -74,16 +75,7 @@ class VideoRecording:
             notes.warning("found JPEG pictures one after the other, without times: 25 per second are assumed")
         reading = Frames(self.path)
         for number, t_s in Frames(self.path).times(notes):
-            yield Picture(t_s, _Frame(reading, number).read, f"{self.path.name}, frame {number}")
-
-
-class _Frame:
-    def __init__(self, source: Frames, number: int) -> None:
-        self._source = source
-        self._number = number
-
-    def read(self) -> U8:
-        return self._source.read(self._number)
+            yield Picture(t_s, partial(reading.read, number), f"{self.path.name}, frame {number}")
 
 
 def open_video(path: Path, options: ReadingOptions) -> VideoRecording:

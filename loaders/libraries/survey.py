@@ -17,6 +17,7 @@ from maurice_mcl.values import F64, U8, Bool, Moment, Progress, SessionInfo, ang
 
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import encode_jpeg
+from ..files.text import METERS
 from ..formats.picture_folder import TABLES, TableRecording, looks_like_table
 from ..formats.registry import open_session
 from ..reading.observations import SCANS
@@ -27,7 +28,6 @@ from ..session_log.header import session_in
 from ..session_log.reader import SurveyLog, SurveyPicture, is_survey
 from .files import MANIFEST
 
-METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01}
 FEWEST_JUDGED = 12  # pictures; fewer do not tell what is usual
 NOISE_PX = 1.0  # sd of the smoothing that takes noise away
 BLUR_PX = 9  # width of the blurring

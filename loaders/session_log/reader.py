@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from maurice_mcl.values import F64, U8, SessionInfo
@@ -162,17 +163,13 @@ def looks_like_log(path: Path) -> bool:
     return named or (path.suffix == ".log" and begin.lstrip()[:1] == b"{")
 
 
-def _unchecked(path: Path, options: ReadingOptions) -> LogRecording:
-    return LogRecording(path, options, unchecked=True)
-
-
 FORMATS = (
     Format(
         "session-log",
         "the session log of maurice-replay (JSON Lines)",
         looks_like_log,
         LogRecording,
-        open_unchecked=_unchecked,
+        open_unchecked=partial(LogRecording, unchecked=True),
         ours=True,
         readings=True,
         takes_unit=True,

@@ -112,10 +112,9 @@ def calibrate_motion(
         8
     """
     path = session_in(Path(source))
-    if unit not in calibration_trials.METERS:
-        raise OptionError(
-            f"a unit of length is one of {', '.join(calibration_trials.METERS)}, found {unit!r}"
-        )
+    if unit not in calibration_trials.LENGTHS:
+        lengths = ", ".join(calibration_trials.LENGTHS)
+        raise OptionError(f"a unit of length is one of {lengths}, found {unit!r}")
     if to is not None:
         expect_absent(Path(to), force=force)
     trials, units = _trials(path, unit)

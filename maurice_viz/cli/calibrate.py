@@ -9,7 +9,7 @@ from typing import Annotated
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from maurice_loaders.calibration_trials import METERS
+from maurice_loaders.calibration_trials import LENGTHS
 from maurice_loaders.files.writing import expect_absent
 from maurice_mcl.fitting.motion import Calibration
 from maurice_mcl.fitting.odometry_fit import MotionFit
@@ -41,7 +41,7 @@ def motion(
     plots: Annotated[
         Path | None, option("--plots", "Draw the thesis's figures 4 to 11.", metavar="DIR")
     ] = None,
-    unit: Annotated[str, option("--unit", f"Unit of the lengths in a CSV: {' | '.join(METERS)}.")] = "m",
+    unit: Annotated[str, option("--unit", f"Unit of the lengths in a CSV: {' | '.join(LENGTHS)}.")] = "m",
     force: opt.Force = False,
     json_output: opt.Json = False,
 ) -> None:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from maurice_loaders.files.text import parse_toml
+from maurice_loaders.files.text import METERS, parse_toml
 from maurice_loaders.reading.options import FIELDS, RULES, ReadingOptions, option_value, read_reading
 
 from ...errors import OptionError
@@ -58,9 +58,6 @@ def by_suffix(files: Iterable[Path] | None, suffixes: Sequence[str]) -> dict[str
             raise OptionError(f"-o gives two files that end in {file.suffix}; give one")
         outputs[file.suffix] = file
     return outputs
-
-
-METERS = {"in": 0.0254, "ft": 0.3048, "m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
 def read_length(text: str, name: str, least_m: float = 0.0, most_m: float = 1000.0) -> float:
