@@ -5,17 +5,20 @@ A picture's size is read from its header first: 200 kB of PNG can hold 256 megap
 
 from __future__ import annotations
 
+import io
 import math
 import os
-import re
 import zlib
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
 import cv2
 import numpy as np
+from PIL.BmpImagePlugin import BmpImageFile
+from PIL.JpegImagePlugin import JpegImageFile
+from PIL.PngImagePlugin import PngImageFile
+from PIL.WebPImagePlugin import WebPImageFile
 
 from maurice_mcl.values import U8
 
@@ -31,10 +34,7 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PICTURE_BYTES = 256 * 2**20
 LIMIT = "MAURICE_MAX_MEGAPIXELS"  # environment variable: pictures of more are refused
 MEGAPIXELS = 32.0  # without it; decoding and measuring take about 20 bytes a pixel
-_MARKER = re.compile(rb"\xff+([^\x00\xff])", re.DOTALL)
-_START_OF_SCAN = 0xDA
-_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-OS2_HEADER = 12  # bytes of the oldest header of a BMP, whose sizes have two
+_HEADERS = {"JPEG": JpegImageFile, "PNG": PngImageFile, "WebP": WebPImageFile, "BMP": BmpImageFile}
 _END_OF_IMAGE = b"\xff\xd9"
 
 
@@ -66,8 +66,9 @@ def decode_picture(data: bytes, *, deep: bool = False) -> U8:
     color); `deep` takes the upper 8 of 16, for lists that hold a camera's pictures only.
     """
     kind = picture_format(data)
-    _WHOLE[kind](data)
-    expect_size(*picture_size(data))
+    size, header = _read_header(data)
+    _expect_whole(kind, data, header)
+    expect_size(*size)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     except cv2.error:
@@ -134,47 +135,16 @@ def expect_size(width: int, height: int) -> None:
 
 def picture_size(data: bytes) -> tuple[int, int]:
     """Return width and height in pixels by a picture's header. PictureError where it holds none."""
-    kind, size = picture_format(data), None
-    if kind == "PNG":
-        size = _whole(data, 16, 4, "big"), _whole(data, 20, 4, "big")
-    elif kind == "JPEG":
-        size = _jpeg_size(data)
-    elif kind == "BMP":
-        wide = 2 if _whole(data, 14, 4) == OS2_HEADER else 4
-        size = _whole(data, 18, wide), abs(_whole(data, 18 + wide, wide, signed=wide == 4))
-    elif data[12:16] == b"VP8 ":
-        size = _whole(data, 26, 2) & 0x3FFF, _whole(data, 28, 2) & 0x3FFF
-    elif data[12:16] == b"VP8L":
-        bits = _whole(data, 21, 4)
-        size = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
-    elif data[12:16] == b"VP8X":
-        size = _whole(data, 24, 3) + 1, _whole(data, 27, 3) + 1
-    if size is None or not min(size) > 0:
-        raise PictureError(f"found a {kind} picture without a size, expected a readable one")
-    return size
+    return _read_header(data)[0]
 
 
-def _whole(
-    data: bytes, at: int, count: int, order: Literal["big", "little"] = "little", *, signed: bool = False
-) -> int:
-    return int.from_bytes(data[at : at + count], order, signed=signed)
-
-
-def _segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """Yield the segments of a JPEG up to its first scan: the code of each, and where it begins."""
-    at = 2
-    while marker := _MARKER.search(data, at):
-        code, at = marker[1][0], marker.end()
-        yield code, at
-        if code == _START_OF_SCAN:
-            return
-        at += _whole(data, at, 2, "big")
-
-
-def _jpeg_size(data: bytes) -> tuple[int, int] | None:
-    """Return the size that the first frame of a JPEG gives, before its first scan."""
-    at = next((at for code, at in _segments(data) if code in _FRAMES), None)
-    return None if at is None else (_whole(data, at + 5, 2, "big"), _whole(data, at + 3, 2, "big"))
+def _read_header(data: bytes) -> tuple[tuple[int, int], int]:
+    """Return a picture's size by its header, and where that ends. PictureError where it cannot be read."""
+    kind, content = picture_format(data), io.BytesIO(data)
+    try:
+        return _HEADERS[kind](content).size, content.tell()
+    except (OSError, SyntaxError, ValueError):  # as Pillow says it
+        raise PictureError(f"found a cut or damaged {kind} picture (header), expected a whole one") from None
 
 
 def picture_format(data: bytes) -> str:
@@ -192,11 +162,18 @@ def picture_format(data: bytes) -> str:
     raise PictureError(f"found a picture that begins with {data[:4]!r}, expected JPEG, PNG, WebP or BMP")
 
 
-def _check_jpeg(data: bytes) -> None:
-    """Walk the segments to the first scan, past thumbnails; the first FF D9 after it is the end."""
-    scan = next((at for code, at in _segments(data) if code == _START_OF_SCAN), None)
-    if scan is None or data.find(_END_OF_IMAGE, scan) < 0:
-        raise PictureError("found a cut JPEG picture (no end marker), expected a whole one")
+def _expect_whole(kind: str, data: bytes, header: int) -> None:
+    """Raise PictureError for a cut picture: a JPEG ends behind its header, and so behind any thumbnail."""
+    if kind == "PNG":
+        return _check_png(data)
+    if kind == "JPEG":
+        cut = data.find(_END_OF_IMAGE, header) < 0
+    else:
+        at, more = (4, 8) if kind == "WebP" else (2, 0)  # where the length is, and what it leaves out
+        cut = len(data) < int.from_bytes(data[at : at + 4], "little") + more
+    if cut:
+        raise PictureError(f"found a cut {kind} picture, expected a whole one")
+    return None
 
 
 def _check_png(data: bytes) -> None:
@@ -209,16 +186,3 @@ def _check_png(data: bytes) -> None:
             return
         at = end + 4
     raise PictureError("found a cut PNG picture (no IEND), expected a whole one")
-
-
-def _check_webp(data: bytes) -> None:
-    if len(data) < 8 + int.from_bytes(data[4:8], "little"):
-        raise PictureError("found a cut WebP picture, expected a whole one")
-
-
-def _check_bmp(data: bytes) -> None:
-    if len(data) < max(26, int.from_bytes(data[2:6], "little")):
-        raise PictureError("found a cut BMP picture, expected a whole one")
-
-
-_WHOLE = {"JPEG": _check_jpeg, "PNG": _check_png, "WebP": _check_webp, "BMP": _check_bmp}

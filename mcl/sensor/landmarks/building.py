@@ -47,20 +47,10 @@ class NoLandmarks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Seen:
-    """All keypoints of all references, one after the other."""
-
-    pixels: F64  # (T, 2)
-    descriptors: F32  # (T, 128)
-    counts: NDArray[np.intp]  # (L,)
-    owner: NDArray[np.intp]  # (T,)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Matched:
     """References, and E matches between pairs of them."""
 
-    seen: _Seen
+    keypoints: Sequence[Keypoints]  # (L,)
     poses: F64  # (L, 3)
     edges: NDArray[np.intp]  # (E, 4) reference and keypoint, twice
     distances: F32  # (E,)
@@ -145,12 +135,13 @@ def _found(
 ) -> LandmarkSet | NoLandmarks:
     """Find landmarks with a camera to start from; what a header states of it hardly changes."""
     agrees = matched.disagreement(start) < AGREES_PX
-    track = tracks_of(matched.edges[agrees], matched.distances[agrees], matched.seen.counts)
+    counts = np.array([len(points.pixels) for points in matched.keypoints], np.intp)
+    track = tracks_of(matched.edges[agrees], matched.distances[agrees], counts)
     if track.max(initial=-1) + 1 < LEAST_LANDMARKS:
         return _too_few(track.max(initial=-1) + 1)
     stated = replace(nominal, tilt_rad=start.tilt_rad) if is_focal_known(camera) else start
     bundle = Bundle(stated, matched.poses, np.zeros((0, 3)))
-    return _adjusted(matched.seen, track, start, bundle, tolerance_of(camera))
+    return _adjusted(matched.keypoints, track, start, bundle, tolerance_of(camera))
 
 
 def _too_few(count: int) -> NoLandmarks:
@@ -186,22 +177,22 @@ def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]
     one, other = (
         np.array([keypoints[i].pixels[k] for i, k in edges[:, at]], np.float64) for at in ([0, 1], [2, 3])
     )
-    return _Matched(_together(keypoints), poses, edges, distances, (one, other))
-
-
-def _together(keypoints: Sequence[Keypoints]) -> _Seen:
-    counts = np.array([len(points.pixels) for points in keypoints], np.intp)
-    pixels = np.concatenate([points.pixels for points in keypoints]).astype(np.float64)
-    descriptors = np.concatenate([points.descriptors for points in keypoints])
-    return _Seen(pixels, descriptors, counts, np.repeat(np.arange(len(counts)), counts))
+    return _Matched(keypoints, poses, edges, distances, (one, other))
 
 
 def _adjusted(
-    seen: _Seen, track: NDArray[np.intp], start: PinholeCamera, nominal: Bundle, tolerance: Tolerance
+    keypoints: Sequence[Keypoints],
+    track: NDArray[np.intp],
+    start: PinholeCamera,
+    nominal: Bundle,
+    tolerance: Tolerance,
 ) -> LandmarkSet | NoLandmarks:
-    """Triangulate tracks and adjust them, dropping what does not agree."""
+    """Triangulate the tracks of all keypoints and adjust them, dropping what does not agree."""
+    owner = np.repeat(np.arange(len(keypoints)), [len(points.pixels) for points in keypoints])
+    pixels = np.concatenate([points.pixels for points in keypoints]).astype(np.float64)
+    descriptors = np.concatenate([points.descriptors for points in keypoints])
     at = np.flatnonzero(track >= 0)
-    views = Views(seen.owner[at], track[at], seen.pixels[at])
+    views = Views(owner[at], track[at], pixels[at])
     points = triangulate(start, nominal.poses, views, int(track.max()) + 1)
     bundle, covariance = adjust(Bundle(start, nominal.poses, points), views, nominal, tolerance, 3)
     for limit_px in ROUNDS_PX:
@@ -211,7 +202,7 @@ def _adjusted(
         bundle, covariance = adjust(bundle, views, nominal, tolerance, 3)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0))
     fit = CameraFit(bundle.camera, sd, tolerance.camera[0] <= FOCAL_SD_KNOWN)
-    return _landmark_set(bundle, views, records_of(bundle, views, seen.descriptors[at]), fit)
+    return _landmark_set(bundle, views, records_of(bundle, views, descriptors[at]), fit)
 
 
 def _pruned(

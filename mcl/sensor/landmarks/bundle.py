@@ -109,20 +109,21 @@ def _step(bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance) -
     off = (off * root).reshape(-1)
     derivatives = seen.by_pose, seen.by_point, seen.by_camera
     by_pose, by_point, by_camera = (d * root[:, :, None] for d in derivatives)
-    rows = np.arange(2 * len(error)).reshape(-1, 2)
     of_camera = sparse.csr_matrix(by_camera.reshape(-1, 3))
-    wide = sparse.hstack([_blocks(rows, views.reference, by_pose, places), of_camera]).tocsr()
-    point = _blocks(rows, views.point, by_point, count)
+    wide = sparse.hstack([_blocks(views.reference, by_pose, places), of_camera]).tocsr()
+    point = _blocks(views.point, by_point, count)
     inner = np.zeros((count, 3, 3))
     np.add.at(inner, views.point, np.swapaxes(by_point, 1, 2) @ by_point)
     inner += DAMPING * np.eye(3) * (1e-6 + np.trace(inner, axis1=1, axis2=2)[:, None, None])
-    inverse = _diagonal(np.asarray(np.linalg.inv(inner), np.float64))
+    inverse = _blocks(np.arange(count), np.asarray(np.linalg.inv(inner), np.float64), count)
     between = (wide.T @ point).tocsr()
     eliminated = between @ inverse
     prior, pull = _prior(bundle, nominal, tolerance)
     outer = (wide.T @ wide - eliminated @ between.T + sparse.diags(prior)).tocsc()
     right = wide.T @ off + prior * pull - eliminated @ (point.T @ off)
-    change, covariance = _solve(outer, right)
+    wanted = np.column_stack([right, np.eye(len(right), 3, 3 - len(right))])
+    solved = np.linalg.solve(outer.toarray(), wanted)
+    change, covariance = solved[:, 0], solved[-3:, 1:]  # of the last three, which are the camera's
     points = inverse @ (point.T @ off - between.T @ change)
     points = np.clip(points.reshape(-1, 3), -FARTHEST_STEP_M, FARTHEST_STEP_M)
     moved = Bundle(
@@ -146,27 +147,7 @@ def _prior(bundle: Bundle, nominal: Bundle, tolerance: Tolerance) -> tuple[F64, 
     return informed, np.concatenate(pull)
 
 
-def _solve(outer: sparse.csc_matrix, right: F64) -> tuple[F64, F64]:
-    """Solve for the change, and for the covariance of its last three."""
-    last = np.zeros((len(right), 3))
-    last[-3:] = np.eye(3)
-    wanted = np.column_stack([right, last])
-    solved = np.linalg.solve(outer.toarray(), wanted)
-    return solved[:, 0], solved[-3:, 1:]
-
-
-def _blocks(rows: NDArray[np.intp], columns: NDArray[np.intp], values: F64, count: int) -> sparse.csr_matrix:
-    """Return a sparse matrix of blocks (O, 2, 3), one in each pair of rows."""
-    at = 3 * columns[:, None, None] + np.arange(3)
-    across = np.broadcast_to(at, values.shape).ravel()
-    down = np.broadcast_to(rows[:, :, None], values.shape).ravel()
-    return sparse.csr_matrix((values.ravel(), (down, across)), shape=(rows.size, 3 * count))
-
-
-def _diagonal(blocks: F64) -> sparse.csr_matrix:
-    """Return a sparse matrix with blocks (P, 3, 3) on its diagonal."""
-    first = 3 * np.arange(len(blocks))[:, None, None]
-    down = np.broadcast_to(first + np.arange(3)[:, None], blocks.shape).ravel()
-    across = np.broadcast_to(first + np.arange(3), blocks.shape).ravel()
-    size = 3 * len(blocks)
-    return sparse.csr_matrix((blocks.ravel(), (down, across)), shape=(size, size))
+def _blocks(columns: NDArray[np.intp], values: F64, count: int) -> sparse.csr_matrix:
+    """Return a sparse matrix of blocks (O, K, 3), one below the other, each in one of `count` columns."""
+    matrix = (values, columns, np.arange(len(values) + 1))
+    return sparse.bsr_matrix(matrix, shape=(values.shape[1] * len(values), 3 * count)).tocsr()

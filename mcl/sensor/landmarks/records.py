@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
     could = np.zeros(count, np.int32)
     for pose in bundle.poses:
         could[_sought(bundle, first, pose)] += 1
-    return Records(mean, seen, could, first.facing_rad, first.spread_rad, first.nearest_m, first.farthest_m)
+    return replace(first, could_see=could)
 
 
 def _sought(bundle: Bundle, records: Records, pose: F64) -> NDArray[np.intp]:

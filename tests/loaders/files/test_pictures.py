@@ -139,7 +139,7 @@ def test_sizes_of_rarer_headers_are_read(image: U8) -> None:
         assert picture_size(data.tobytes()) == (width, height)
     with_alpha = np.dstack([image, image[..., 0]])  # WebP's extended header
     assert picture_size(encoded(with_alpha, "webp")) == (width, height)
-    old = b"BM" + bytes(12) + (12).to_bytes(4, "little") + bytes([7, 0, 9, 0]) + bytes(8)
+    old = b"BM" + bytes(12) + (12).to_bytes(4, "little") + bytes([7, 0, 9, 0, 1, 0, 24, 0, *bytes(4)])
     assert picture_size(old) == (7, 9)
 
 
