@@ -158,16 +158,12 @@ class Broadcast:
 
 def _listen(address: Address) -> socket.socket:
     family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # or a port rests for minutes
-        listening.bind((address.host, address.port))
-        listening.listen()
+        listening = socket.create_server((address.host, address.port), family=family)
     except OSError as problem:
-        listening.close()
         advice = "; choose another port, or 0 for any" if problem.errno == errno.EADDRINUSE else ""
-        why = f"cannot listen there: {problem.strerror}{advice}"
-        raise OSError(problem.errno, why, str(address)) from None
+        reason = (problem.strerror or str(problem)).partition(" (while")[0]
+        raise OSError(problem.errno, f"cannot listen there: {reason}{advice}", str(address)) from None
     listening.settimeout(ACCEPT_S)
     return listening
 

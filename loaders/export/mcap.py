@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -54,6 +54,7 @@ TYPES = {
     CLOUD: "nav2_msgs/msg/ParticleCloud",
 }
 ONCE = (HEADER, GRID, MOUNT, TRUE_PATH, ESTIMATED_PATH)  # latched: late subscribers receive them too
+MOST_POSES = 5000  # of a path
 LATEST_S = 2.0**31 - 1  # seconds of a ROS time stamp are an int32
 
 
@@ -85,6 +86,11 @@ class McapWriter:
             )
         self._writer.write(self._connections[topic], self._nanoseconds(time_s), message)
 
+    def write_path(self, topic: str, begin_s: float, path: SimplifiedPath) -> None:
+        """Write a complete path at the time of the first record, so that it is visible from there."""
+        if len(poses := path.poses()):
+            self.write(topic, begin_s, self.at(begin_s).path(MAP, poses))
+
     def _nanoseconds(self, time_s: float) -> int:
         if not 0 <= time_s <= LATEST_S:
             fault = f"found t {time_s:.15g}, expected 0 to {LATEST_S:.0f} s in a ROS message"
@@ -112,9 +118,7 @@ def mcap_file(file: Path, *, force: bool = False) -> Iterator[McapWriter]:
         (bag / file.name).replace(file)
 
 
-# The constant content of an exported MCAP file: header, map, camera pose, and complete paths.
-
-MOST_POSES = 5000  # of a path
+# The constant content of an exported MCAP file: header, map, camera pose.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,19 +158,6 @@ def scene_of(info: SessionInfo, camera: str | None = None) -> McapScene:
     return McapScene(info, info.arena, named[0] if named else None)
 
 
-def new_path() -> SimplifiedPath:
-    """Return an empty path, to be written at the end."""
-    return SimplifiedPath(MOST_POSES)
-
-
-def write_paths(mcap: McapWriter, begin_s: float, paths: Mapping[str, SimplifiedPath]) -> None:
-    """Write complete paths by topic at the time of the first record, so that they are visible from there."""
-    for topic, path in paths.items():
-        poses = path.poses()
-        if len(poses):
-            mcap.write(topic, begin_s, mcap.at(begin_s).path(MAP, poses))
-
-
 class ScanTopic:
     """Writes scans, and where the laser is on the robot whenever that changes."""
 
@@ -193,7 +184,7 @@ class RunSink:
         self._mcap, self._origin, self._scene = mcap, origin, scene
         self._begin_s: float | None = None
         self._scans = ScanTopic(mcap)
-        self._paths = {TRUE_PATH: new_path(), ESTIMATED_PATH: new_path()}
+        self._paths = {topic: SimplifiedPath(MOST_POSES) for topic in (TRUE_PATH, ESTIMATED_PATH)}
 
     def add(self, step: ExportStep, image: U8 | None) -> None:
         """Write the messages of one update, all with its time."""
@@ -220,7 +211,8 @@ class RunSink:
     def end(self) -> None:
         """Write what is known only at the end."""
         if self._begin_s is not None:
-            write_paths(self._mcap, self._begin_s, self._paths)
+            for topic, path in self._paths.items():
+                self._mcap.write_path(topic, self._begin_s, path)
 
     def _add_poses(self, step: ExportStep, make: Messages) -> None:
         if step.truth is not None:

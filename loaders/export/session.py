@@ -28,6 +28,7 @@ from ..reading.recording import (
     Record,
     Recording,
     Scan,
+    SimplifiedPath,
     TruthPose,
     checked,
 )
@@ -37,6 +38,7 @@ from ..session_log.writer import SessionWriter
 from .mcap import (
     EVENTS,
     MAP,
+    MOST_POSES,
     ODOM,
     ODOMETRY,
     ROBOT,
@@ -47,9 +49,7 @@ from .mcap import (
     McapWriter,
     ScanTopic,
     mcap_file,
-    new_path,
     scene_of,
-    write_paths,
 )
 
 NOTHING = "found nothing to write, expected pictures, scans, odometry or truth"
@@ -274,7 +274,7 @@ class DriveWriter:
         self._odometry_s = -math.inf  # when it was written last
         self._scans = ScanTopic(mcap)
         self._due_s: float | None = None  # when the transforms changed that are not written yet
-        self._path = new_path()
+        self._path = SimplifiedPath(MOST_POSES)
 
     def begin(self, begin_s: float) -> None:
         """Write the constant content and the initial pose."""
@@ -319,7 +319,7 @@ class DriveWriter:
         """Write what is known only at the end."""
         if self._due_s is not None:
             self._write_transforms()
-        write_paths(self._mcap, begin_s, {TRUE_PATH: self._path})
+        self._mcap.write_path(TRUE_PATH, begin_s, self._path)
 
     def _move(self, t_s: float, odometry: F64) -> None:
         self._odometry, self._moved, self._due_s = odometry, True, t_s

@@ -90,6 +90,12 @@ def read_csv(
 MOST_TABLE_BYTES = 64_000_000  # of numbers that are read at once
 MOST_TOML_BYTES = 1_000_000  # settings, plans and worlds have some kilobytes
 MOST_NESTING = 32  # of tables and lists in TOML; ours have five
+_TOML = re.compile(
+    r"""(?P<text>\"{3}(?:[^\\]|\\.)*?"{3,5}|'{3}.*?'{3,5})|(?P<cut>"{3}|'{3})"""
+    r"""|(?P<line>"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[\w+ \t-]+)|(?P<quote>["'])"""
+    r"""|(?P<open>[\[{])|(?P<close>[\]}])|(?P<dot>\.)|\#[^\n]*|.""",
+    re.DOTALL,
+)
 
 
 def read_toml(file: Path, wanted: str) -> dict[str, Any]:
@@ -103,19 +109,23 @@ def read_toml(file: Path, wanted: str) -> dict[str, Any]:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the values of a TOML text. ValueError in one line for what is none or nested too deeply."""
+    depth = dots = 0
+    for token in _TOML.finditer(text):
+        kind = token.lastgroup
+        if kind in ("cut", "quote"):  # a text without its end, of which the parser knows more to say
+            break
+        depth = max(depth + (kind == "open") - (kind == "close"), 0)
+        dots = dots + 1 if kind == "dot" else dots if kind in ("line", "text") else 0
+        if max(depth, dots) > MOST_NESTING:
+            line = text.count("\n", 0, token.start()) + 1
+            fault = f"found more than {MOST_NESTING} tables or lists within each other"
+            raise ValueError(f"{fault} (at line {line})")
     try:
-        values = tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise ValueError(" ".join(str(problem).split())) from None
     except (ValueError, RecursionError):
         raise ValueError("found a number of thousands of digits, or too much nesting") from None
-    level: list[Any] = [values]
-    for _ in range(MOST_NESTING + 1):
-        level = [inner for table in level for inner in (table.values() if isinstance(table, dict) else table)]
-        level = [inner for inner in level if isinstance(inner, dict | list)]
-    if level:
-        raise ValueError(f"found more than {MOST_NESTING} tables or lists within each other")
-    return values
 
 
 def read_number_rows(

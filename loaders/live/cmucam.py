@@ -9,7 +9,6 @@ numbers, 256 times the share of pixels). From the thesis: 28 bins a channel. Its
 from __future__ import annotations
 
 import base64
-import json
 import os
 import re
 import select
@@ -27,7 +26,7 @@ from maurice_mcl.values.arrays import U8
 from ..errors import FieldError, PictureError, SourceError
 from ..files.pictures import encode_picture
 from ..formats.cmucam import MOST_BYTES, decode_frame
-from ..session_log.header import FORMAT, VERSION
+from .source import as_line, header_line
 
 PORTION = 1 << 16  # bytes read at once
 BAUDS = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)  # the camera's, by jumpers
@@ -112,16 +111,8 @@ class CmucamStream:
         yield from self._listened(lambda heard: False, QUIET_S)  # to what a program before us asked for
         yield from self._told("RS")
         version = yield from self._told("GV")
-        yield _as_line(
-            {
-                "format": FORMAT,
-                "version": VERSION,
-                "kind": "session",
-                "name": "cmucam",
-                "cameras": {"cmucam": {}},
-            }
-            | {"robot": {"name": version.decode("ascii", "replace").strip() or "a CMUcam"}}
-        )
+        robot = {"name": version.decode("ascii", "replace").strip() or "a CMUcam"}
+        yield header_line("cmucam", cameras={"cmucam": {}}, robot=robot)
         yield from self._listened(lambda heard: False, SETTLE_S)
         yield from self._told(FIXED)
         failures = 0
@@ -136,7 +127,7 @@ class CmucamStream:
             else:
                 failures = 0
                 data = base64.b64encode(encode_picture(picture, "png")).decode("ascii")
-                yield _as_line({"t": round(t_s, 3), "image": {"base64": data}})
+                yield as_line({"t": round(t_s, 3), "image": {"base64": data}})
         raise ConnectionError(0, f"sent {TRIES} answers in a row that cannot be used")
 
     def _frame(self) -> Generator[Said, None, U8]:
@@ -226,7 +217,3 @@ def _shown(answer: bytes) -> str:
     if not answer:
         return "no answer"
     return f"{len(answer)} bytes ({answer[:20].decode('ascii', 'backslashreplace').strip()!r})"
-
-
-def _as_line(value: dict[str, object]) -> bytes:
-    return (json.dumps(value) + "\n").encode()

@@ -21,8 +21,8 @@ from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, re
 from ..errors import FieldError, SourceError
 from ..files.text import items, mapping, read_json
 from ..reading.options import ReadingOptions
-from ..session_log.header import FORMAT, VERSION
 from .poses import MOST_FRAMES, short
+from .source import as_line, header_line
 from .translation import ChosenTopics, Translator, decoded
 
 if TYPE_CHECKING:
@@ -257,7 +257,7 @@ class WebsocketStream:
                 message = self._connection.recv(timeout=max(0.0, left_s))
             except TimeoutError:
                 header = self._choose(late=time.monotonic() - self._begun_s > CHOOSE_S)
-                return header + b"".join(map(_as_line, self._translator.idle())) or None
+                return header + b"".join(map(as_line, self._translator.idle())) or None
             except ConnectionClosed as problem:
                 if problem.rcvd is None and problem.sent is not None:
                     raise ConnectionError(0, f"was disconnected: {problem.sent.reason or problem}") from None
@@ -280,7 +280,7 @@ class WebsocketStream:
             learned = self._learn(heard)
         if self._topics is None:
             return learned
-        return learned + b"".join(map(_as_line, self._translator.take(heard, self._topics)))
+        return learned + b"".join(map(as_line, self._translator.take(heard, self._topics)))
 
     def _learn(self, message: Message) -> bytes:
         try:
@@ -310,13 +310,8 @@ class WebsocketStream:
         needed = transforms if _needs_frames(chosen) or chosen.scan else ()
         self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed, chosen.scan)
         self._send(self._bridge.subscribe(self._topics.names))
-        return (
-            b""
-            if taken
-            else _as_line(
-                _header(self._name, "; ".join(text for text in (chosen.guess, chosen.others) if text))
-            )
-        )
+        guess = "; ".join(text for text in (chosen.guess, chosen.others) if text)
+        return b"" if taken else header_line(self._name, notes=[guess] if guess else [])
 
     def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> TopicChoice:
         options = self._options
@@ -344,12 +339,3 @@ def _present(wishes: TopicRequest, known: tuple[Topic, ...]) -> TopicRequest:
     asked = (wishes.image, wishes.odometry, wishes.truth, wishes.scan)
     there = [name is None or name.partition(":")[0].lstrip("/") in names for name in asked]
     return TopicRequest(*(one if here else "none" for one, here in zip(asked, there, strict=True)))
-
-
-def _header(name: str, guess: str) -> dict[str, Any]:
-    header = {"format": FORMAT, "version": VERSION, "kind": "session", "name": name}
-    return header | {"notes": [guess] if guess else []}
-
-
-def _as_line(value: dict[str, Any]) -> bytes:
-    return (json.dumps(value) + "\n").encode()  # ASCII: what a bridge says may hold half a character
