@@ -9,6 +9,7 @@ import io
 import math
 import os
 import zlib
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal
@@ -16,6 +17,7 @@ from typing import Literal
 import cv2
 import numpy as np
 from PIL.BmpImagePlugin import BmpImageFile
+from PIL.Image import Image
 from PIL.JpegImagePlugin import JpegImageFile
 from PIL.PngImagePlugin import PngImageFile
 from PIL.WebPImagePlugin import WebPImageFile
@@ -34,7 +36,12 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 MAX_PICTURE_BYTES = 256 * 2**20
 LIMIT = "MAURICE_MAX_MEGAPIXELS"  # environment variable: pictures of more are refused
 MEGAPIXELS = 32.0  # without it; decoding and measuring take about 20 bytes a pixel
-_HEADERS = {"JPEG": JpegImageFile, "PNG": PngImageFile, "WebP": WebPImageFile, "BMP": BmpImageFile}
+_HEADERS: dict[str, Callable[[io.BytesIO], Image]] = {
+    "JPEG": JpegImageFile,
+    "PNG": PngImageFile,
+    "WebP": WebPImageFile,
+    "BMP": BmpImageFile,
+}
 _END_OF_IMAGE = b"\xff\xd9"
 
 
