@@ -26,7 +26,8 @@ from maurice_mcl.values.arrays import U8
 from ..errors import FieldError, PictureError, SourceError
 from ..files.pictures import encode_picture
 from ..formats.cmucam import MOST_BYTES, decode_frame
-from .source import as_line, header_line
+from ..session_log.header import header_of
+from ..session_log.records import ascii_line
 
 PORTION = 1 << 16  # bytes read at once
 BAUDS = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)  # the camera's, by jumpers
@@ -112,7 +113,7 @@ class CmucamStream:
         yield from self._told("RS")
         version = yield from self._told("GV")
         robot = {"name": version.decode("ascii", "replace").strip() or "a CMUcam"}
-        yield header_line("cmucam", cameras={"cmucam": {}}, robot=robot)
+        yield ascii_line(header_of("cmucam", cameras={"cmucam": {}}, robot=robot))
         yield from self._listened(lambda heard: False, SETTLE_S)
         yield from self._told(FIXED)
         failures = 0
@@ -127,7 +128,7 @@ class CmucamStream:
             else:
                 failures = 0
                 data = base64.b64encode(encode_picture(picture, "png")).decode("ascii")
-                yield as_line({"t": round(t_s, 3), "image": {"base64": data}})
+                yield ascii_line({"t": round(t_s, 3), "image": {"base64": data}})
         raise ConnectionError(0, f"sent {TRIES} answers in a row that cannot be used")
 
     def _frame(self) -> Generator[Said, None, U8]:

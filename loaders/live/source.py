@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import select
 import socket
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Event
-from typing import Any, BinaryIO, Protocol, TypeAlias
+from typing import BinaryIO, Protocol, TypeAlias
 from urllib.parse import urlsplit
 
 from ..errors import FieldError, InputError, SourceError
 from ..files.text import expect_regular
 from ..reading.options import ReadingOptions
 from ..reading.plane import TURNED
-from ..session_log.header import FORMAT, VERSION, session_in
+from ..session_log.header import session_in
 from ..session_log.records import LogLine
 
 STDIN = "-"
@@ -176,16 +175,6 @@ class FileStream:
 
 
 MOST_LINE_BYTES = 16 * 2**20  # a picture of 12 megapixels inline; more is no log
-
-
-def as_line(value: Mapping[str, Any]) -> bytes:
-    """Return a line of a session log in ASCII: what a source says may hold half a character."""
-    return (json.dumps(value) + "\n").encode()
-
-
-def header_line(name: str, **known: Any) -> bytes:
-    """Return the first line of a session log."""
-    return as_line({"format": FORMAT, "version": VERSION, "kind": "session", "name": name} | known)
 
 
 class LineCutter:

@@ -21,8 +21,9 @@ from ..bags.topics import TopicChoice, TopicRequest, choose, nothing_to_read, re
 from ..errors import FieldError, SourceError
 from ..files.text import items, mapping, read_json
 from ..reading.options import ReadingOptions
+from ..session_log.header import header_of
+from ..session_log.records import ascii_line
 from .poses import MOST_FRAMES, short
-from .source import as_line, header_line
 from .translation import ChosenTopics, Translator, decoded
 
 if TYPE_CHECKING:
@@ -257,7 +258,7 @@ class WebsocketStream:
                 message = self._connection.recv(timeout=max(0.0, left_s))
             except TimeoutError:
                 header = self._choose(late=time.monotonic() - self._begun_s > CHOOSE_S)
-                return header + b"".join(map(as_line, self._translator.idle())) or None
+                return header + b"".join(map(ascii_line, self._translator.idle())) or None
             except ConnectionClosed as problem:
                 if problem.rcvd is None and problem.sent is not None:
                     raise ConnectionError(0, f"was disconnected: {problem.sent.reason or problem}") from None
@@ -280,7 +281,7 @@ class WebsocketStream:
             learned = self._learn(heard)
         if self._topics is None:
             return learned
-        return learned + b"".join(map(as_line, self._translator.take(heard, self._topics)))
+        return learned + b"".join(map(ascii_line, self._translator.take(heard, self._topics)))
 
     def _learn(self, message: Message) -> bytes:
         try:
@@ -311,7 +312,8 @@ class WebsocketStream:
         self._topics = ChosenTopics(chosen.image, chosen.odometry, chosen.truth, needed, chosen.scan)
         self._send(self._bridge.subscribe(self._topics.names))
         guess = "; ".join(text for text in (chosen.guess, chosen.others) if text)
-        return b"" if taken else header_line(self._name, notes=[guess] if guess else [])
+        header = header_of(self._name, notes=[guess] if guess else [])
+        return b"" if taken else ascii_line(header)
 
     def _chosen(self, known: tuple[Topic, ...], edges: Edges, late: bool) -> TopicChoice:
         options = self._options

@@ -72,9 +72,14 @@ KINDS: tuple[Kind, ...] = ("session", "survey")
 UNITS = ("m", "in")
 
 
+def header_of(name: str, **known: Any) -> dict[str, Any]:
+    """Return the header of a session of which little is known."""
+    return {"format": FORMAT, "version": VERSION, "kind": "session", "name": name} | known
+
+
 def header_to_json(info: SessionInfo, kind: Kind, folder: Path) -> dict[str, Any]:
     """Return the header of a log in `folder`: what is known; an absolute survey relative to it."""
-    header: dict[str, Any] = {"format": FORMAT, "version": VERSION, "kind": kind, "name": info.name}
+    header = header_of(info.name, kind=kind)
     header["robot"] = {"name": info.robot} | ({} if info.motion is None else {"motion": info.motion})
     header["cameras"] = {camera.name: camera_to_json(camera) for camera in info.cameras}
     header["display_units"] = info.display_units

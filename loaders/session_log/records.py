@@ -93,6 +93,11 @@ def line_of(value: Mapping[str, Any]) -> bytes:
     return (json.dumps(value, ensure_ascii=False, allow_nan=False) + "\n").encode()
 
 
+def ascii_line(value: Mapping[str, Any]) -> bytes:
+    """Return a line of a log in ASCII: what a live source says may hold half a character."""
+    return (json.dumps(value) + "\n").encode()
+
+
 def _text(line: LogLine) -> str:
     data = line.data.removeprefix(b"\xef\xbb\xbf") if line.number == 1 else line.data
     try:

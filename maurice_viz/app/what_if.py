@@ -12,7 +12,7 @@ import numpy as np
 from maurice_loaders.config_files import read_settings
 from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
-from maurice_loaders.runs.writer import OPINION, RECOVERY, StepRows, rows_of
+from maurice_loaders.runs.writer import PARTS, StepRows, rows_of
 from maurice_mcl.filter.branch import recovery_evidence
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.second_opinion import SecondOpinion
@@ -245,7 +245,7 @@ class _Pair:
 def _compared(moment: Moment, record: StepRecord) -> StepRows:
     """Return the rows of an update without what recovery only looked at, and without a second opinion."""
     rows = rows_of(moment, record)
-    beside = {*RECOVERY, *OPINION}
+    beside = {name for part in ("recovery_test", "opinion") for name in PARTS[part][1]}
     return replace(rows, step={key: value for key, value in rows.step.items() if key not in beside})
 
 
