@@ -69,34 +69,30 @@ def _paint(table: Table, key: str, default: PaintPlan, more: tuple[str, ...] = (
 
 def paint_value(table: Table, key: str, value: object, more: tuple[str, ...] = ()) -> PaintPlan:
     """Read a paint: the name of a texture, or a table with texture or image, colors and size."""
-    inner = table.as_table(
-        key, value if isinstance(value, dict) and "any" not in value else {"texture": value}
-    )
-    if inner.has("image"):
-        file = inner.file.parent / inner.text("image")
-        if not file.is_file():
-            inner.fail("image", f"there is no file {file}; its path is relative to the world file")
-        try:
-            read_image(file)
-        except InputError as problem:
-            inner.fail("image", str(problem))
-        result = PaintPlan("plaster", image=file)
-    else:
-        result = PaintPlan(
-            texture=word(inner, "texture", TEXTURE),
-            color=word(inner, "color", COLOR, more=more) if inner.has("color") else None,
-            other=word(inner, "other", COLOR, more=more) if inner.has("other") else None,
-            size_in=inner.drawn("size", inner.take("size"), inner.inches, 0.5) if inner.has("size") else None,
+    alone = not isinstance(value, dict) or "any" in value
+    return table.as_table(key, {"texture": value} if alone else value).whole(_read_paint, more)
+
+
+def _read_paint(table: Table, more: tuple[str, ...]) -> PaintPlan:
+    if not table.has("image"):
+        return PaintPlan(
+            texture=word(table, "texture", TEXTURE),
+            color=word(table, "color", COLOR, more=more) if table.has("color") else None,
+            other=word(table, "other", COLOR, more=more) if table.has("other") else None,
+            size_in=table.drawn("size", table.take("size"), table.inches, 0.5) if table.has("size") else None,
         )
-    inner.done()
-    return result
+    file = table.file.parent / table.text("image")
+    if not file.is_file():
+        table.fail("image", f"there is no file {file}; its path is relative to the world file")
+    try:
+        read_image(file)
+    except InputError as problem:
+        table.fail("image", str(problem))
+    return PaintPlan("plaster", image=file)
 
 
-def _light(table: Table, key: str, brightness: float, color: str) -> LightPlan:
-    inner = table.table(key)
-    plan = LightPlan(inner.number("brightness", brightness, 0, 100), word(inner, "color", LIGHT, color))
-    inner.done()
-    return plan
+def _light(table: Table, brightness: float, color: str) -> LightPlan:
+    return LightPlan(table.number("brightness", brightness, 0, 100), word(table, "color", LIGHT, color))
 
 
 def _read_style(table: Table) -> StylePlan:
@@ -110,15 +106,14 @@ def _read_style(table: Table) -> StylePlan:
         shuffle_walls=table.flag("shuffle_walls"),
         skirting=word(table, "skirting", COLOR, "white", names),
         ceiling=_paint(table, "ceiling", PaintPlan("plaster", "white"), names),
-        lamp=_light(table, "lamp", 1.0, "neutral"),
-        daylight=_light(table, "daylight", 1.2, "daylight"),
+        lamp=table.table("lamp").whole(_light, 1.0, "neutral"),
+        daylight=table.table("daylight").whole(_light, 1.2, "daylight"),
         ambient=table.number("ambient", 0.2, 0, 100),
         hang=_read_hang(table),
         hang_every_in=table.length("hang_every", 0.0),
     )
     if 0 < style.hang_every_in < 20:
         table.fail("hang_every", "is less than 20 in; hang things further apart, or write 0 for none")
-    table.done()
     return style
 
 
@@ -155,9 +150,9 @@ def read_plan(file: Path) -> WorldPlan:
         top.fail("format", f"expected {FORMAT}; this program reads no other")
     top.inches = INCHES[top.one_of("units", tuple(INCHES))]
     height_in = top.length("height", 96.0, low=20.0)
-    styles = tuple(_read_style(t) for t in _named_tables(top, "style"))
+    styles = tuple(t.whole(_read_style) for t in _named_tables(top, "style"))
     names = tuple(style.name for style in styles)
-    rooms = tuple(_read_room(t, height_in, names) for t in top.tables("room"))
+    rooms = top.each("room", _read_room, height_in, names)
     if not rooms:
         top.fail("room", "found none, expected at least one; add a [[room]]")
     known = tuple(room.name for room in rooms)
@@ -169,13 +164,13 @@ def read_plan(file: Path) -> WorldPlan:
         rooms=rooms,
         styles=styles,
         shuffle_styles=top.flag("shuffle_styles"),
-        doors=tuple(read_door(t) for t in top.tables("door")),
-        floors=tuple(_read_floor(t, k == 0) for k, t in enumerate(top.tables("floor"))),
-        posters=tuple(_read_poster(t, known) for t in top.tables("poster")),
-        furniture=tuple(_read_furniture(t, known) for t in top.tables("furniture")),
-        layouts=tuple(_read_layout(t, known) for t in top.tables("layout")),
-        library=_read_library(top.table("library")),
-        start=_read_start(top),
+        doors=top.each("door", _read_door),
+        floors=tuple(t.whole(_read_floor, k == 0) for k, t in enumerate(top.tables("floor"))),
+        posters=top.each("poster", _read_poster, known),
+        furniture=top.each("furniture", _read_furniture, known),
+        layouts=top.each("layout", lambda t: t.each("furniture", _read_furniture, known)),
+        library=top.table("library").whole(_read_library),
+        start=top.table("start").whole(_read_start) if top.has("start") else None,
         twins=top.flag("twins"),
     )
     if not plan.floors:
@@ -203,12 +198,11 @@ def _read_room(table: Table, height_in: float, styles: tuple[str, ...]) -> RoomP
         height_in=table.length("height", height_in, low=20.0),
         style=table.one_of("style", styles),
         lamps=(middle,) if lamps is None else tuple(_place(table, "lamps", value) for value in lamps),
-        windows=tuple(_read_window(t) for t in table.tables("windows")),
+        windows=table.each("windows", _read_window),
     )
     for x, y in room.lamps:
         if not (rect[0] < x < rect[2] and rect[1] < y < rect[3]):
             table.fail("lamps", "one hangs outside the room; move it within rect")
-    table.done()
     return room
 
 
@@ -232,18 +226,13 @@ def _read_window(table: Table) -> WindowPlan:
     )
     if window.top_in <= window.sill_in:
         table.fail("top", "lies below the sill; give a greater height")
-    table.done()
     return window
 
 
-def read_door(table: Table) -> DoorPlan:
-    """Read one [[door]]; `frame = "none"` makes it a plain opening up to `top`."""
+def _read_door(table: Table) -> DoorPlan:
     frame = word(table, "frame", COLOR, default="white", more=("none",))
-    door = DoorPlan(
-        table.key, table.rect("rect"), table.length("top", 78.0, low=20.0), None if frame == "none" else frame
-    )
-    table.done()
-    return door
+    rect, top_in = table.rect("rect"), table.length("top", 78.0, low=20.0)
+    return DoorPlan(table.key, rect, top_in, None if frame == "none" else frame)
 
 
 def _read_floor(table: Table, first: bool) -> FloorPlan:
@@ -261,7 +250,6 @@ def _read_floor(table: Table, first: bool) -> FloorPlan:
         _highest(rect[0]) < _lowest(rect[2]) and _highest(rect[1]) < _lowest(rect[3])
     ):
         table.fail("rect", "has no area; write [x1, y1, x2, y2] with x1 < x2 and y1 < y2")
-    table.done()
     return floor
 
 
@@ -277,15 +265,7 @@ def _read_poster(table: Table, rooms: tuple[str, ...]) -> PosterPlan:
     room, wall = table.one_of("room", rooms), table.one_of("wall", WALLS)
     at, bottom = _length_or_span(table, "at"), table.length("bottom", 14.0)
     width, height = (table.real("size", v, table.inches, 0.5, 1000) for v in table.items_of("size", (2,)))
-    poster = PosterPlan(table.key, room, wall, at, bottom, (width, height), _paint(table, "paint", PLASTER))
-    table.done()
-    return poster
-
-
-def _read_layout(table: Table, rooms: tuple[str, ...]) -> tuple[FurniturePlan, ...]:
-    pieces = tuple(_read_furniture(t, rooms) for t in table.tables("furniture"))
-    table.done()
-    return pieces
+    return PosterPlan(table.key, room, wall, at, bottom, (width, height), _paint(table, "paint", PLASTER))
 
 
 def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
@@ -298,7 +278,7 @@ def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
         front = FRONTS[WALLS[(WALLS.index(against) + 2) % 4]]
     size = table.lengths("size", (2,), low=0.5)
     block = kind == BLOCK
-    piece = FurniturePlan(
+    return FurniturePlan(
         key=table.key,
         kind=kind,
         at_in=at,
@@ -310,8 +290,6 @@ def _read_furniture(table: Table, rooms: tuple[str, ...]) -> FurniturePlan:
         paint=_paint(table, "paint", PLASTER) if block else None,
         top=_paint(table, "top", PLASTER) if block and table.has("top") else None,
     )
-    table.done()
-    return piece
 
 
 def _read_front(table: Table) -> Number:
@@ -328,19 +306,12 @@ def _read_library(table: Table) -> LibraryPlan:
     headings = table.number("headings", 8, 1, 360)
     if not isinstance(headings, float | int) or headings != int(headings):
         table.fail("headings", "expected an integer")
-    library = LibraryPlan(
-        anchor, table.length("spacing", low=1.0), int(headings), table.length("clearance", 4.5)
-    )
-    table.done()
-    return library
+    spacing, clearance = table.length("spacing", low=1.0), table.length("clearance", 4.5)
+    return LibraryPlan(anchor, spacing, int(headings), clearance)
 
 
-def _read_start(top: Table) -> tuple[float, float, float] | None:
-    if not top.has("start"):
-        return None
-    table = top.table("start")
+def _read_start(table: Table) -> tuple[float, float, float]:
     x, y, heading = table.items_of("pose", (3,))
-    table.done()
     return (
         table.real("pose", x, table.inches),
         table.real("pose", y, table.inches),

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from maurice_mcl.values import Rule, choice, number, text, truth
 
 from .plan import Choice, Number, NumberRange, Rect, Word, WorldError
 
 FARTHEST = 1e5  # no length of a building is longer, in inches
+Read = TypeVar("Read")
 
 
 class Table:
@@ -84,6 +86,16 @@ class Table:
             self.fail(key, f"found {value!r}, expected a table")
         return Table(self.file, self.named(key), value, self.inches)
 
+    def each(self, key: str, read: Callable[..., Read], *more: Any) -> tuple[Read, ...]:
+        """Read a list of tables, each as a whole."""
+        return tuple(table.whole(read, *more) for table in self.tables(key))
+
+    def whole(self, read: Callable[..., Read], *more: Any) -> Read:
+        """Return what is made of this table and `more`; an error for keys that were not read."""
+        made = read(self, *more)
+        self.done()
+        return made
+
     def items(self) -> list[tuple[str, object]]:
         """Return all items that have not been read yet."""
         return list(self._left.items())
@@ -112,8 +124,7 @@ class Table:
         if not isinstance(value, dict):
             return self.real(key, value, unit, low, high)
         inner = self.as_table(key, value)
-        ends = [inner.real(end, inner.take(end), unit, low, high) for end in ("from", "to")]
-        inner.done()
+        ends = inner.whole(lambda t: [t.real(end, t.take(end), unit, low, high) for end in ("from", "to")])
         if ends[0] > ends[1]:
             self.fail(key, f"goes from {ends[0] / unit:g} down to {ends[1] / unit:g}; put the smaller first")
         return NumberRange(ends[0], ends[1])
