@@ -151,7 +151,7 @@ def _read_header(data: bytes) -> tuple[tuple[int, int], int]:
     try:
         return _HEADERS[kind](content).size, content.tell()
     except (OSError, SyntaxError, ValueError):  # as Pillow says it
-        raise PictureError(f"found a cut or damaged {kind} picture (header), expected a whole one") from None
+        raise PictureError(f"found a cut {kind} picture (no whole header), expected a whole one") from None
 
 
 def picture_format(data: bytes) -> str:

@@ -338,7 +338,7 @@ def test_another_camera_by_name(tmp_path: Path) -> None:
     assert "cam1 is not" in warnings[0]
     found, _ = read(tmp_path, ReadingOptions(camera="cam1"))
     assert [int(r.read()[0, 0, 0]) for r in found if isinstance(r, Picture)] == [200]
-    with pytest.raises(InputError, match="found cam0, cam1, expected 'cam9'"):
+    with pytest.raises(InputError, match="found cameras cam0, cam1, expected 'cam9'"):
         read(tmp_path, ReadingOptions(camera="cam9"))
 
 
