@@ -7,7 +7,6 @@ import polars as pl
 
 import maurice_mcl as mcl
 import maurice_viz as mv
-from maurice_loaders.runs.store import open_run
 from maurice_viz.playback import FilterRun, run_together
 
 
@@ -22,15 +21,10 @@ def test_it_changes_nothing_of_the_filter():
         assert np.array_equal(together["one"].belief.log_weights, alone.belief.log_weights)
 
 
-def test_a_saved_run_keeps_it_and_one_saved_before_can_be_read(small_session, tmp_path):
-    folder, columns = tmp_path / "run", ["not_lost", "not_lost_alarm"]
+def test_a_saved_run_keeps_it(small_session, tmp_path):
+    folder = tmp_path / "run"
     mv.replay(small_session, save_run=folder)
     kept = pl.read_parquet(folder / "steps" / "*.parquet")
     assert kept["not_lost"].is_between(0, 1).all()
     assert mv.traces(folder)["knows_where_it_is"].to_list() == kept["not_lost"].to_list()
-    assert mv.verify(folder)[0].same
-    for file in (folder / "steps").glob("*.parquet"):
-        pl.read_parquet(file).drop(columns).write_parquet(file)
-    assert all("not_lost" not in rows.step for rows in open_run(folder).steps())
-    assert mv.traces(folder)["knows_where_it_is"].is_not_null().all()
     assert mv.verify(folder)[0].same
