@@ -138,14 +138,14 @@ def _manifest(
     sensors: Mapping[str, str],
     warnings: Sequence[str],
 ) -> dict[str, Any]:
-    parts = ["map.json", "entries.parquet", *files.values(), *sensors.values()]
+    parts, camera = ["map.json", "entries.parquet", *files.values(), *sensors.values()], library.camera
     return {
         "format": FORMAT,
         "version": VERSION,
         "name": library.name,
         "display_units": library.display_units,
         "entries": library.size,
-        "camera": _camera_of(library),
+        "camera": None if camera is None else {"name": camera.name, **camera_to_json(camera)},
         "channels": {
             name: {"file": files[name], "parameters": CHANNELS[name].parameters()} for name in files
         },
@@ -153,11 +153,6 @@ def _manifest(
         "warnings": list(warnings),
         "sha256": {part: hash_file(folder / part) for part in parts},
     }
-
-
-def _camera_of(library: Library) -> dict[str, Any] | None:
-    camera = library.camera
-    return None if camera is None else {"name": camera.name, **camera_to_json(camera)}
 
 
 def _read_camera(manifest: Mapping[str, Any]) -> Camera | None:
@@ -171,6 +166,11 @@ def hash_file(file: Path) -> str:
     """Return a file's SHA-256 in hexadecimal."""
     with file.open("rb") as data:
         return hashlib.file_digest(data, "sha256").hexdigest()
+
+
+def hashes_of(files: Sequence[str]) -> str:
+    """Return the SHA-256 of each file, one after the other; "missing" for one that is not there."""
+    return "".join(hash_file(Path(file)) if Path(file).is_file() else "missing" for file in files)
 
 
 def _check_files(folder: Path, manifest: Mapping[str, Any]) -> None:

@@ -20,7 +20,7 @@ from maurice_mcl.values import U8, Camera, Library, NamedProgress
 from ..errors import InputError, PictureError
 from ..files.pictures import decode_picture, picture_file
 from ..files.writing import cache_root, write_whole
-from .files import hash_file
+from .files import hashes_of
 from .remembered import remembered
 
 VERSION = 3  # of what landmarks are made of: another one makes them again
@@ -76,13 +76,9 @@ def _key(library: Library, camera: Camera | None) -> str:
     about = [VERSION, cv2.__version__, None if camera is None else asdict(camera), len(library.pictures)]
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     digest.update(np.ascontiguousarray(library.poses).tobytes())
-    contents = remembered("landmarks", files, lambda: "".join(map(_hash, files)))
+    contents = remembered("landmarks", files, lambda: hashes_of(files))
     digest.update(contents.encode())
     return digest.hexdigest()[:32]
-
-
-def _hash(file: str) -> str:
-    return hash_file(Path(file)) if Path(file).is_file() else "missing"
 
 
 def _picture(path: Path | None) -> U8 | None:

@@ -23,7 +23,7 @@ from ..files.writing import cache_root, discard
 from ..reading.options import ReadingOptions
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SurveyLog, SurveyPicture
-from .files import VERSION, hash_file, load_library, manifest_warnings, save_library
+from .files import VERSION, hashes_of, load_library, manifest_warnings, save_library
 from .remembered import remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
@@ -216,15 +216,9 @@ def library_key(survey: Path, channels: Sequence[str] | None = None, *, keep_goi
     )
     made_by = [VERSION, "with camera", keep_going, parameters, cv2.__version__, walls]
     digest = hashlib.sha256(json.dumps(made_by, sort_keys=True).encode())
-    digest.update(remembered("content", files, lambda: _content(files)).encode())
+    content = remembered("content", files, lambda: hashlib.sha256(hashes_of(files).encode()).hexdigest())
+    digest.update(content.encode())
     return digest.hexdigest()[:32]
-
-
-def _content(files: Sequence[str]) -> str:
-    """Return a checksum of the files' contents."""
-    paths = map(Path, files)
-    hashes = [hash_file(path) if path.is_file() else "missing" for path in paths]
-    return hashlib.sha256("".join(hashes).encode()).hexdigest()
 
 
 def _walls_and_files(survey: Path) -> tuple[Any, list[str]]:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from maurice_mcl.values import F64, U8, Bool, Moment, Progress, SessionInfo, angle_between, fitted_m
+from maurice_mcl.values import F64, U8, Bool, Progress, SessionInfo, angle_between, fitted_m
 
 from ..errors import InputError, ReadingNotes
 from ..files.pictures import encode_jpeg
@@ -174,7 +174,8 @@ def _selected(
 
     def pictures() -> Iterator[SurveyPicture]:
         for moment in drive.moments():
-            yield SurveyPicture(_file_of(drive, moment), moment.frame.image, moment.truth, covered=False)
+            file = _file_named(drive, moment.frame.picture)
+            yield SurveyPicture(file, moment.frame.image, moment.truth, covered=False)
 
     return SelectedSurvey(drive, pictures, every, keep, progress)
 
@@ -213,10 +214,6 @@ def _table_of(drive: RecordedSession) -> TableRecording | None:
 def _is_surveyed(drive: RecordedSession) -> bool:
     table = _table_of(drive)
     return table is not None and table.surveyed
-
-
-def _file_of(drive: RecordedSession, moment: Moment) -> Path | None:
-    return _file_named(drive, moment.frame.picture)
 
 
 def _file_named(drive: RecordedSession, name: str | None) -> Path | None:
