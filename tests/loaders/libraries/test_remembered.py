@@ -91,7 +91,6 @@ def test_a_library_opened_again_reads_no_picture_and_parses_no_survey(
     survey = small_session.parent / "survey.log"
     first = open_library(survey)
     open_library(survey)
-    monkeypatch.setattr(store, "hash_file", nothing)
     monkeypatch.setattr(library_files, "hash_file", nothing)
     monkeypatch.setattr(store.SurveyLog, "pictures", nothing)
     again = open_library(survey)
