@@ -111,20 +111,19 @@ def draw_ranges(judgment: BeamJudgment, reading: LaserReading, color: RGB, scale
         )
         for reach in (judgment.expected_m, judgment.measured_m)
     )
-    pale = _INKS[style.PALE]
+    pale, edge_deg = _INKS[style.PALE], np.degrees(max(np.abs(reading.angles_rad).max(), 1e-3))
+    for y in (HEIGHT_PX - 8, 62):  # no range, and the longest
+        image[y, ::4] = _MISS
+    write(image, scale.say(reach_m), 2, 60, TEXT_PX, pale)
     for x, nats in zip(expected[:, 0].tolist(), judgment.nats.tolist(), strict=True):
         image[: round(MOST_LOST_PX * min(-nats / MOST_LOST, 1.0)), max(x - 1, 0) : x + 2] = _WALL
     cv2.polylines(image, [expected[order]], False, pale + _FULL - 2)
     for name in JUDGMENTS:
         _dots(image, measured[judgment.are(name)], _INKS[WHAT.get(name, color)] + _FULL, 3)
-    write(
-        image,
-        f"dots: measured, line: map, to {scale.say(reach_m)}",
-        2,
-        HEIGHT_PX + CAPTION_PX - 10,
-        TEXT_PX,
-        pale,
-    )
+    caption = f"{edge_deg:+.0f} deg", "dots: scan, line: map", f"{-edge_deg:+.0f} deg"
+    wide = [text_size(text, TEXT_PX)[0] for text in caption]
+    for share, text, width in zip((0.0, 0.5, 1.0), caption, wide, strict=True):
+        write(image, text, 2 + share * (WIDTH_PX - 4 - width), HEIGHT_PX + CAPTION_PX - 10, TEXT_PX, pale)
     return SCANS.png(image)
 
 

@@ -211,12 +211,13 @@ class Lanes:
         for changes in self._changes:
             end_of_last = steps - BEFORE_THE_END if steps > BEFORE_THE_END else steps + 1
             ends = [*(change.step for change in changes[1:]), end_of_last][: len(changes)]
-            has_word = False  # whether the event before shows its word itself
+            untold: list[str] = []  # words of the events before that have no room themselves
             for change, end in zip(changes, ends, strict=True):
-                look = change.look.within((end - change.step) * step_px)
-                if look.follows and has_word:
-                    look = replace(look, word="")
-                has_word = look.is_mark and look.word != ""
+                look = change.look
+                if look.follows:
+                    look = replace(look, word=", ".join(dict.fromkeys(untold)))
+                look = look.within((end - change.step) * step_px)
+                untold = [*untold, change.look.word] if look.is_mark and not look.word else []
                 if change.name in self._looks:
                     self._looks[change.name] = look
         _describe(rec, self._path, self._looks)

@@ -46,6 +46,7 @@ LEAST_SPACING = 0.085  # share of the arena's long side: circles of nodes that a
 LABEL_ROOM = 0.9  # node spacings: labels of ranks that are nearer together overlap
 SMALLEST_RADIUS = 0.012  # so that every entry is visible
 NOTHING_WORDS = "this picture says almost nothing"
+NOTHING_OF_SCAN = "this scan says almost nothing"
 MAP_PX = 120  # along the longer side of a map
 ALL_CHANNELS = "all"  # the map of all channels together
 
@@ -90,11 +91,7 @@ class MatchCircles:
         # no labels yet: static ones would hide all later ones
         best = rr.Points2D.from_fields(colors=[RANK], show_labels=True, draw_order=30.0)
         rec.log(paths.best, best, static=True)
-        radius = rr.components.Radius.ui_points(0.0)
-        words = rr.Points2D.from_fields(
-            colors=[TRUTH], radii=radius, labels=[NOTHING_WORDS], show_labels=True, draw_order=80.0
-        )
-        rec.log(paths.says_nothing, words, static=True)
+        log_words(rec, paths, NOTHING_WORDS)
 
     def draw(self, rec: rr.RecordingStream, paths: RunPaths, comparison: Comparison) -> None:
         """Log the sizes, and where the five best are."""
@@ -122,6 +119,15 @@ class MatchCircles:
             places = self.centers[:0] if tells else self._words_at
             rec.log(paths.says_nothing, row_of(rr.Points2D, positions=points_of(places)))
             self._tells = tells
+
+
+def log_words(rec: rr.RecordingStream, paths: RunPaths, words: str) -> None:
+    """Log what is said where places are hardly told apart; where on the map it stands is logged by step."""
+    radius = rr.components.Radius.ui_points(0.0)
+    points = rr.Points2D.from_fields(
+        colors=[TRUTH], radii=radius, labels=[words], show_labels=True, draw_order=80.0
+    )
+    rec.log(paths.says_nothing, points, static=True)
 
 
 def rank_labels(places: F32, room: float) -> list[str]:
@@ -218,6 +224,8 @@ class LikelihoodPanel(Panel):
                 rr.EncodedImage.from_fields(media_type="image/png", draw_order=-5.0, opacity=0.85),
                 static=True,
             )
+        if self._places is not None:
+            log_words(rec, self._paths, NOTHING_OF_SCAN)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         comparison = update.record.sighting.comparison
@@ -239,6 +247,9 @@ class LikelihoodPanel(Panel):
         nats = np.zeros(self._library.size, np.float32)
         if laser is not None and reading is not None:
             nats = places.nats(laser, reading)
+        middle = self._library.poses[:, :2].mean(axis=0, keepdims=True)
+        where = self._scale.screen(middle if reading is not None and not tells_apart(nats) else middle[:0])
+        rec.log(self._paths.says_nothing, row_of(rr.Points2D, positions=points_of(where)))
         image = row_of(rr.EncodedImage, blob=blob_of(self._maps.encoded(nats)))
         rec.log(self._paths.likelihood(ALL_CHANNELS), image)
 
