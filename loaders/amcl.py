@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from maurice_mcl.config.parameters import ALPHAS, AMCL, RULES
+from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.values import F64
 
 from .errors import FieldError, InputError
@@ -23,13 +24,11 @@ from .files.text import number, read_bounded, show
 MOST_BYTES = 1_000_000
 INSTALL = "pip install 'maurice-replay[ros]'"
 
+_LASER = [part.name for part in fields(LaserParameters) if part.name != "model"]  # named as AMCL's
 # ROS 1 names by Nav2's
 _ALIASES = {
     **{f"odom_alpha{k}": f"alpha{k}" for k in range(1, 6)},
-    **{
-        f"laser_{name}": name
-        for name in ("max_beams", "z_hit", "z_short", "z_max", "z_rand", "sigma_hit", "lambda_short")
-    },
+    **{f"laser_{name}": name for name in _LASER if not name.startswith(("laser", "do", "beam"))},
     "kld_err": "pf_err",
     "kld_z": "pf_z",
     "odom_model_type": "robot_model_type",
@@ -81,53 +80,17 @@ _ROS1_DEFAULTS: Mapping[str, Any] = {
     "z_short": 0.1,
     "z_rand": 0.05,
 }
-_LASER = [
-    "max_beams",
-    "z_hit",
-    "z_short",
-    "z_max",
-    "z_rand",
-    "sigma_hit",
-    "lambda_short",
-    "laser_likelihood_max_dist",
-    "laser_min_range",
-    "laser_max_range",
-    "do_beamskip",
-    "beam_skip_distance",
-    "beam_skip_threshold",
-    "beam_skip_error_threshold",
-]
 _MODELS = ("beam", "likelihood_field", "likelihood_field_prob")
 _POSE = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
 _OTHERS = ("laser_model_type", "robot_model_type", "initial_pose", "set_initial_pose", *_POSE)
 _OFFLINE = [
-    "always_reset_initial_pose",
-    "base_frame_id",
-    "bond_timeout",
-    "execution_policy",
-    "first_map_only",
-    "first_map_received_callback",
-    "freespace_downsampling",
-    "global_frame_id",
-    "gui_publish_rate",
-    "introspection_mode",
-    "map_topic",
-    "odom_frame_id",
-    "save_pose_rate",
-    "scan_topic",
-    "selective_resampling",
-    "service_introspection_mode",
-    "tf_broadcast",
-    "tf_buffer_duration",
-    "transform_tolerance",
-    "use_map_topic",
-    "use_sim_time",
-    "random_seed",
-    "spatial_resolution_y",
-    "initial_cov_xy",
-    "initial_cov_xa",
-    "initial_cov_ya",
-]
+    "always_reset_initial_pose", "base_frame_id", "bond_timeout", "execution_policy",
+    "first_map_only", "first_map_received_callback", "freespace_downsampling", "global_frame_id",
+    "gui_publish_rate", "introspection_mode", "map_topic", "odom_frame_id", "save_pose_rate",
+    "scan_topic", "selective_resampling", "service_introspection_mode", "tf_broadcast",
+    "tf_buffer_duration", "transform_tolerance", "use_map_topic", "use_sim_time", "random_seed",
+    "spatial_resolution_y", "initial_cov_xy", "initial_cov_xa", "initial_cov_ya",
+]  # fmt: skip
 _KNOWN = {*_ALIASES, *_DEFAULTS, *_LASER, *_OTHERS, *_OFFLINE}
 
 

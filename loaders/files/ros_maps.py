@@ -65,25 +65,16 @@ class PlacedGrid:
 
         An occupied cell stays occupied: walls of one cell would have holes otherwise.
         """
-        cells, heading = np.full((height, width), UNKNOWN, np.uint8), self.origin[2]
-        across: F64 = np.linspace(low[0] + 0.5, low[0] + width - 0.5, width)
-        for row in range(height):
-            column, line = rotated(across, np.full_like(across, low[1] + row + 0.5), -heading)
-            cells[row] = _at(self.cells, line, column)
-        line, column = (np.argwhere(self.cells == OCCUPIED) + 0.5).T
-        x, y = rotated(column, line, heading)
-        cells[_index(y - low[1], height), _index(x - low[0], width)] = OCCUPIED
-        return cells
-
-
-def _at(cells: U8, rows: F64, columns: F64) -> U8:
-    row, column = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
-    inside = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
-    return np.where(inside, cells[row * inside, column * inside], UNKNOWN).astype(np.uint8)
-
-
-def _index(places: F64, count: int) -> Any:
-    return np.clip(np.floor(places).astype(np.int64), 0, count - 1)
+        cos, sin = math.cos(self.origin[2]), math.sin(self.origin[2])
+        turn = np.array([[cos, -sin], [sin, cos]])  # from this grid to the map
+        shift = turn.T @ (low + 0.5) - 0.5  # where the first cell's center lies in this grid
+        back = np.column_stack([turn.T, shift])
+        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        cells = cv2.warpAffine(self.cells, back, (width, height), flags=flags, borderValue=UNKNOWN)
+        row, column = (np.argwhere(self.cells == OCCUPIED) + 0.5).T
+        ends = np.floor(turn @ [column, row] - low[:, None]).astype(int)
+        cells[np.clip(ends[1], 0, height - 1), np.clip(ends[0], 0, width - 1)] = OCCUPIED
+        return np.asarray(cells, np.uint8)
 
 
 # The message. Its thresholds are those of map_saver, which makes three states of percents as well.
