@@ -87,11 +87,11 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     events = events_of(collected)
     pictured = choose(collected, events)
     estimates = dict(zip([track.label for track in collected.tracks], RUN_COLORS, strict=False))
-    seen = opened.session is not None and opened.scene.has_pictures
-    photographer = Photographer(library.arena, scale, seen, estimates)
+    sees = "laser" if library.is_map else "camera" if opened.scene.has_pictures else ""
+    photographer = Photographer(library.arena, scale, sees if opened.session is not None else "", estimates)
     again = restored_together(opened.restored, Pictures(opened.session))  # warned before
     shot = shots(photographer, again, [picture.step for picture in pictured])
-    charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)))
+    charts, unknown = _charts(scale, collected, _marks(pictured, events, len(runs)), library.is_map)
     results, units = collected.results, scale.units
     verdicts = {result.label: result.verdict for result in results}
     numbered = [(picture.step, picture.number) for picture in pictured]
@@ -119,10 +119,10 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
         disks=_disks(runs[0].manifest.has_truth, estimates),
         pictures=[_picture(picture, shot[picture.step], collected, scale) for picture in pictured],
         differing=_differing(runs),
-        has_camera=opened.scene.has_pictures,
+        sees=sees,
         recorded=NOT_RECORDED if runs[0].manifest.recorded else "",
         configurations=[(run.folder / CONFIGURATION).read_text(encoding="utf-8").strip() for run in runs],
-        session_facts=list(_session_facts(info, runs[0], collected, scale)),
+        session_facts=list(_session_facts(info, runs[0], collected, scale, library.is_map)),
         library_facts=list(_library_facts(library, runs, scale)),
         run_facts=list(_facts_of_runs(runs, scale)),
     )
@@ -136,12 +136,15 @@ def _disks(has_truth: bool, estimates: Mapping[str, RGB]) -> list[tuple[str, RGB
     return truth + [(f"estimate of {label}", color) for label, color in estimates.items()]
 
 
-def _charts(scale: Scale, collected: Collected, marks: Sequence[Mark]) -> tuple[list[DrawnChart], list[str]]:
+def _charts(
+    scale: Scale, collected: Collected, marks: Sequence[Mark], by_laser: bool
+) -> tuple[list[DrawnChart], list[str]]:
     """Return a chart for each trace that is known, and the names of the others."""
     unit, per_m, per_rad = scale.units.name, scale.units.per_m, 180 / np.pi
     near = f"Weight within {scale.say(collected.results[0].radii.confidence_m)} of the estimate."
-    knows = "That the estimate is right, by how well pictures fit there and elsewhere; needs no truth."
-    explained = "How well the cloud explained each picture; higher is better."
+    fits = "the scan fits the map there" if by_laser else "pictures fit there and elsewhere"
+    knows = f"That the estimate is right, by how well {fits}; needs no truth."
+    explained = f"How well the cloud explained each {'scan' if by_laser else 'picture'}; higher is better."
     kinds = (
         (Chart("Position error", unit, "From estimate to truth."), "position_error_m", per_m),
         (Chart("Heading error", "deg", "Between estimate and truth."), "heading_error_rad", per_rad),
@@ -213,15 +216,17 @@ def _picture(picture: PicturedStep, shot: Shot, collected: Collected, scale: Sca
 # Facts of saved runs: what they were made from, with what, and their configurations.
 
 
-def _session_facts(info: SessionInfo, run: SavedRun, collected: Collected, scale: Scale) -> Facts:
+def _session_facts(
+    info: SessionInfo, run: SavedRun, collected: Collected, scale: Scale, by_laser: bool
+) -> Facts:
     manifest, track = run.manifest, collected.tracks[0]
     yield "session", manifest.name
     yield "log", _place(manifest.session)
     yield "SHA-256 of the log", _digest(manifest.session.sha256)
     yield "robot", info.robot
-    what = "updates" if manifest.recorded else "pictures"
+    what = "updates" if manifest.recorded else "scans" if by_laser else "pictures"
     yield what, f"{manifest.pictures} ({collected.steps} in this report)"
-    if collected.picture_size is not None and not manifest.recorded:
+    if collected.picture_size is not None and what == "pictures":
         yield "picture size", "{} x {} px".format(*collected.picture_size)
     yield "duration", f"{track.column('time_s')[-1]:.0f} s to the last step"
     yield "distance by odometry", scale.say(float(np.nansum(track.column("odometry_m"))))
@@ -235,7 +240,7 @@ def _library_facts(library: Library, runs: Sequence[SavedRun], scale: Scale) -> 
     if manifest.recorded:
         yield "map", " x ".join(scale.say(side) for side in library.arena.size_m)
         return
-    yield "library", library.name if library.size else MISSING
+    yield "map" if library.is_map else "library", library.name if library.size else MISSING
     yield "made from", _place(manifest.library)
     yield "SHA-256", _digest(manifest.library.sha256)
     if library.size:

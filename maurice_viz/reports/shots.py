@@ -13,6 +13,7 @@ from maurice_mcl.scoring.events import KINDS, RunEvent
 from maurice_mcl.values import F64, U8, Arena, Moment, StepRecord
 
 from ..drawing.canvas import Canvas, draw_ground, jpeg, long_side
+from ..drawing.scan import draw_scan
 from ..panels.belief import ARROW_SHARE
 from ..panels.world import clipped
 from ..running.saved_steps import Collected
@@ -128,7 +129,7 @@ SUBPIXEL_BITS = 4  # with which OpenCV draws between pixels
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """The JPEGs of one step; `camera` is None where the camera image is not available."""
+    """The JPEGs of one step; `camera`, or what the laser sees, is None where it is not available."""
 
     camera: bytes | None
     maps: Mapping[str, bytes]  # by the run's label
@@ -140,13 +141,18 @@ class Photographer:
 
     arena: Arena
     scale: Scale
-    has_pictures: bool  # whether frames hold camera images
+    sees: str  # what frames hold: "camera", "laser", or nothing to show
     colors: Mapping[str, RGB]  # of the estimate, by the run's label
     _ground: Canvas | None = None
 
     def shoot(self, moment: Moment, records: Mapping[str, StepRecord]) -> Shot:
         """Draw one step."""
-        camera = jpeg(_narrowed(moment.frame.image), QUALITY) if self.has_pictures else None
+        frame, camera = moment.frame, None
+        if self.sees == "camera":
+            camera = jpeg(_narrowed(frame.image), QUALITY)
+        elif self.sees == "laser" and frame.scan is not None:
+            drawn = np.frombuffer(draw_scan(frame.scan, self.scale), np.uint8)
+            camera = jpeg(np.asarray(cv2.imdecode(drawn, cv2.IMREAD_COLOR_RGB), np.uint8), QUALITY)
         maps = {label: self._map(moment, record, self.colors[label]) for label, record in records.items()}
         return Shot(camera, maps)
 
