@@ -13,7 +13,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from scipy.ndimage import label
 
 from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.model import SensorModel
@@ -104,6 +103,8 @@ def _directions(poses: F64, points: F64, reach_m: float) -> float:
 
 
 def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float) -> tuple[Gap, ...]:
+    from scipy.ndimage import label  # a replay needs none of it
+
     depth = np.zeros(free.shape)
     depth[free] = distance
     holes, count = label(depth > reach_m)
