@@ -108,6 +108,8 @@ def truth_at(track: RecordedTruth, t_s: F64) -> F64:
 
 def _best(log_scores: F64, values: F64, place_of: I32, *, circular: bool) -> Gained | None:
     """Return the value of highest mean: the middle of its neighbors that are nearly as high."""
+    if not len(log_scores):
+        return None
     usual = log_scores[:, np.abs(values).argmin()]
     counted = np.isfinite(usual)
     groups = np.unique(place_of[counted], return_inverse=True)[1]

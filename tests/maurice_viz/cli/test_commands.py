@@ -11,11 +11,9 @@ import time
 
 import pytest
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
 from helpers.commands import COMMAND, failure, no_display, run, runs_of
 from helpers.small_session import write_small_session, write_small_survey
-from maurice_viz.cli.app import app
 
 RUN_KEYS = {
     "label", "updates", "distance_m", "position_error_mean_m", "position_error_median_m",
@@ -252,15 +250,15 @@ def test_a_dead_display_counts_as_none(small_session, tmp_path):
 )
 def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):
     """As `simulate`, `demo`, `convert` and `record` write it."""
-    (tmp_path / "drive").mkdir()
+    (tmp_path / "drive" / "pictures").mkdir(parents=True)
     write_small_survey(tmp_path)
     log = write_small_session(tmp_path).rename(tmp_path / "drive" / "session.log")
     log.write_text(log.read_text().replace("survey.log", "../survey.log", 1))
+    for picture in (tmp_path / "pictures").glob("session*"):
+        picture.rename(tmp_path / "drive" / "pictures" / picture.name)
     outputs = []
     for path in ("drive/session.log", "drive"):
-        done = CliRunner(env={"DISPLAY": None, "WAYLAND_DISPLAY": None}).invoke(
-            app, words.format(path).split()
-        )
+        done = run(*words.format(path).split(), expect=None)
         outputs.append((done.exit_code, re.sub(r'"(filter_)?steps_per_s": [\d.]+', "", done.stdout)))
     assert outputs[0] == outputs[1]
     assert outputs[0][0] in (0, 1)

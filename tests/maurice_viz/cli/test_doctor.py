@@ -37,6 +37,12 @@ def test_a_healthy_session_is_said_to_be_so(small_session):
     assert "found nothing wrong" in done.stdout
 
 
+def test_pictures_that_are_gone_are_no_defect_of_the_doctor(small_session):
+    for picture in small_session.parent.glob("pictures/session*"):
+        picture.unlink()
+    assert "14 odometry, 14 truth" in run("doctor", small_session).stdout
+
+
 def test_what_is_wrong_is_told_and_strict_fails(small_session):
     wrong = in_millimeters(small_session)
     done = run("doctor", wrong, "--no-library")

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
+from helpers.commands import run
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.session import SessionInfo
-from maurice_viz.cli.app import app
 from maurice_viz.text.findings import WORSE
 
-RUNNER = CliRunner()
 SPOTS, HEADINGS = ((0.2, 0.2), (0.6, 0.2), (1.0, 0.3)), 8
-
-
-def said(*args):
-    done = RUNNER.invoke(app, [str(arg) for arg in args], env={"COLUMNS": "500"})
-    assert done.exit_code == 0, (done.stdout, done.stderr, done.exception)
-    return done
+said = partial(run, env={"COLUMNS": "500"})
 
 
 @pytest.fixture

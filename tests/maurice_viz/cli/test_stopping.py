@@ -16,12 +16,11 @@ from typing import Any
 import pytest
 import typer
 from rerun.chunk import RrdReader
-from typer.testing import CliRunner
 
 from helpers import expect_facts
+from helpers.commands import run
 from maurice_loaders.runs.manifest import read_manifest
 from maurice_loaders.runs.writer import RunWriter
-from maurice_viz.cli.app import app
 from maurice_viz.cli.shared.errors import errors_end_the_command
 from maurice_viz.running.run import stops_between
 from maurice_viz.viewer import sinks
@@ -103,8 +102,7 @@ def test_figures_recording_and_saved_run_go_equally_far(small_session, tmp_path,
         add(self, moment, record)
 
     monkeypatch.setattr(RunWriter, "add", stop_within)
-    done = CliRunner().invoke(app, [str(small_session), "--save-run", "kept", "-o", "a.rrd", "--json"])
-    assert done.exit_code == 130, done.stderr
+    done = run(small_session, "--save-run", "kept", "-o", "a.rrd", "--json", expect=130)
     expect_facts(done.stderr, "stopped", "recording", "scores", "complete")
     assert json.loads(done.stdout)["runs"][0]["updates"] == 7
     assert read_manifest(Path("kept")).steps == 7
@@ -124,8 +122,7 @@ def test_stopping_while_the_recording_is_written_out_leaves_the_figures(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(sinks, "_check_written", impatient)
-    done = CliRunner().invoke(app, [str(small_session), "-o", "a.rrd", "--particles", "50", *options])
-    assert done.exit_code == 130
+    done = run(small_session, "-o", "a.rrd", "--particles", "50", *options, expect=130)
     if options:
         assert json.loads(done.stdout)["runs"][0]["updates"] == 14
     else:
