@@ -157,7 +157,7 @@ def _rows(contents: Inspection) -> list[tuple[str, str]]:
         ),
         ("kinds of events", events),
         (
-            "survey or library",
+            "survey, library or map",
             survey + ("" if contents.survey_found is not False else ", which is not there"),
         ),
         ("map", "yes" if contents.has_map else "no"),

@@ -292,14 +292,15 @@ class LanesDrawing:
     def end(self, failures: Mapping[str, Sequence[Failure]]) -> None:
         """Draw all again: why a run was lost, by the run's label, and words where there is room for them."""
         lost = [look_of_state(state) for state in (kinds.LOST, kinds.PROBABLY_LOST)]
+        together = look_of_state(kinds.CONVERGED)  # without truth, of a run that is doubted only at the end
         for number, run in enumerate(self._runs):
             for failure in failures.get(run.label, ()):
                 if failure.kind == UNKNOWN:  # the lane says what it was, as before
                     continue
                 first, last = failure.episode.first, failure.episode.last
-                cause = look_of_state(kinds.LOST, failure)
-                self._shared.explain(1 + number, first, last, lost, cause)
-                self._own[number].explain(1, first, last, lost, cause)
+                old, cause = [*lost, together], look_of_state(kinds.LOST, failure)
+                self._shared.explain(1 + number, first, last, old, cause)
+                self._own[number].explain(1, first, last, old, cause)
         for lanes in (self._shared, *self._own, *self._closer):
             lanes.finish(self._rec, self._steps)
 
