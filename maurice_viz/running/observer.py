@@ -26,8 +26,8 @@ from ..scene import Detail, RunView, Scene
 UPDATES_AROUND = 2  # updates before and after an event that are drawn in full
 
 # bytes of a recording, by benchmarks/speed/recording.py on two drives; fixed, per particle, per channel
-FULL_BYTES = (68_000, 10.6, 6_000)
-LIGHT_BYTES = (27_000, 0.0, 0)
+FULL_BYTES = (58_500, 6.7, 3_200)
+LIGHT_BYTES = (14_200, 0.0, 0)
 
 
 @dataclass(slots=True)
