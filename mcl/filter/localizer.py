@@ -23,7 +23,7 @@ from ..sensor.references import NearestReference
 from ..values.arrays import F32, F64
 from ..values.geometry import wrap
 from ..values.library import USUAL, Library, Radii
-from ..values.map import SOLID, Arena, spacing
+from ..values.map import SOLID, Arena
 from ..values.randomness import Domain, Purpose, normals, normals_at, stream, words_at
 from ..values.records import (
     Belief,
@@ -190,7 +190,7 @@ class Localizer:
         proposals = proposals_of(comparison, predicted)
         if can_follow and not proposals:
             return ProposedParticles(predicted)
-        reach_m = spacing(self.reference.places)
+        reach_m = self.reference.spacing_m
         there = elsewhere(proposals, predicted, reach_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..sensor.references import NearestReference
 from ..values.geometry import wrap
-from ..values.map import spacing
 from ..values.randomness import normals
 from ..values.records import (
     AVERAGES,
@@ -211,7 +210,7 @@ class RecoveryStep:
 
     def expand(self, resampled: Resampled, rng: np.random.Generator) -> Resampled:
         """Move every particle by about the library's spacing and an eighth of a turn."""
-        belief, reach = resampled.belief, spacing(self.reference.places)
+        belief, reach = resampled.belief, self.reference.spacing_m
         sd = np.array([reach, reach, np.pi / 8], np.float32)
         poses = belief.poses + normals(rng, belief.size) * sd
         poses[:, 2] = wrap(poses[:, 2])

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Protocol, TypeAlias
 
 import numpy as np
@@ -80,7 +81,7 @@ def _mixed(values: F32, known: F32 | None, log_likelihood: F32) -> F32:
     return np.asarray(np.where(known < 1, mixed, values), np.float32)  # outside, -inf, is known
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class NearestReference:
     """Two tables: raster cell to place, place and heading to entry; the last rows stand for outside, -1."""
 
@@ -91,6 +92,11 @@ class NearestReference:
     # how far the entry speaks for poses there, 0 to 1; None: for all of them
     faced: F32 | None = None  # (P + 1, HEADING_BINS) by its heading
     reached: F32 | None = None  # (rows * columns + 1,) by its place
+
+    @cached_property
+    def spacing_m(self) -> float:
+        """The median distance from a place to the next."""
+        return spacing(self.places)
 
     def entries(self, poses: F32, origin: F64) -> I32:
         """Return the entry (N,) that each pose (N, 3) relative to `origin` is compared with; -1 outside."""
