@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 TURNS, TURN_RAD = 43, float(np.pi / 4)  # as many steps as the thesis's figure 33 has
 BEGUN_M, BEGUN_RAD = 18 * INCH_M, float(np.radians(20))  # "reasonably well localized": ours
-DRIVES, RUNS = 8, 24
+DRIVES, RUNS_A_PLACE = 8, 3
 AMBIGUOUS, AT = 200, 3  # particles of figure 34; the picture that it shows
 OFFSET, LARGEST = 0.33, 0.3  # of a circle from its node, and its diameter, in spacings of nodes
 
@@ -65,12 +65,12 @@ def turning(material: Material) -> Figure:
     drawing, both = panels(1, 2, "turns of 45 degrees", "")
     drawing.set_size_inches(10.0, 4.6)
     for number, feature in enumerate(("color", "blended")):
-        found, places = turned(material, feature), places_of_turns()
+        found, places = turned(material, feature)
         for axes, column in zip(both, (0, 1), strict=True):
             limits = [mean(np.array([run[column, at] for run in found]), places) for at in range(TURNS)]
             y, low, high = np.array([[run.value, run.low, run.high] for run in limits]).T / INCH_M
             color, marker, line = STYLES[number]
-            x, caption = np.arange(1, TURNS + 1), f"{feature}, {RUNS} runs in {DRIVES} places"
+            x, caption = np.arange(1, TURNS + 1), f"{feature}, {len(found)} runs in {places.count} places"
             axes.plot(x, y, color=color, marker=marker, markevery=5, linestyle=line, label=caption)
             axes.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)
     for axes, label in zip(both, (LABELS[DEVIATION], LABELS[OFF]), strict=True):
@@ -87,25 +87,24 @@ def turning(material: Material) -> Figure:
     return drawing
 
 
-def places_of_turns() -> Clusters:
-    """Return at which of the places each of those runs turns."""
-    places = np.arange(RUNS) % DRIVES
-    return Clusters.of(places, places)  # a place has one drive
+@cache
+def turned(material: Material, feature: str) -> tuple[list[F64], Clusters]:
+    """Return deviation and error (2, turns), of runs that turn in place, and at which place each does.
 
-
-def turned(material: Material, feature: str) -> list[F64]:
-    """Return deviation and error (2, turns), in meters, of runs that turn in place, at several places."""
-    drives = _turning_drives(material.spec(EXAMPLE))
-    return [
-        _turned(material.localizer_on(drives[seed % DRIVES], seed, preset=PRESET, feature=feature), run)
-        for seed in range(RUNS)
-        for run in (drives[seed % DRIVES],)
+    There are as many places as the trials have drives, up to DRIVES, so that quick trials stay quick.
+    """
+    drives = _turning_drives(material.spec(EXAMPLE), min(DRIVES, material.rows["seed"].n_unique()))
+    places = np.arange(RUNS_A_PLACE * len(drives)) % len(drives)
+    runs = [
+        _turned(material.localizer_on(drives[place], seed, preset=PRESET, feature=feature), drives[place])
+        for seed, place in enumerate(places)
     ]
+    return runs, Clusters.of(places, places)  # a place has one drive
 
 
 @cache
-def _turning_drives(spec: SessionSpec) -> list[Drive]:
-    return [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(DRIVES)]
+def _turning_drives(spec: SessionSpec, count: int) -> list[Drive]:
+    return [turning_drive(spec, seed, TURNS, TURN_RAD) for seed in range(count)]
 
 
 def _turned(localizer: Localizer, drive: Drive) -> F64:

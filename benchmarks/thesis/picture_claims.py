@@ -14,7 +14,7 @@ from maurice_mcl.scoring.modes import near_truth
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
 
-from .clouds import places_of_turns, turned
+from .clouds import turned
 from .drives import TRAVEL_M, motion_clouds
 from .example import DrivePictures, rooms_of
 from .material import Material, MissingRuns, over_drives
@@ -85,7 +85,7 @@ def compounding(material: Material) -> ClaimResult:
 
 def sharpened(material: Material) -> ClaimResult:
     """Compare the cloud's deviation after many pictures of one place with that after the first."""
-    runs, places = turned(material, "color"), places_of_turns()
+    runs, places = turned(material, "color")
     sd, off = (np.array([one[k] for one in runs]) / INCH_M for k in (0, 1))
     figure = partial(mean, sd[:, -1] - sd[:, 0], places)
     before, after = (float(off[:, at].mean()) for at in (0, -1))
@@ -95,7 +95,7 @@ def sharpened(material: Material) -> ClaimResult:
 
 def pulled(material: Material) -> ClaimResult:
     """Compare error and deviation after many pictures of one place: a cloud surer than it is right."""
-    runs, places = turned(material, "color"), places_of_turns()
+    runs, places = turned(material, "color")
     figure = partial(mean, np.array([one[1, -1] - one[0, -1] for one in runs]) / INCH_M, places)
     return ClaimResult(
         f"{said(figure(0.95), 'in')}, error less deviation", evidence=(ClaimFigure(figure, 0),)

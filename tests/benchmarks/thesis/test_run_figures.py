@@ -62,7 +62,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_figure_is_drawn_and_its_axes_have_labels(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(clouds, "RUNS", 2)
+    monkeypatch.setattr(clouds, "RUNS_A_PLACE", 2)
     monkeypatch.setattr(clouds, "DRIVES", 1)
     monkeypatch.setattr(clouds, "TURNS", 5)
     material, left = Material(folder), set()
