@@ -151,7 +151,7 @@ def _collected(run: SavedRun) -> Collected:
     """Go through a saved run without its pictures: all that is needed here was kept."""
     arena = run.arena()
     scale = scale_for(run.manifest.display_units, arena)
-    return collect([Restored(run, None)], Pictures(), scale, arena.size_m, SILENT)
+    return collect([Restored(run, None)], Pictures(), scale, arena, SILENT)
 
 
 def _flat(row: dict[str, Any], prefix: str = "") -> dict[str, Any]:

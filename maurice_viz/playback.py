@@ -23,7 +23,7 @@ from maurice_mcl.scoring.events import Say, in_meters
 from maurice_mcl.scoring.lost_signal import SignalSummary
 from maurice_mcl.scoring.metrics import RunScore, Scorer
 from maurice_mcl.sensor.ahead import Compared, compared, compared_ahead
-from maurice_mcl.values import F64, USUAL, Moment, Radii, StepRecord
+from maurice_mcl.values import F64, USUAL, Arena, Moment, Radii, StepRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,25 +98,26 @@ class ResultCollector:
     def __init__(
         self,
         labels: Sequence[str],
-        arena_m: tuple[float, float],
+        arena: Arena,
         say: Say = in_meters,
         other_drives: Collection[str] = (),
         localizers: Mapping[str, Localizer | None] | None = None,
         starts: Mapping[str, F64 | None] | None = None,
     ) -> None:
-        """Score runs of these labels, in an arena of this width and depth; all after the first against it.
+        """Score runs of these labels in an arena; all after the first against it.
 
         `other_drives` are the labels of those that replay another drive than the first one; with
         `localizers`, the runs' filters, failures are diagnosed by references, motion and map, too; with
-        `starts`, poses (3,), runs are compared with their odometry alone.
+        `starts`, poses (3,), runs are compared with their odometry alone. Scans of a run without a filter are
+        laid on the arena's occupancy map.
         """
-        self._scorers = {label: Scorer(arena_m) for label in labels}
+        self._scorers = {label: Scorer(arena.size_m) for label in labels}
         self._pairings = {
             label: RunComparison(labels[0], label, say, same_drive=label not in other_drives)
             for label in labels[1:]
         }
         filters, starts = localizers or {}, starts or {}
-        self._verdicts = {label: VerdictBuilder(filters.get(label)) for label in labels}
+        self._verdicts = {label: VerdictBuilder(filters.get(label), arena.occupancy) for label in labels}
         self._reckonings = {
             label: DeadReckoning.of(filters.get(label), starts.get(label)) for label in labels
         }

@@ -81,7 +81,7 @@ def page_of(opened: Opened, folder: Path, listener: Listener = SILENT) -> str:
     library, info, runs = opened.scene.library, opened.scene.info, opened.runs
     scale = scale_for(info.display_units, library.arena)
     pictures = Pictures(opened.session, listener.warning)
-    collected = collect(opened.restored, pictures, scale, library.arena.size_m, listener)
+    collected = collect(opened.restored, pictures, scale, library.arena, listener)
     if not collected.steps:
         raise InputError(folder, "found a run without a step, so there is nothing to report; replay again")
     events = events_of(collected)

@@ -143,7 +143,7 @@ def collector_of(playback: Playback) -> ResultCollector:
     localizers = {run.label: run.localizer for run in playback.views}
     starts = {run.label: run.start for run in playback.views}
     return ResultCollector(
-        playback.labels, scene.arena.size_m, scene.scale.say, playback.other_drives, localizers, starts
+        playback.labels, scene.arena, scene.scale.say, playback.other_drives, localizers, starts
     )
 
 

@@ -18,6 +18,7 @@ from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose
 from maurice_mcl.values.laser import LaserScan
+from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import Belief, Comparison, Sighting, StepRecord
 from maurice_mcl.values.session import Moment, Session
 
@@ -210,7 +211,7 @@ def collect(
     runs: Sequence[Restored],
     pictures: Pictures,
     scale: Scale,
-    arena_m: tuple[float, float],
+    arena: Arena,
     listener: Listener,
 ) -> Collected:
     """Go through all updates of saved runs once."""
@@ -219,7 +220,7 @@ def collect(
     detectors = {label: EventDetector(scale.say) for label in runs_by_label}
     localizers = {label: run.localizer for label, run in runs_by_label.items()}
     starts = {label: run.start for label, run in runs_by_label.items()}
-    scores = ResultCollector(list(runs_by_label), arena_m, scale.say, localizers=localizers, starts=starts)
+    scores = ResultCollector(list(runs_by_label), arena, scale.say, localizers=localizers, starts=starts)
     size: tuple[int, int] | None = None
     for moment, records in restored_together(runs, pictures):
         paired = scores.add(moment, records)

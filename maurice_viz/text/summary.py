@@ -144,11 +144,10 @@ def _known(result: RunResult) -> str:
 
 
 def _probably_lost(result: RunResult) -> str:
-    if result.signal is None:
-        return "-"
     steps = [steps_text(first, last) for first, last in result.verdict.doubts]
-    more = f", {len(steps) - 1} more" if len(steps) > 1 else ""
-    return f"{steps[0]}{more}" if steps else "no"
+    if not steps:
+        return "-" if result.signal is None else "no"
+    return steps[0] + (f", {len(steps) - 1} more" if len(steps) > 1 else "")
 
 
 def _written(value: float | None, how: str, per_unit: float = 1.0) -> str:

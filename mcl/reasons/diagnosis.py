@@ -13,7 +13,9 @@ from dataclasses import dataclass, field, replace
 from ..filter.localizer import Localizer
 from ..scoring.episodes import Episode, EpisodeFinder
 from ..scoring.metrics import LOST_FOR
-from ..values import F64, U8, Moment, StepRecord
+from ..sensor.laser.fit import ScanFits
+from ..sensor.map_places import map_library
+from ..values import F64, U8, Moment, OccupancyMap, StepRecord
 from .causes import LIBRARY_GAP, LIGHTING, MOTION, MOUNT, UNKNOWN, UNSEEN, VIEW, WRONG_MAP, Failure
 from .drive_rules import (
     beyond_motion,
@@ -155,13 +157,17 @@ class DiagnosisBuilder:
     """
 
     localizer: Localizer | None = None
+    occupancy: OccupancyMap | None = None  # that scans of a run without a localizer are laid on
     episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
     _finder: EvidenceFinder = field(init=False)
     _pictures: KeptPictures = field(default_factory=lambda: KeptPictures([]))
     _known: tuple[int, tuple[Failure, ...]] = (0, ())  # result for so many updates
 
     def __post_init__(self) -> None:
-        self._finder = EvidenceFinder(self.localizer)
+        scans = None
+        if self.occupancy is not None and self.occupancy.free.any():
+            scans = ScanFits(self.occupancy, map_library(self.occupancy, "map").poses)
+        self._finder = EvidenceFinder(self.localizer, scans=scans)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""

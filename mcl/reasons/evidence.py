@@ -212,10 +212,13 @@ class EvidenceFinder:
         if self.scans is None or scan is None:
             return None
         reading = self.scans.read(scan)
-        if reading is None or laser is None:
+        if reading is None or (laser is None and self.localizer is not None):
             return self.scans.unanswered(scan, truth)
+        scans = self.scans
 
         def own(poses: F64) -> F32:
+            if laser is None:  # the run's own model is not known
+                return scans.nats(reading, poses)
             origin = poses[0, :2].copy()
             relative = (poses - np.append(origin, 0.0)).astype(np.float32)
             return laser.sensor.log_likelihood(laser.reading, relative, origin)

@@ -18,7 +18,7 @@ from ..scoring.comparison import OdometryAlone
 from ..scoring.episodes import KIDNAPPED, SEARCHING, Episode
 from ..scoring.lost_signal import LostSignal
 from ..scoring.metrics import FIRST_SCORED, StepScore
-from ..values import F64, USUAL, Moment, Radii, StepRecord
+from ..values import F64, USUAL, Moment, OccupancyMap, Radii, StepRecord
 from .causes import (
     BEFALLING,
     CARRIED,
@@ -256,6 +256,7 @@ class VerdictBuilder:
     """
 
     localizer: InitVar[Localizer | None] = None
+    occupancy: InitVar[OccupancyMap | None] = None  # that scans of a run without one are laid on
     _verdict: RunVerdict = field(default_factory=RunVerdict)
     _incidents: IncidentFinder = field(default_factory=IncidentFinder)
     _ambiguity: AmbiguityFinder = field(default_factory=AmbiguityFinder)
@@ -265,8 +266,8 @@ class VerdictBuilder:
     _scored: int = 0  # updates
     _converged: int = 0
 
-    def __post_init__(self, localizer: Localizer | None) -> None:
-        self._diagnosis = DiagnosisBuilder(localizer)
+    def __post_init__(self, localizer: Localizer | None, occupancy: OccupancyMap | None) -> None:
+        self._diagnosis = DiagnosisBuilder(localizer, None if localizer is not None else occupancy)
         self._obstacles = ObstacleFinder(localizer)
         if localizer is not None and isinstance(localizer.motion, PictureMotion):
             self._incidents = IncidentFinder(too_long=OVERSTATED)

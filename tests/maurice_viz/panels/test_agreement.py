@@ -17,6 +17,7 @@ from maurice_mcl.filter.estimate import share_within, weighted_mean
 from maurice_mcl.filter.localizer import run
 from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import KINDS, OF_RUN, EventDetector
+from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import PICTURE
 from maurice_mcl.values.session import Moment
 from maurice_viz import entities
@@ -39,6 +40,8 @@ from maurice_viz.style import (
 )
 from maurice_viz.text import phases
 from maurice_viz.text.phases import phase_words, reseeded
+
+ARENA = Arena((0.0, 0.0, 2.0, 2.0), np.zeros((0, 4)))
 
 RUN, STEPS, CARRIED = RunPaths("robust"), 16, 8
 COMPONENTS = {
@@ -207,7 +210,7 @@ def test_texts_of_recovery_have_the_numbers_of_the_record(strategy):
 
 def test_traces_scores_and_verdict_agree(drive):
     played, path, scale = drive
-    collector = ResultCollector([RUN.label], (2.0, 2.0))
+    collector = ResultCollector([RUN.label], ARENA)
     rows = defaultdict(list)
     for moment, record in played:
         collector.add(moment, {RUN.label: record})

@@ -44,7 +44,7 @@ def drawn(path: Path, others: set[str] | None = None, has_truth: bool = True, st
     for number, label in enumerate(LABELS):
         localizer = build_localizer(library, session, of_feature("color", 300), seed=number)
         runs.append(FilterRun(label, localizer, None))
-    collector = ResultCollector(LABELS, library.arena.size_m, scale.say, others or set())
+    collector = ResultCollector(LABELS, library.arena, scale.say, others or set())
     seen = []
     with sinks.to_file(path, "compared", rrb.Blueprint()) as rec:
         views = [RunView(label, ("color",), own_drive=label in (others or ())) for label in LABELS]

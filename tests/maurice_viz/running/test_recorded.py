@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from pathlib import Path
@@ -11,6 +12,10 @@ import pytest
 
 from helpers import bags as making
 from helpers.bags import Ros
+from helpers.commands import run
+from maurice_datasets.sessions import write_simulation
+from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.tasks import TASKS
 from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import open_run
@@ -143,3 +148,20 @@ def test_without_its_bag_a_run_is_still_there(bag: Path, tmp_path: Path) -> None
 def test_failures_are_drawn(saved: Path, tmp_path: Path) -> None:
     pictures = draw(diagnose(saved), tmp_path / "drawn")
     assert [picture.suffix for picture in pictures] == [".png"]
+
+
+def test_what_amcl_itself_did_without_truth_is_suspected_by_its_scans(tmp_path):
+    """A run that was carried off, published as AMCL would, and recorded without any true pose."""
+    plan = SimulationPlan(TASKS["kidnapped"], world="office", arena_seed=0, seed=1, updates=60, laser=True)
+    written = write_simulation(tmp_path / "s", plan)
+    lines = written.session.read_text(encoding="utf-8").splitlines()
+    records = [json.loads(line) for line in lines]
+    hidden = [r for r in records if "truth" not in r and "kidnapped" not in str(r.get("event", ""))]
+    written.session.write_text("\n".join(map(json.dumps, hidden)) + "\n", encoding="utf-8")
+    settings = ("--set", "recovery.strategy=none", "--particles", "500")
+    run("replay", written.session, *settings, "-o", "none", "--save-run", tmp_path / "own")
+    run("export", tmp_path / "own", "-o", tmp_path / "amcl.mcap")
+    run("replay", tmp_path / "amcl.mcap", "--as-recorded", "-o", "none", "--save-run", tmp_path / "recorded")
+    said = run("diagnose", tmp_path / "recorded").stdout
+    assert "carried away" in said
+    assert "picture" not in said

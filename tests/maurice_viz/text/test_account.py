@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -16,6 +17,7 @@ from helpers.step_records import at, made, moment
 from maurice_mcl.reasons.tour import tour_of
 from maurice_mcl.scoring.episodes import KIDNAPPED, LOST, SEARCHING
 from maurice_mcl.scoring.events import EventDetector
+from maurice_mcl.values.map import Arena
 from maurice_mcl.values.records import Opinion
 from maurice_viz.app.diagnose import RunDiagnosis
 from maurice_viz.playback import ResultCollector, RunResult
@@ -24,6 +26,8 @@ from maurice_viz.text.causes import with_failures
 from maurice_viz.text.summary import score_rows, to_json
 from maurice_viz.text.tour import tour_pages
 from maurice_viz.text.verdict import verdict_line
+
+ARENA = Arena((0.0, 0.0, 6.0, 6.0), np.zeros((0, 4)))
 
 SCALE = Scale(units_named("in"))
 TRUTH = (0.0, 0.0, 0.0)
@@ -39,7 +43,7 @@ TIMES = ["rrrrrr", "kooo", "kOOOOOOO", "kRrrrrr", "ooo", "oOOOOOO", "bB", "sssss
 
 def played(letters: str) -> tuple[RunResult, list[str], dict[str, list[str]]]:
     """Follow a run of a letter a step; return its result, its states, and its texts by where they stand."""
-    collector, detector = ResultCollector(["one"], (6.0, 6.0)), EventDetector(SCALE.say)
+    collector, detector = ResultCollector(["one"], ARENA), EventDetector(SCALE.say)
     events, states, times_s, carried = [], list[str](), dict[int, float](), ""
     step = 0
     for letter in letters:
