@@ -36,7 +36,7 @@ CAPPED_SHARE = 0.03  # of the beams that read the same, the longest range of all
 MATCHED = 8  # scans that are searched on a map
 FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fits; of that of mirrored scans
 SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
-NEAR_M, FITS_AT_TRUTH = 0.5, 0.6
+NEAR_M, FITS_AT_TRUTH, AGREE_AT_TRUTH = 0.5, 0.6, 0.5
 CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
 PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1  # of a laser on the robot, along each axis; told from
 
@@ -291,6 +291,8 @@ def _about_map(
     check += f" ({fits.short:.0%} of the beams end before its walls, {fits.beyond:.0%} behind)"
     if own <= FITS_OFF or own < CHANCE * chance or fits.at_truth >= FITS_AT_TRUTH:
         seen = Evidence("fit-where", {"scans": len(some)})
+        if fits.at_truth == 0 and fits.agree_at_truth < AGREE_AT_TRUTH:
+            return [Finding("map-frame", (seen,), {"agree": fits.agree_at_truth})], check
         shares = {"short": fits.short, "beyond": fits.beyond}
         changed = fits.short + fits.beyond >= CHANGED_SHARE
         return [Finding("map-changed", (seen,), shares)] if changed else [], check
@@ -315,6 +317,7 @@ class _Fits:
     short: float  # that end before a wall of the map
     beyond: float  # that end behind one
     at_truth: float  # share of the scans that fit best within `NEAR_M` of their true places; 0: unknown
+    agree_at_truth: float  # share of the beams that agree with the map there; 1: unknown
 
 
 def _best_fits(
@@ -331,7 +334,9 @@ def _best_fits(
         off = -float(matches.nats[0]) / (OFF_NATS * min(INDEPENDENT_BEAMS, len(points)))
         behind = reading.hits & (judged.measured_m > judged.expected_m + THROUGH_M)  # on whatever is there
         near = places is not None and np.hypot(*(matches.poses[0] - places[number])[:2]) < NEAR_M
-        shares.append([off, judged.are("short").mean(), behind.mean(), float(near)])
+        there = judged if places is None else laser.judged(reading, places[number])
+        agree = 1.0 if places is None else float(there.are("agrees").mean())
+        shares.append([off, judged.are("short").mean(), behind.mean(), float(near), agree])
     if not shares:
-        return _Fits(*[float("nan")] * 4)
+        return _Fits(*[float("nan")] * 5)
     return _Fits(float(np.median(np.array(shares)[:, 0])), *np.mean(shares, axis=0)[1:].tolist())

@@ -120,6 +120,10 @@ WHAT: Mapping[str, Text] = {
     "odometry-is-truth": "odometry repeats the truth: it was made from it, and has no errors to localize by",
     "max-range": "beams that hit nothing read {range_m:.4g} m, as if they had hit something there",
     "map-scale": "the scans fit the map if its cells are {cell_m:.4g} m: {scale:g} times as large",
+    "map-frame": (
+        "the scans fit the map, but not where the truth has them, where {agree:.0%} of the beams agree: "
+        "the map or the truth is turned or moved"
+    ),
     "map-changed": lambda v: (
         f"{v['short']:.0%} of the beams end before the map's walls, {v['beyond']:.0%} behind them: the map "
         "is not as the place is now"
@@ -198,6 +202,7 @@ FIX: Mapping[str, Text] = {
     "odometry-is-truth": "take wheel odometry; --reading odometry_from_truth=true makes some with noise",
     "max-range": "--set sensor.laser.laser_max_range={range_m:.4g}, or a range_max below it in the scans",
     "map-scale": "resolution: {cell_m:.4g} in map.yaml, and origin to match",
+    "map-frame": "correct origin in map.yaml, or give the truth in the map's frame",
     "map-changed": "map the place anew; until then --preset laser, or likelihood_field_prob with do_beamskip",
     "map-place": "give the map.yaml of this drive; `map build` makes one from scans with truth",
     "camera-yaw": "survey with the same mounting, or `maurice-replay library build SURVEY --yaw {yaw_deg}`",

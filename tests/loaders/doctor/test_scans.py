@@ -132,6 +132,8 @@ def test_a_map_of_another_scale_or_place_is_found(drive: tuple[Path, Library]) -
     found = examine(log, USUAL, map_library(replace(grid, cell_m=grid.cell_m * 1.25), "scaled"))
     assert codes(found) == ["map-scale"]
     assert found.findings[0].numbers["scale"] == 0.8
+    turned = replace(grid, cells=np.rot90(grid.cells).copy(), corner=grid.corner + 3.0)
+    assert codes(examine(log, USUAL, map_library(turned, "turned"))) == ["map-frame"]
     changed, rng = grid.cells.copy(), np.random.default_rng(3)
     side = round(0.6 / grid.cell_m)
     for row, column in rng.integers(0, np.array(changed.shape) - side, (20, 2)):
