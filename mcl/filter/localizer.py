@@ -29,6 +29,7 @@ from ..values.records import (
     Belief,
     Comparison,
     FilterState,
+    Past,
     Sighting,
     StepRecord,
     effective_sample_size,
@@ -58,6 +59,7 @@ GUIDED = "guided"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 KNOWN_SHARE = 0.5  # share of the weight that references have to speak for before recovery decides
+PAST = 5  # updates that are kept: those by which proposals are checked
 NO_OUTLIERS = MotionOutliers()
 USUALLY_GUIDED = GuidedMotionParameters()
 
@@ -123,7 +125,7 @@ class Localizer:
         watch = _Watch()
         comparison = self.sensor.see(frame) if compared is None else compared.comparison
         watch.lap("measure", 0.0 if compared is None else compared.took_s)
-        proposal = self.propose(state.belief, frame, comparison)
+        proposal = self.propose(state.belief, frame, comparison, state.past)
         watch.lap("propose")
         sighting = self.sensor.at(comparison, proposal.belief.poses)
         weighted, log_evidence = weigh(proposal, sighting.log_likelihood)
@@ -165,7 +167,8 @@ class Localizer:
             recovery_test=recovery.test,
             library_evidence=comparison.library_evidence,
         )
-        return FilterState(frame.step, recovered.belief, recovery.state), record
+        past = (Past(frame.motions, comparison.sensed, estimate.pose), *state.past)[:PAST]
+        return FilterState(frame.step, recovered.belief, recovery.state, past), record
 
     @property
     def arena(self) -> Arena:
@@ -177,7 +180,9 @@ class Localizer:
         """Whether sensors propose poses, and particles follow them."""
         return self.guided.share > 0 and can_propose(self.sensor.sensors.values())
 
-    def propose(self, belief: Belief, frame: Frame, comparison: Comparison) -> ProposedParticles:
+    def propose(
+        self, belief: Belief, frame: Frame, comparison: Comparison, past: Sequence[Past] = ()
+    ) -> ProposedParticles:
         """Move the particles by the motion model; with a mixture, draw some from the picture's likelihood.
 
         Where a sensor proposes a pose that the cloud tracks, some particles move toward it. With such a
@@ -187,7 +192,7 @@ class Localizer:
         can_follow = can_propose(self.sensor.sensors.values())
         if self.mixture is None and not self.is_guided:
             return ProposedParticles(predicted)
-        proposals = proposals_of(comparison, predicted)
+        proposals = proposals_of(comparison, predicted, frame, past)
         if can_follow and not proposals:
             return ProposedParticles(predicted)
         reach_m = self.reference.spacing_m

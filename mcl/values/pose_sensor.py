@@ -8,7 +8,7 @@ Their nats add up with those of the channels (`sensor.model`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -175,7 +175,8 @@ class PoseSensor(Protocol):
     `weighs_references`, false for one that need not say how well a library's references agree. One that
     proposes may define `shown_with(reading, poses, proposal)`, which takes the place of `shown` and need
     not find the proposal again, and `explains(reading, poses, weights, origin)`: true where a cloud explains
-    the reading, so that nothing is proposed. `fits(reading, pose)` is how well a reading fits an estimate:
+    the reading, so that nothing is proposed; and `confirmed(reading, proposal, earlier)`: what is left of a
+    proposal by what was read before. `fits(reading, pose)` is how well a reading fits an estimate:
     without channels the lost signal reads it.
 
         >>> import numpy as np, maurice_mcl as mcl
@@ -222,6 +223,15 @@ class PoseSensor(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class Earlier:
+    """What a sensor read in an earlier frame, and where the filter thought to be."""
+
+    motions: F64  # (M, 3) from there to the next frame
+    reading: Any | None
+    estimate: F64  # (3,) in the map's frame
+
+
+@dataclass(frozen=True, eq=False)
 class Sensed:
     """What one pose sensor read in a frame, and how well each of the library's L references agrees."""
 
@@ -239,6 +249,14 @@ class Sensed:
         """Return whether a cloud (N, 3) explains the reading, so that the sensor has nothing to propose."""
         explains = getattr(self.sensor, "explains", None)
         return explains is not None and bool(explains(self.reading, poses, weights, origin))
+
+    def confirmed(self, earlier: Sequence[Earlier]) -> PoseProposal | None:
+        """Return what is left of the proposal by what was read before, the latest first."""
+        confirmed = getattr(self.sensor, "confirmed", None)
+        if confirmed is None or self.proposal is None:
+            return self.proposal
+        kept: PoseProposal | None = confirmed(self.reading, self.proposal, earlier)
+        return kept
 
     @cached_property
     def proposal(self) -> PoseProposal | None:

@@ -280,6 +280,15 @@ class StepRecord:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Past:
+    """What is kept of an update, to check by it what pose sensors propose later."""
+
+    motions: F64  # (M, 3) of its frame
+    sensed: tuple[Sensed, ...]
+    estimate: F64  # (3,) in the map's frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
     """Everything the next step needs: a run can continue from its state and its localizer's seed.
 
@@ -292,3 +301,4 @@ class FilterState:
     step: int  # of the last frame; 0 before the first
     belief: Belief
     recovery: RecoveryState = NO_HISTORY  # of the recovery strategy
+    past: tuple[Past, ...] = ()  # the last updates, the latest first

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, I64, Bool, OccupancyMap, PoseProposal, wrap_angle
+from ...values import F32, F64, I64, UNKNOWN, Bool, OccupancyMap, PoseProposal, wrap_angle
 from .field import distances_m
 from .models import SIGMA_M, UNKNOWN_NATS, worth_of
 from .rays import Rays
@@ -234,8 +234,9 @@ class Matcher:
         """The field, and the field pooled around every, every second, fourth, ... of its cells."""
         occupied = _any(self.occupancy.occupied, self._factor)
         known = occupied | _any(self.occupancy.free, self._factor)
-        grid = OccupancyMap(occupied.astype(np.uint8), self._cell_m, self.occupancy.corner)
-        worth = worth_of(distances_m(grid, FAR_M), ~known, SIGMA_M)
+        cells = np.where(known, occupied, UNKNOWN).astype(np.uint8)
+        grid = OccupancyMap(cells, self._cell_m, self.occupancy.corner)
+        worth = worth_of(distances_m(grid, FAR_M), grid, SIGMA_M)
         return [self._layer(worth, 1, 0), *(self._layer(worth, 2**power, POOLED) for power in range(POWERS))]
 
     def _layer(self, worth: F32, stride: int, pooled: int) -> _Layer:

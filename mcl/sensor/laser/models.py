@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...values import F32, F64, U8, Bool, OccupancyMap, compose
-from .field import Field, distances_m, sums_of
+from .field import Field, cell_distances, distances_m, sums_of
 from .parameters import LaserParameters
 from .rays import Rays
 from .reading import LaserReading
@@ -23,6 +23,7 @@ SIGMA_M = 0.1
 OUTLIER = 0.1  # worth of a beam that ends nowhere near what the map has, relative to the best
 SCAN_OUTLIER_NATS = 24.0  # a pose costs no more: a scan may show what the map does not have
 UNKNOWN_NATS = -0.5  # of a beam that ends where nobody has been: neither right nor wrong
+UNKNOWN_NEAR = (math.exp(UNKNOWN_NATS) - OUTLIER) / (1 - OUTLIER)  # as near to a wall that is as if
 INDEPENDENT_BEAMS = 60.0  # beams of a scan share their errors: more of them count no more than these
 
 # A cloud explains a scan where its best poses fit so well, of the beams that end where the map is known. At
@@ -83,7 +84,7 @@ class LaserMap:
             self.fields.clear()
         outside = self.parameters.laser_likelihood_max_dist
         if model == "calibrated":
-            worth = worth_of(self.distances.values, self.occupancy.unknown, sd_m)
+            worth = worth_of(self.distances.values, self.occupancy, sd_m)
             made = Field.of(worth, UNKNOWN_NATS, self.occupancy)
         else:
             value_of = _cubed if model == "likelihood_field" else np.log
@@ -97,11 +98,14 @@ class LaserMap:
         return self.parameters.z_hit * _near(distance_m, sd_m) + self.parameters.z_rand / max_m
 
 
-def worth_of(distances_m: F32 | U8, unknown: Bool, sd_m: float) -> F32:
-    """Return our nats (H, W), <= 0, of a beam by how far the cell where it ends is from what is occupied."""
-    worth: F32 = np.log(_near(distances_m, sd_m) * np.float32(1 - OUTLIER) + np.float32(OUTLIER))
-    np.maximum(worth, np.float32(UNKNOWN_NATS), out=worth, where=unknown)
-    return worth
+def worth_of(apart_m: F32 | U8, occupancy: OccupancyMap, sd_m: float) -> F32:
+    """Return our nats (H, W), <= 0, of a beam by how far the cell where it ends is from what is occupied.
+
+    A beam that ends in a free cell beside unknown ones may be a wall's that was seen only from far away.
+    """
+    unknown_m = cell_distances(occupancy.unknown) * np.float32(occupancy.cell_m)
+    near = np.maximum(_near(apart_m, sd_m), UNKNOWN_NEAR * _near(unknown_m, sd_m))
+    return np.asarray(np.log(near * (1 - OUTLIER) + OUTLIER), np.float32)
 
 
 def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from itertools import takewhile
 from typing import ClassVar
 
 import numpy as np
 
 from ...errors import InputError
-from ...values import EXACT, F32, F64, Frame, OccupancyMap, PoseProposal, PoseSpread, Shown
+from ...values import (
+    EXACT,
+    F32,
+    F64,
+    Bool,
+    Earlier,
+    Frame,
+    OccupancyMap,
+    PoseProposal,
+    PoseSpread,
+    Shown,
+)
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
+from .history import agreeing
 from .matching import Matcher
-from .models import MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, worth_at
+from .models import EXPLAINED_NATS, MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, worth_at
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
@@ -63,13 +76,21 @@ class Laser:
     def propose(self, reading: LaserReading) -> PoseProposal | None:
         """Return where on the map the scan fits well; None where it does so nowhere."""
         proposal = self._matcher.propose(reading.ends, reading.scan.mount)
-        if proposal is None:
-            return None
-        fits = fitting(self._map, reading, proposal.poses)
-        weights = proposal.weights[fits]
-        if not len(weights):
-            return None
-        return PoseProposal(proposal.poses[fits], proposal.covariances[fits], weights / weights.sum())
+        return None if proposal is None else _part(proposal, fitting(self._map, reading, proposal.poses))
+
+    def confirmed(
+        self, reading: LaserReading, proposal: PoseProposal, earlier: Sequence[Earlier]
+    ) -> PoseProposal | None:
+        """Return the places of a proposal that also fit the scans since the estimates left the map.
+
+        Off the map a robot may see what looks like a place of it: then one scan is not enough. One that was
+        carried off has been there since the estimates stopped to explain the scans.
+        """
+        fits = [None if was.reading is None else self.fits(was.reading, was.estimate) for was in earlier]
+        unexplained = list(takewhile(lambda fit: fit is None or fit < EXPLAINED_NATS, fits))
+        if None not in unexplained:
+            return proposal
+        return _part(proposal, agreeing(self._map, proposal, earlier[: len(unexplained)]))
 
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
         """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
@@ -101,6 +122,14 @@ class Laser:
     @cached_property
     def _map(self) -> LaserMap:
         return LaserMap(self.occupancy, self.parameters)
+
+
+def _part(proposal: PoseProposal, kept: Bool) -> PoseProposal | None:
+    """Return the places (J,) of a proposal that are kept; None for none."""
+    weights = proposal.weights[kept]
+    if not len(weights):
+        return None
+    return PoseProposal(proposal.poses[kept], proposal.covariances[kept], weights / weights.sum())
 
 
 LASER = Laser.name

@@ -13,14 +13,14 @@ from scipy.ndimage import distance_transform_edt
 import maurice_mcl as mcl
 from maurice_mcl.sensor.laser import field as laser_field
 from maurice_mcl.sensor.laser.beams import JUDGMENTS
-from maurice_mcl.sensor.laser.models import UNKNOWN_NATS
+from maurice_mcl.sensor.laser.models import OUTLIER, SIGMA_M, UNKNOWN_NATS, LaserMap
 from maurice_mcl.sensor.laser.parameters import MODELS, LaserParameters
 from maurice_mcl.sensor.laser.rays import Rays, cast
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values.geometry import compose
+from maurice_mcl.values.geometry import compose, inverse
 from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
-from maurice_mcl.values.pose_sensor import MOST_APART, PoseSpread, spread_between
+from maurice_mcl.values.pose_sensor import MOST_APART, Earlier, PoseProposal, PoseSpread, spread_between
 
 CELL_M = 0.05
 MOUNT = np.array([0.1, 0.05, 0.2])
@@ -357,6 +357,36 @@ def test_a_cloud_whose_beams_end_in_unknown_space_behind_walls_is_not_right(grid
         assert laser.explains(reading, cloud, weights, ZERO) == right
     wide = (tight * 300 + [20.0, 20.0, 0.0]).astype(np.float32)
     assert not laser.explains(reading, wide, weights, ZERO)
+
+
+def test_a_place_is_confirmed_by_the_scans_that_the_estimate_did_not_explain(grid):
+    laser, motion = Laser(grid), np.array([0.5, 0.1, 0.3])
+    here = reading_of(laser, scan_at(grid, TRUTH))
+    before = compose(TRUTH, inverse(motion))
+    reading = reading_of(laser, scan_at(grid, before))
+    places = np.stack([TRUTH, [4.5, 1.0, -2.0], [1.0, 2.0, 3.0]])
+    proposal = PoseProposal(places, np.tile(np.diag([0.01, 0.01, 0.003]), (3, 1, 1)), np.full(3, 1 / 3))
+    lost = np.array([20.0, 20.0, 0.0])
+    kept = laser.confirmed(here, proposal, [Earlier(motion[None], reading, lost)])
+    np.testing.assert_array_equal(kept.poses, places[:1])
+    assert kept.weights == 1
+    assert laser.confirmed(here, proposal, [Earlier(motion[None], reading, before)]) is proposal
+    for unread in ([], [Earlier(motion[None], None, lost)]):
+        assert len(laser.confirmed(here, proposal, unread).weights) == 3
+    wrong = PoseProposal(places[1:], proposal.covariances[1:], np.full(2, 0.5))
+    assert laser.confirmed(here, wrong, [Earlier(motion[None], reading, lost)]) is None
+
+
+def test_a_beam_that_ends_beside_unknown_space_may_have_ended_there():
+    cells = np.full((60, 60), FREE, np.uint8)
+    cells[:, 40:], cells[:, 0] = UNKNOWN, OCCUPIED
+    lasers = LaserMap(OccupancyMap(cells, CELL_M, ZERO), LaserParameters())
+    ends = np.array([[2.3, 1.5], [1.97, 1.5], [1.8, 1.5], [1.0, 1.5]])
+    worth = lasers.field("calibrated", SIGMA_M).at(ends)
+    assert worth[0] == pytest.approx(UNKNOWN_NATS)
+    assert UNKNOWN_NATS - 0.15 < worth[1] < UNKNOWN_NATS
+    assert worth[2] < UNKNOWN_NATS - 1
+    assert worth[3] == pytest.approx(math.log(OUTLIER), abs=1e-3)
 
 
 def test_ranges_in_use_can_be_narrowed(grid):
