@@ -304,7 +304,7 @@ def examine(
             text = f"they are of {places} distinct places, and {FEWEST_PLACES} are needed"
             without.append(f"where and when the camera looks, by the pictures: {text}")
         known = known + seen_with_truth(looks, drive.truth)
-    delayed = any(finding.code == "picture-delay" for finding in known)
+    delayed = any(finding.code in ("picture-delay", "scan-delay") for finding in known)
     form = chosen(path, options)
     clear = [finding for finding in known if not (delayed and finding.code == "truth-apart")]
     findings = [fixable(_on_robot(finding, options), form) for finding in clear]
