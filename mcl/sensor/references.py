@@ -42,24 +42,19 @@ class ReferenceLookup(Protocol):
     @property
     def grid(self) -> Grid:
         """The raster of free space."""
-        ...
 
     def entries(self, poses: F32, origin: F64) -> I32:
         """Return the nearest entry (N,) of each pose (N, 3) relative to `origin`; -1 outside free space."""
-        ...
 
     @property
     def is_partial(self) -> bool:
         """Whether there are poses that no reference speaks for."""
-        ...
 
     def at(self, log_likelihood: F32, poses: F32, origin: F64) -> F32:
         """Return the log-likelihood (N,) at each pose from that of each reference; -inf outside."""
-        ...
 
     def look(self, log_likelihood: F32, poses: F32, origin: F64) -> LookedUp:
         """Return what `entries` and `at` return, for less than both, and how far references speak for it."""
-        ...
 
 
 LookedUp: TypeAlias = tuple[I32, F32, F32 | None]  # (N,) entries, log-likelihoods, and known; None: all is
@@ -390,9 +385,8 @@ def _neighbors(count: int, place_of_reference: I32, poses: F64) -> tuple[I32, I3
     Each is (count, HEADING_BINS). Where no heading between the two is near both, the nearer one counts alone.
     """
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
-    before = np.empty((count, HEADING_BINS), np.int32)
-    after, share = before.copy(), np.empty((count, HEADING_BINS), np.float32)
-    nearest = np.empty((count, HEADING_BINS))
+    before, after = np.empty((2, count, HEADING_BINS), np.int32)
+    share, nearest = np.empty((count, HEADING_BINS), np.float32), np.empty((count, HEADING_BINS))
     by_place = np.argsort(place_of_reference, kind="stable")
     first = np.searchsorted(place_of_reference[by_place], np.arange(count + 1))
     for place in range(count):
