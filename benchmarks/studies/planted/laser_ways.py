@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from maurice_datasets.render.laser import cast, occupancy_of
+from maurice_datasets.render.laser import occupancy_of
 from maurice_datasets.robot.motion import Chassis
 from maurice_datasets.robot.planner import free_pose, raster
 from maurice_datasets.sessions import SimulatedSession, session_info
@@ -17,7 +17,7 @@ from maurice_datasets.simulation import SimulationPlan, stage
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.trials.drives import RenderedSession
 from maurice_datasets.worlds.build import load_world
-from maurice_datasets.worlds.world import World
+from maurice_datasets.worlds.world import World, cast
 from maurice_mcl.config.parameters import ALPHAS
 from maurice_mcl.reasons.causes import (
     AMBIGUITY,
