@@ -153,7 +153,7 @@ def test_a_replay_without_a_recording_imports_nothing_that_draws(small_session):
     code = (
         f"import sys\nsys.argv = {words}\nfrom maurice_viz.cli.main import main\n"
         "try: main()\nexcept SystemExit: pass\n"
-        "drawing = ('rerun', 'rerun_bindings', 'pyarrow', 'maurice_viz.panels', 'maurice_viz.viewer')\n"
+        "drawing = ('rerun', 'rerun_bindings', 'pyarrow', 'maurice_viz.panels', 'maurice_viz.viewer.sinks')\n"
         "print([name for name in drawing if name in sys.modules])"
     )
     shown = python(code)
