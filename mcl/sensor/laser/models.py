@@ -114,6 +114,11 @@ def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, 
     return lookup.sums(reading.ends, poses, origin) * _share(reading)
 
 
+def in_unknown_space(reading: LaserReading) -> np.float32:
+    """Return the nats of `calibrated` at a pose from which all beams end in unknown space."""
+    return np.float32(UNKNOWN_NATS * len(reading.ends)) * _share(reading)
+
+
 def bounded(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:
     """Return the nats (N,) of `calibrated` as a filter takes them: no single scan rules a pose out."""
     likelihood = np.exp(calibrated(there, reading, poses, origin, spread_m))

@@ -81,7 +81,7 @@ class Laser:
     def confirmed(
         self, reading: LaserReading, proposal: PoseProposal, earlier: Sequence[Earlier]
     ) -> PoseProposal | None:
-        """Return the places of a proposal that also fit the scans since the estimates left the map.
+        """Return the place of a proposal that alone fits the scans since the estimates left the map.
 
         Off the map a robot may see what looks like a place of it: then one scan is not enough. One that was
         carried off has been there since the estimates stopped to explain the scans.

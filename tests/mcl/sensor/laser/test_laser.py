@@ -377,6 +377,21 @@ def test_a_place_is_confirmed_by_the_scans_that_the_estimate_did_not_explain(gri
     assert laser.confirmed(here, wrong, [Earlier(motion[None], reading, lost)]) is None
 
 
+def test_off_the_map_a_place_in_a_corridor_is_not_believed_where_another_fits_as_well():
+    cells = np.full((40, 400), FREE, np.uint8)
+    cells[[0, -1]] = OCCUPIED
+    corridor = OccupancyMap(cells, CELL_M, ZERO)
+    laser, middle_m = Laser(corridor), 20 * CELL_M
+    places = np.array([[150 * CELL_M, middle_m, 0.0], [250 * CELL_M, middle_m, 0.0]])
+    reading = reading_of(laser, scan_at(corridor, places[0]))
+    motion, unread = np.array([0.5, 0.0, 0.0]), Earlier(np.zeros((0, 3)), None, places[0])
+    earlier = [Earlier(motion[None], reading, np.array([0.0, -50.0, 0.0])), unread]
+    covariances = np.tile(np.diag([0.01, 0.01, 0.003]), (2, 1, 1))
+    single = PoseProposal(places[:1], covariances[:1], np.ones(1))
+    assert len(laser.confirmed(reading, single, earlier).weights) == 1
+    assert laser.confirmed(reading, PoseProposal(places, covariances, np.full(2, 0.5)), earlier) is None
+
+
 def test_a_beam_that_ends_beside_unknown_space_may_have_ended_there():
     cells = np.full((60, 60), FREE, np.uint8)
     cells[:, 40:], cells[:, 0] = UNKNOWN, OCCUPIED
