@@ -23,7 +23,7 @@ from .verdicts import judged
 
 DOCS = Path(__file__).parents[2] / "docs"
 ROUNDS, QUICK_ROUNDS = 15, 1  # of measuring times
-SHOWN = (26, 37, 58, 68)  # pictures of docs/results.md
+SHOWN = (26, 58, 68)  # pictures of docs/results.md
 
 
 def main() -> None:
