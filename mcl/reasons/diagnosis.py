@@ -16,7 +16,19 @@ from ..scoring.metrics import LOST_FOR
 from ..sensor.laser.fit import ScanFits
 from ..sensor.map_places import map_library
 from ..values import F64, U8, Moment, OccupancyMap, StepRecord
-from .causes import LIBRARY_GAP, LIGHTING, MOTION, MOUNT, UNKNOWN, UNSEEN, VIEW, WRONG_MAP, Failure
+from .causes import (
+    FLAT,
+    LEFT_MAP,
+    LIBRARY_GAP,
+    LIGHTING,
+    MOTION,
+    MOUNT,
+    UNKNOWN,
+    UNSEEN,
+    VIEW,
+    WRONG_MAP,
+    Failure,
+)
 from .drive_rules import (
     beyond_motion,
     carried,
@@ -56,6 +68,7 @@ RULES: tuple[Callable[[Story], Failure | None], ...] = (
 )
 # causes by which pictures or scans speak against the true place
 AGAINST_TRUTH = (LIBRARY_GAP, LIGHTING, VIEW, MOUNT, WRONG_MAP, UNSEEN)
+COMPARED = (*AGAINST_TRUTH, FLAT)
 MOST_PICTURES = 64  # that are kept; of older ones the light is measured at once
 
 
@@ -72,7 +85,8 @@ def decide(story: Story) -> Failure:
     if first.kind == MOTION and by_pictures:
         motion_nats, picture_nats = story.nats_lost
         first = by_pictures[0] if picture_nats > motion_nats else first
-    others = dict.fromkeys(failure.kind for failure in failures if failure.kind != first.kind)
+    implied = (first.kind, *COMPARED) if first.kind == LEFT_MAP else (first.kind,)  # nothing there to compare
+    others = dict.fromkeys(failure.kind for failure in failures if failure.kind not in implied)
     return replace(first, also=tuple(others))
 
 

@@ -75,6 +75,14 @@ def test_a_corridor_is_told_from_a_twin_by_what_is_between():
     assert "corridor" not in twin.evidence
 
 
+def test_off_the_mapped_part_nothing_is_said_of_what_the_map_has_otherwise():
+    unmapped = replace(BAD, skill=0.1, own_ahead=1.0, own_says=1.5, shares=SHARES | {"unknown": 0.6})
+    failure = failure_of(unmapped, SINCE)
+    assert failure.kind == "left_map"
+    assert not {"changed_view", "wrong_map", "flat_sensor"}.intersection(failure.also)
+    assert "changed_view" in failure_of(replace(unmapped, shares=SHARES | {"beyond": 0.3}), SINCE).also
+
+
 def test_a_start_is_wrong_only_where_the_cloud_was_together_at_first():
     lost = {"score": OFF, "near": GONE}
     assert failure_of(FITS, ALL, **lost, began_together=True).kind == "wrong_start"
