@@ -12,7 +12,7 @@ from typing import Any
 from maurice_loaders.files.writing import FolderKind, check_target, new_folder
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.manifest import is_saved
-from maurice_mcl.reasons.causes import CAUSES, Failure
+from maurice_mcl.reasons.causes import Failure, title_of
 from maurice_mcl.reasons.verdict import RunVerdict
 from maurice_mcl.scoring.episodes import SEARCHING
 from maurice_mcl.values import F64
@@ -67,7 +67,8 @@ class RunDiagnosis:
             lines += ["", say_failure(failure, scale)]
             lines += [f"  {line}" for line in say_evidence(failure, scale)]
             if failure.also:
-                lines.append(f"  also true: {', '.join(CAUSES[kind].title for kind in failure.also)}")
+                titles = (title_of(kind, self.verdict.has_laser) for kind in failure.also)
+                lines.append(f"  also true: {', '.join(titles)}")
             if remedy := say_remedy(failure, self.verdict.has_laser):
                 lines.append(f"  try: {remedy}")
             lines += [f"  see: {command}" for command in self.commands(failure)]

@@ -95,6 +95,12 @@ BEFALLING = frozenset(kind.cause for kind in INCIDENTS.values())  # causes that 
 
 OF_LASER: Mapping[str, str] = {VIEW: "the map changed", AMBIGUITY: "scans fit elsewhere"}  # titles
 
+
+def title_of(kind: str, has_laser: bool) -> str:
+    """Return a cause in a word or two, for a run with a laser or with a camera."""
+    return OF_LASER[kind] if has_laser and kind in OF_LASER else CAUSES[kind].title
+
+
 Value = float | str
 TOO_DARK = 0.2  # of the expected brightness, at most: nothing can be seen
 
@@ -118,10 +124,8 @@ class Failure:
     @property
     def title(self) -> str:
         """The cause in a word or two."""
-        if self.has_laser and self.kind in OF_LASER:
-            return OF_LASER[self.kind]
         is_dark = self.kind == LIGHTING and float(self.evidence.get("brightness", 1.0)) <= TOO_DARK
-        return "too dark" if is_dark else CAUSES[self.kind].title
+        return "too dark" if is_dark else title_of(self.kind, self.has_laser)
 
 
 # Incidents: what befell the robot or its camera during a drive.
