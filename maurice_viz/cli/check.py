@@ -121,7 +121,12 @@ def _print(result: CheckResult) -> None:
 
 
 def _table(title: str, *names: str) -> Table:
-    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(
+        title=Text(title, no_wrap=True, overflow="ignore"),
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+    )
     for name in names:
         table.add_column(name)
     return table

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import rerun.blueprint as rrb
 
+from maurice_mcl.sensor.laser.sensor import LASER
+
 from .. import entities
 from ..panels import explanation as why
 from ..panels import sensors as sensed
@@ -62,7 +64,7 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     """
     paths = run.paths
     if run.sees_alone:
-        left = rrb.Vertical(scan_map_view(run, scene), why.figures_view(paths), row_shares=[395, 180])
+        left = rrb.Vertical(scan_map_view(run, scene), why.figures_view(paths), row_shares=[355, 220])
         right = rrb.Vertical(why.sentence_view(paths), columns_of_scan(run, scene), row_shares=[88, 487])
         body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
         return untitled(over_events(body, [run], noticed=True))
@@ -97,7 +99,7 @@ def sensors(run: RunView, scene: Scene) -> rrb.Vertical:
 
 
 def _of_sensor(run: RunView, name: str) -> rrb.Container:
-    pictures = sensed.sensor_picture_views(run, name)
+    pictures = [here_view(run)] if name == LASER else sensed.sensor_picture_views(run, name)
     shares = [SENSOR_WORDS, *(SENSOR_PICTURES * len(pictures))[: len(pictures)]]
     return rrb.Vertical(sensed.sensor_words_view(run.paths, name), *pictures, name=name, row_shares=shares)
 

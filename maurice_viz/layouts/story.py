@@ -30,6 +30,7 @@ PICTURES, WORDS = 5, 3  # shares of the height beside the map
 OWN_LANES = 3  # of one run: the log's, its status, what was noticed in it
 MOST_IN_A_ROW = 3  # pictures beside the map
 AXIS_PX, DIGIT_PX = 10, 7  # left of a plot: around the labels of its axis, and each of their digits
+MAP_SHARES = 0.3, 0.5  # of the width, at least and at most: beside a wide map words need their lines
 DIGITS = 3  # of a label where the largest error is not known yet
 
 
@@ -46,7 +47,7 @@ def story(runs: Sequence[RunView], scene: Scene) -> rrb.Vertical:
     lanes = lanes_px(OWN_LANES if is_one else 1 + len(runs))
     middle = HEIGHT_PX - HEADLINE_PX - lanes - ERRORS_PX
     extent = map_extent(scene.arena, scene.scale)
-    wide = float(np.clip(extent.width / extent.height * middle / WIDTH_PX, 0.3, 0.6))
+    wide = float(np.clip(extent.width / extent.height * middle / WIDTH_PX, *MAP_SHARES))
     body = rrb.Horizontal(
         story_map(runs, scene), _beside_the_map(runs, scene), column_shares=[wide, 1 - wide]
     )

@@ -11,7 +11,7 @@ from .verdict import Ambiguity, RunVerdict, SureAndWrong
 
 BEGINS, FOUND, DIVIDED, BEFELL, CAUSED = "begins", "found", "divided", "befell", "caused"
 LOST, SURE, BACK, WORST, ENDS = "lost", "sure", "back", "worst", "ends"
-MOST_MOMENTS = 5
+MOST_MOMENTS, MOST_BEFELL = 5, 2  # of these what befell the robot: a long drive has many slips
 IMPORTANT = (BEFELL, BACK, SURE, DIVIDED, CAUSED, LOST, FOUND, BEGINS, ENDS, WORST)  # the first ones are kept
 
 
@@ -49,7 +49,7 @@ def _of_all(verdicts: Mapping[str, RunVerdict]) -> Iterator[TourMoment]:
     yield TourMoment(first.first, BEGINS)
     yield TourMoment(first.last, ENDS)
     incidents = {(i.kind, i.step): i for verdict in verdicts.values() for i in verdict.telling_incidents}
-    for incident in incidents.values():
+    for incident in list(incidents.values())[:MOST_BEFELL]:
         yield TourMoment(incident.shown_at, BEFELL, fact=incident)
 
 

@@ -16,9 +16,7 @@ BEAMS = {
     "unknown": "end where nobody has mapped",
     "miss": "hit nothing",
 }
-NATS = (
-    "Nats of beams, and the bars above the ranges: by the model `calibrated`, 0 for one that ends on a wall."
-)
+NATS = "Nats of beams, and bars: model `calibrated`; 0 for one that ends on a wall."
 WITH_GAP = ("short", "beyond")
 
 

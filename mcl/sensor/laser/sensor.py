@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -112,8 +113,18 @@ class Laser:
         return float(self.log_likelihood(reading, turned, pose[:2])[0])
 
     def judged(self, reading: LaserReading, pose: F64) -> BeamJudgment:
-        """Return what each beam says at a pose (3,) in the map's frame."""
-        return judge(self._map, self._map.open_rays, reading, pose)
+        """Return what each beam says at a pose (3,) in the map's frame; panels ask again and again."""
+        for known, where, judgment in self._judgments:
+            if known is reading and np.array_equal(where, pose):
+                return judgment
+        judgment = judge(self._map, self._map.open_rays, reading, pose)
+        self._judgments.append((reading, pose.copy(), judgment))
+        return judgment
+
+    @cached_property
+    def _judgments(self) -> deque[tuple[LaserReading, F64, BeamJudgment]]:
+        """The last ones: of an estimate and the truth, of some runs that share the laser."""
+        return deque(maxlen=8)
 
     @cached_property
     def _matcher(self) -> Matcher:

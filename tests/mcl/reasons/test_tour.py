@@ -47,6 +47,13 @@ def test_there_are_never_more_than_five_moments():
     assert [one.step for one in tour] == sorted({one.step for one in tour})
 
 
+def test_many_things_that_befell_the_robot_leave_room_for_what_came_of_them():
+    carried = tuple(Incident(CARRIED, k, k, None, 1.7) for k in range(11, 61, 10))
+    kinds = [kind for _, kind in told(tour_of({"a": replace(LOST, incidents=carried)}))]
+    assert kinds.count("befell") == 2
+    assert "sure" in kinds
+
+
 def test_a_failure_is_shown_where_its_cause_shows_first():
     episode = Episode("searching", 1, 40, lost=4, steps=40, sure=22, bereft=20)
     lost = replace(

@@ -332,6 +332,17 @@ def test_what_is_shown_says_how_beams_disagree(grid):
     assert 10 < len(short.strips) <= 20
 
 
+def test_a_judgment_is_that_of_its_reading_and_pose_however_often_it_is_asked_for(grid):
+    laser, pose = Laser(grid), np.array(TRUTH)
+    readings = [reading_of(laser, scan_at(grid, where)) for where in (TRUTH, np.array([4.5, 1.0, -2.0]))]
+    fresh = [Laser(grid).judged(reading, TRUTH).count("agrees") for reading in readings]
+    assert fresh[0] > fresh[1]
+    for _ in range(2):
+        assert [laser.judged(reading, pose).count("agrees") for reading in readings] == fresh
+    pose += [0.5, 0.3, 1.0]  # the caller's array, moved on
+    assert laser.judged(readings[0], pose).count("agrees") < fresh[0]
+
+
 def test_a_scan_with_too_few_hits_says_nothing(grid):
     laser = Laser(grid)
     assert laser.read(SimpleNamespace(scan=None)) is None
