@@ -1,8 +1,9 @@
 """Descriptors of pictures that were measured before, in the user's cache: a second replay measures nothing.
 
 A descriptor is known by the checksum of its picture's pixels, and of the channel: code, parameters, version
-of OpenCV. One SQLite file holds them all, so that processes may share it. It is only a cache: whatever is
-damaged, locked or cannot be written is measured again.
+of OpenCV. So are landmarks that were matched in a picture, and the poses that they agree on. One SQLite file
+holds them all, so that processes may share it. It is only a cache: whatever is damaged, locked or cannot be
+written is measured again.
 """
 
 from __future__ import annotations
@@ -14,18 +15,18 @@ import platform
 import sqlite3
 import sys
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
-from maurice_mcl.values import F32, U8
+from maurice_mcl.values import F32, F64, U8, Frame
 
 from ..files.writing import cache_root
 
@@ -69,21 +70,27 @@ class MeasuredPictures:
 
     def find(self, image: U8, channels: Iterable[str]) -> dict[str, F32]:
         """Return the descriptors of a picture (H, W, 3) that are known, by channel."""
-        names = {self._name(image, channel): channel for channel in _worth(channels)}
-        if not names:
-            return {}
-        asked = f"SELECT name, held FROM kept WHERE name IN ({', '.join('?' * len(names))})"
-        rows = self._tried(lambda db: db.execute(asked, list(names)).fetchall()) or []
-        descriptors = {names[name]: _unpacked(name, content) for name, content in rows if name in names}
-        return {channel: descriptor for channel, descriptor in descriptors.items() if descriptor is not None}
+        names = {self._name(image, channel_checksum(channel)): channel for channel in _worth(channels)}
+        kept = self._kept(list(names)) if names else {}
+        return {names[name]: np.frombuffer(held, "<f4").astype(np.float32) for name, held in kept.items()}
 
     def keep(self, image: U8, descriptors: Mapping[str, F32]) -> None:
         """Keep descriptors of a picture, by channel; they are on disk after `flush` at the latest."""
         for channel in _worth(descriptors):
-            name = self._name(image, channel)
-            self._new[name] = _packed(name, descriptors[channel])
+            name = self._name(image, channel_checksum(channel))
+            self._new[name] = _packed(name, np.asarray(descriptors[channel], "<f4"))
         if len(self._new) >= AT_ONCE:
             self._write()
+
+    def reading(self, sensor: Any, frame: Frame) -> Any:
+        """Return what a pose sensor reads in a frame: one with `checksum`, `to_numbers` and `of_numbers`."""
+        name = self._name(frame.image, sensor.checksum + _code_checksum(type(sensor).__module__))
+        kept = self._kept([name])
+        if kept:
+            return sensor.of_numbers(np.frombuffer(kept[name], "<f8").astype(np.float64), frame)
+        reading = sensor.read(frame)
+        self._new[name] = _packed(name, np.asarray(sensor.to_numbers(reading), "<f8"))
+        return reading
 
     def flush(self) -> None:
         """Write what is new, and close the file."""
@@ -92,13 +99,20 @@ class MeasuredPictures:
             self._open.close()
             self._open = None
 
-    def _name(self, image: U8, channel: str) -> bytes:
-        """Return what a descriptor is known by (32 bytes)."""
+    def _name(self, image: U8, checksum: bytes) -> bytes:
+        """Return what is measured in a picture is known by (32 bytes), by a checksum of what measures it."""
         if self._last is None or self._last[0] is not image:
             pixels = hashlib.sha256(str(image.shape).encode())
             pixels.update(np.ascontiguousarray(image).data)
             self._last = image, pixels.digest()
-        return hashlib.sha256(self._last[1] + channel_checksum(channel)).digest()
+        return hashlib.sha256(self._last[1] + checksum).digest()
+
+    def _kept(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
+        """Return what is in the file and not damaged."""
+        asked = f"SELECT name, held FROM kept WHERE name IN ({', '.join('?' * len(names))})"
+        rows = self._tried(lambda db: db.execute(asked, names).fetchall()) or []
+        parts = ((name, held[:-4], held[-4:]) for name, held in rows if name in names)
+        return {name: content for name, content, check in parts if check == _check(name, content)}
 
     def _write(self) -> None:
         new, self._new = self._new, {}
@@ -147,23 +161,26 @@ def _worth(channels: Iterable[str]) -> tuple[str, ...]:
 def channel_checksum(name: str) -> bytes:
     """Return a checksum of all that a channel's descriptors depend on, but the picture."""
     channel = CHANNELS[name]
-    parts = [name, channel.parameters(), cv2.__version__, np.__version__, platform.machine()]
-    total = hashlib.sha256(json.dumps(parts, sort_keys=True).encode())
-    code = Path(getattr(sys.modules[type(channel).__module__], "__file__", None) or "")
-    for file in sorted(code.parent.glob("*.py")) if name in OUR_NAMES else [code]:
+    about = json.dumps([name, channel.parameters()], sort_keys=True)
+    return _code_checksum(type(channel).__module__, name in OUR_NAMES, about)
+
+
+@cache
+def _code_checksum(module: str, whole_folder: bool = True, about: str = "") -> bytes:
+    """Return a checksum of a module's file, or of its folder, and of all else that it depends on."""
+    parts = about, cv2.__version__, np.__version__, platform.machine()
+    total = hashlib.sha256("\n".join(parts).encode())
+    code = Path(getattr(sys.modules[module], "__file__", None) or "")
+    for file in sorted(code.parent.glob("*.py")) if whole_folder else [code]:
         with suppress(OSError):  # a channel that was typed into an interpreter
             total.update(file.read_bytes())
     return total.digest()
 
 
-def _packed(name: bytes, descriptor: F32) -> bytes:
-    content = np.asarray(descriptor, "<f4").tobytes()
-    return content + zlib.crc32(name + content).to_bytes(4, "little")
+def _packed(name: bytes, numbers: F32 | F64) -> bytes:
+    content = numbers.tobytes()
+    return content + _check(name, content)
 
 
-def _unpacked(name: bytes, packed: bytes) -> F32 | None:
-    """Return a descriptor; None for a damaged one."""
-    held, checksum = packed[:-4], packed[-4:]
-    if len(held) % 4 or zlib.crc32(name + held).to_bytes(4, "little") != checksum:
-        return None
-    return np.frombuffer(held, "<f4").astype(np.float32)
+def _check(name: bytes, content: bytes) -> bytes:
+    return zlib.crc32(name + content).to_bytes(4, "little")

@@ -39,6 +39,10 @@ class KnownDescriptors(Protocol):
         """Keep descriptors of a picture, by channel."""
         ...
 
+    def reading(self, sensor: Any, frame: Frame) -> Any:
+        """Return what a pose sensor reads in a frame, which knows readings as numbers: known, or read now."""
+        ...
+
     def flush(self) -> None:
         """Do what is left to do: no picture follows."""
         ...
@@ -73,7 +77,7 @@ def compared(
         shared = 0.0
         for pose_sensor in sensor.sensors.values():
             if id(pose_sensor) not in readings:
-                readings[id(pose_sensor)] = _Reading.of(pose_sensor, frame)
+                readings[id(pose_sensor)] = _Reading.of(pose_sensor, frame, known)
             shared += readings[id(pose_sensor)].took_s
         began = perf_counter()
         read = {name: readings[id(used)].value for name, used in sensor.sensors.items()}
@@ -95,10 +99,11 @@ class _Reading:
     took_s: float
 
     @classmethod
-    def of(cls, sensor: PoseSensor, frame: Frame) -> _Reading:
+    def of(cls, sensor: PoseSensor, frame: Frame, known: KnownDescriptors | None) -> _Reading:
         """Read a frame."""
         began = perf_counter()
-        value = sensor.read(frame)
+        kept = known is not None and hasattr(sensor, "of_numbers")
+        value = known.reading(sensor, frame) if known is not None and kept else sensor.read(frame)
         return cls(value, perf_counter() - began)
 
 

@@ -6,8 +6,9 @@ each was found where it could have been.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -41,18 +42,13 @@ COMPETING_NATS = 6.0  # nats below the best that another proposal may be
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkReading:
-    """The keypoints of one picture, and K matches to landmarks."""
+    """K matches of one picture's keypoints to landmarks, and the poses that they agree on."""
 
     image: U8 | None  # (H, W, 3), to be shown
-    keypoints: Keypoints
-    keypoint: NDArray[np.intp]  # (K,) numbers of keypoints
+    pixels: F32  # (K, 2) of the keypoints
     landmark: NDArray[np.intp]  # (K,) numbers of landmarks
     inlier: F32  # (K,) probability of being right, before anything is known of the pose
-
-    @property
-    def pixels(self) -> F32:
-        """Where the matched keypoints are (K, 2)."""
-        return self.keypoints.pixels[self.keypoint]
+    modes: Sequence[Mode] = ()  # best first
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +114,38 @@ class Landmarks:
         if len(kept) < LEAST_MATCHES:
             return None
         inlier = np.interp(ratio[kept], RATIOS, RIGHT_SHARES).astype(np.float32)
-        return LandmarkReading(image, keypoints, kept, best[kept], inlier)
+        reading = LandmarkReading(image, keypoints.pixels[kept], best[kept], inlier)
+        return replace(reading, modes=self._modes(reading))
+
+    def to_numbers(self, reading: LandmarkReading | None) -> F64:
+        """Return all of a reading but its picture, for a cache; of None nothing."""
+        if reading is None:
+            return np.zeros(0)
+        modes = [[*mode.pose, *mode.covariance.ravel(), mode.score, *mode.right] for mode in reading.modes]
+        rows = *reading.pixels.T, reading.landmark, reading.inlier, *modes
+        return np.concatenate([[len(reading.landmark)], *rows])
+
+    def of_numbers(self, numbers: F64, frame: Frame) -> LandmarkReading | None:
+        """Return a frame's reading by its `to_numbers`."""
+        if not len(numbers):
+            return None
+        count = int(numbers[0])
+        x, y, landmark, inlier = numbers[1 : 1 + 4 * count].reshape(4, count)
+        pixels = np.column_stack([x, y]).astype(np.float32)
+        modes = [
+            Mode(row[:3], row[3:12].reshape(3, 3), float(row[12]), row[13:])
+            for row in numbers[1 + 4 * count :].reshape(-1, 13 + count)
+        ]
+        matched = pixels, landmark.astype(np.intp), inlier.astype(np.float32)
+        return LandmarkReading(self._resized(frame.image), *matched, modes)
+
+    @cached_property
+    def checksum(self) -> bytes:
+        """What readings depend on, but code and pictures."""
+        total = hashlib.sha256()
+        for name, values in sorted(self.to_arrays().items()):
+            total.update(name.encode() + np.ascontiguousarray(values).tobytes())
+        return total.digest()
 
     def log_likelihood(
         self, reading: LandmarkReading, poses: F32, origin: F64, spread: PoseSpread = EXACT
@@ -149,7 +176,7 @@ class Landmarks:
 
         Poses that one thing alone speaks for are marked: if that thing was moved, the robot was not.
         """
-        modes = [mode for mode in self.modes(reading) if _convinces(mode)]
+        modes = [mode for mode in reading.modes if _convinces(mode)]
         modes = [mode for mode in modes if mode.score > modes[0].score - COMPETING_NATS]
         if not modes:
             return None
@@ -161,8 +188,7 @@ class Landmarks:
         poses = np.stack([mode.pose for mode in modes])
         return PoseProposal(poses, covariances, weights / weights.sum(), alone)
 
-    def modes(self, reading: LandmarkReading) -> list[Mode]:
-        """Return the poses that the matches agree on, best first."""
+    def _modes(self, reading: LandmarkReading) -> list[Mode]:
         sd = np.sqrt(self._variance_px[reading.landmark].astype(np.float64))
         points = self.map.points[reading.landmark]
         inlier = reading.inlier.astype(np.float64)

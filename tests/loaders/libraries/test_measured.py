@@ -19,6 +19,7 @@ from maurice_loaders.libraries.measured import CHEAP, FILE, SWITCH, MeasuredPict
 from maurice_mcl.sensor.ahead import compared_ahead
 from maurice_mcl.sensor.ahead import measured as measure
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.values import F64, Frame
 
 RNG = np.random.default_rng(2)
 IMAGES = [RNG.integers(0, 256, (24, 32, 3), dtype=np.uint8) for _ in range(5)]
@@ -77,6 +78,38 @@ def test_a_second_replay_measures_nothing(
     for pictures in zip(without, first, second, strict=True):
         bits = [one[0].comparison.distances.tobytes() for one in pictures]
         assert bits[0] == bits[1] == bits[2]
+
+
+class Brightness:
+    """A pose sensor whose readings can be kept."""
+
+    checksum = b"one"
+    asked = 0
+
+    def read(self, frame: Frame) -> float | None:
+        self.asked += 1
+        return float(frame.image.mean()) if frame.image.any() else None
+
+    def to_numbers(self, reading: float | None) -> F64:
+        return np.array([] if reading is None else [reading])
+
+    def of_numbers(self, numbers: F64, frame: Frame) -> float | None:
+        return float(numbers[0]) if len(numbers) else None
+
+
+def test_a_pose_sensor_reads_a_picture_once(tmp_path: Path) -> None:
+    known, sensor = MeasuredPictures(tmp_path / FILE), Brightness()
+    images = [*IMAGES, np.zeros_like(IMAGES[0])]
+    for asked in (len(images), len(images)):
+        for image in images:
+            seen = Frame(1, 0.0, np.zeros((0, 3)), image.copy(), "")
+            assert known.reading(sensor, seen) == (float(image.mean()) if image.any() else None)
+        known.flush()
+        assert sensor.asked == asked
+    sensor.checksum = b"other"
+    known.reading(sensor, Frame(1, 0.0, np.zeros((0, 3)), IMAGES[0], ""))
+    assert sensor.asked == len(images) + 1
+    known.flush()
 
 
 def test_another_channel_code_or_parameter_is_another_descriptor(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import cv2
@@ -80,8 +80,10 @@ def joined_by(known, rng, copies, off_m, noise):
     points = known.points[:, None] + rng.uniform(-0.05, 0.05, (known.size, copies, 3)) + off_m
     looks = known.descriptors[:, None] + noise * rng.random((known.size, copies, 128), np.float32)
     looks /= np.linalg.norm(looks, axis=2, keepdims=True)
+    same = np.append(np.arange(known.size), np.repeat(np.arange(known.size), copies))
     return replace(
         known,
+        **{name: getattr(known, name)[same] for name in ("sd_m", "nearest_m", "farthest_m")},
         points=np.concatenate([known.points, points.reshape(-1, 3)]),
         descriptors=np.concatenate([known.descriptors, looks.reshape(-1, 128)]),
     )
@@ -124,10 +126,9 @@ def test_where_the_map_lies_does_not_matter(landmarks, room, references, off_m):
 
 def test_likelihood_is_zero_at_perfect_agreement_and_bounded(landmarks, room):
     # keypoints exactly where the landmarks fall
-    keypoints = room.keypoints(POSE)
-    reading = landmarks.matched(keypoints)
+    reading = landmarks.matched(room.keypoints(POSE))
     fallen = landmarks.shown(reading, {"estimate": POSE}).marks[0].strips[:, 1]
-    keypoints.pixels[reading.keypoint] = fallen
+    reading = replace(reading, pixels=fallen)
     poses = np.array([POSE, [1.4, 1.6, 0.4], [1.3, 1.6, 0.4 - np.pi], [90.0, -90.0, 1.0]])
     nats = landmarks.log_likelihood(reading, near(poses), ORIGIN)
     assert nats.dtype == np.float32
@@ -236,7 +237,7 @@ def test_a_larger_picture_of_the_same_shape_is_read_as_one_of_the_librarys_size(
     large = cv2.resize(small, (352, 288), interpolation=cv2.INTER_CUBIC)
     one, other = (landmarks.read(frame_of(image)) for image in (small, large))
     assert other.image.shape == (144, 176, 3)
-    apart = np.hypot(*(one.keypoints.pixels[:, None] - other.keypoints.pixels).transpose(2, 0, 1))
+    apart = np.hypot(*(one.pixels[:, None] - other.pixels).transpose(2, 0, 1))
     assert np.median(apart.min(axis=1)) < 0.3
 
 
@@ -248,6 +249,22 @@ def test_arrays_hold_everything(landmarks, reading):
         again.log_likelihood(reading, poses, ORIGIN), landmarks.log_likelihood(reading, poses, ORIGIN)
     )
     np.testing.assert_array_equal(again.map.descriptors, landmarks.map.descriptors)
+
+
+def test_a_reading_kept_as_numbers_is_the_same_to_the_last_bit(landmarks, room):
+    image = np.random.default_rng(0).integers(0, 255, (144, 176, 3), np.uint8)
+    reading = landmarks.matched(room.keypoints(POSE, 0.5, 99), image)
+    again = landmarks.of_numbers(landmarks.to_numbers(reading), frame_of(image))
+    assert len(again.modes) == len(reading.modes) > 0
+    for one, other in ((again, reading), *zip(again.modes, reading.modes, strict=True)):
+        for field in fields(one):
+            if field.name != "modes":
+                here, there = (np.asarray(getattr(each, field.name)) for each in (one, other))
+                assert (here.dtype, here.tobytes()) == (there.dtype, there.tobytes())
+    assert landmarks.of_numbers(landmarks.to_numbers(None), frame_of(image)) is None
+    assert landmarks.checksum == Landmarks.from_arrays(landmarks.to_arrays()).checksum
+    moved = replace(landmarks.map, points=landmarks.map.points + 1e-9)
+    assert landmarks.checksum != replace(landmarks, map=moved).checksum
 
 
 @pytest.mark.parametrize("name", ["points", "camera", "seen"])
