@@ -12,7 +12,7 @@ weight is multiplied by more than 1 / (1 - share).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -23,8 +23,8 @@ from .sensor_proposal import LEAST_VARIANCE
 
 UNIT = np.float32(0.5)  # standard deviations by which noise is changed to see what it does
 
-# noise (N, 3) of each movement to poses (N, 3)
-Move = Callable[[Sequence[F32]], F32]
+# the number of a movement, any poses (n, 3) and the noise (n, 3) of each, to poses after it (n, 3)
+Move = Callable[[int, F32, F32], F32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +43,19 @@ class DrawnNoise:
 
 
 def guided_motion(
-    move: Move, drawn: DrawnNoise, pose: F64, covariance: F64, share: float, rng: np.random.Generator
+    poses: F32,
+    move: Move,
+    drawn: DrawnNoise,
+    pose: F64,
+    covariance: F64,
+    share: float,
+    rng: np.random.Generator,
 ) -> tuple[F32, F64]:
-    """Move N particles; return their poses (N, 3), and the logs (N,) of predicted over proposal density.
+    """Move N particles (N, 3); return their poses, and the logs (N,) of predicted over proposal density.
 
     `pose` (3,), in the frame of the particles, and `covariance` (3, 3) are what a sensor proposes.
     """
-    still, by_noise = _linearized(move, drawn)
+    still, by_noise = _linearized(poses, move, drawn)
     off = pose - still
     off[:, 2] = wrap(off[:, 2])
     seen = covariance + LEAST_VARIANCE * np.eye(3)
@@ -62,31 +68,35 @@ def guided_motion(
     follows = rng.random(len(off)) < share
     normals = np.where(follows[:, None], drawn.normals + change, drawn.normals)
     # Bayes: the posterior's density over the prior's, at any noise
-    seen_density = _log_normal(off - _applied(by_noise, normals), np.broadcast_to(seen, predicted.shape))
+    seen_density = _log_normal(off - _applied(by_noise, normals), seen[None])
     gain = seen_density - _log_normal(off, predicted)
     correction = -np.logaddexp(np.log1p(-share), np.log(share) + gain)
     noise = (normals * drawn.widths).astype(np.float32)
-    return move(_by_movement(noise)), correction
+    for movement in range(noise.shape[1] // 3):
+        poses = move(movement, poses, noise[:, 3 * movement : 3 * movement + 3])
+    return poses, correction
 
 
-def _linearized(move: Move, drawn: DrawnNoise) -> tuple[F64, F64]:
-    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals."""
-    zero: F32 = np.zeros(drawn.normals.shape, np.float32)
-    still = move(_by_movement(zero)).astype(np.float64)
+def _linearized(poses: F32, move: Move, drawn: DrawnNoise) -> tuple[F64, F64]:
+    """Return poses (N, 3) without noise, and their derivatives (N, 3, 3 M) by the normals.
+
+    The particles move once without noise and once with each of the normals changed, all of them together.
+    """
     count, columns = drawn.normals.shape
+    moved = poses
+    for movement in range(columns // 3):
+        before, moved = len(moved), np.concatenate([moved, *[moved[:count]] * 3])
+        noise = np.zeros((3, len(moved)), np.float32)  # column by column
+        for k in range(3):
+            noise[k, before + k * count :][:count] = UNIT
+        moved = move(movement, moved, noise.T)
+    still = moved[:count].astype(np.float64)
     by_noise = np.empty((count, 3, columns))
     for column in range(columns):
-        changed = zero.copy()
-        changed[:, column] = UNIT
-        there = move(_by_movement(changed)) - still
+        there = moved[(column + 1) * count :][:count] - still
         there[:, 2] = wrap(there[:, 2])
         by_noise[:, :, column] = there / UNIT * drawn.widths[:, column, None]
     return still, by_noise
-
-
-def _by_movement(noise: F32) -> list[F32]:
-    """Split noise (N, 3 M) into that of each movement (N, 3)."""
-    return np.split(noise, noise.shape[1] // 3, axis=1)
 
 
 def _applied(by_noise: F64, normals: F64) -> F64:
@@ -94,6 +104,9 @@ def _applied(by_noise: F64, normals: F64) -> F64:
 
 
 def _log_normal(off: F64, covariance: F64) -> F64:
-    """Return the log-density (N,) of normal distributions (N, 3, 3) at distances (N, 3) from their means."""
+    """Return the log-density (N,) of normal distributions (N, 3, 3) at distances (N, 3) from their means.
+
+    Covariances (1, 3, 3) are those of all.
+    """
     squared = np.einsum("ni,ni->n", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
     return np.asarray(-0.5 * (squared + np.log(np.linalg.det(covariance))))

@@ -209,11 +209,13 @@ class Localizer:
         """Move the particles, some of them toward a pose in the map's frame."""
         drawn, rng = self._drawn(frame, belief.size), self._rng(frame.step, Purpose.GUIDE)
 
-        def move(noise: Sequence[F32]) -> F32:
-            return self._moved(belief, frame, noise)
+        def move(number: int, poses: F32, noise: F32) -> F32:
+            return self._moved(poses, belief.origin, frame.motions[number], noise)
 
         there = pose - [*belief.origin, 0.0]
-        poses, correction = guided_motion(move, drawn, there, covariance, self.guided.share, rng)
+        poses, correction = guided_motion(
+            belief.poses, move, drawn, there, covariance, self.guided.share, rng
+        )
         return ProposedParticles(Belief(poses, belief.log_weights, belief.origin), correction, is_guided=True)
 
     def _predict(self, belief: Belief, frame: Frame) -> Belief:
@@ -222,7 +224,9 @@ class Localizer:
         noise = self._normals(frame, belief.size)
         if self.outliers.share > 0:
             noise = with_outliers(noise, self.outliers, *self._outlier_rngs(frame))
-        poses = self._moved(belief, frame, _by_movement(noise, belief.size))
+        poses = belief.poses
+        for motion, drawn in zip(frame.motions, _by_movement(noise, belief.size), strict=True):
+            poses = self._moved(poses, belief.origin, motion, drawn)
         return Belief(poses, belief.log_weights, belief.origin)
 
     def _normals(self, frame: Frame, n: int) -> F32:
@@ -237,14 +241,11 @@ class Localizer:
         """Return what chooses the motion outliers of each movement."""
         return [self._rng(frame.step, Purpose.OUTLIER, number) for number in range(len(frame.motions))]
 
-    def _moved(self, belief: Belief, frame: Frame, noise: Sequence[F32]) -> F32:
-        """Return poses (N, 3) after every movement of a frame, with the noise (N, 3) of each."""
+    def _moved(self, poses: F32, origin: F64, motion: F64, noise: F32) -> F32:
+        """Return poses (N, 3) after a movement (3,), with the noise (N, 3) of each."""
         if self.motion is None:
             raise InputError(None, "found no motion model; use `run`, or `of_session` before the first step")
-        poses: F32 = belief.poses
-        for motion, drawn in zip(frame.motions, noise, strict=True):
-            poses = self.motion.move(poses, belief.origin, motion, drawn)
-        return poses
+        return self.motion.move(poses, origin, motion, noise)
 
     def _drawn(self, frame: Frame, n: int) -> DrawnNoise:
         """Return the noise that `_predict` draws, and how much of it is that of outliers."""

@@ -64,26 +64,32 @@ def project(camera: PinholeCamera, poses: F32, points: F32) -> tuple[F32, F32]:
     # forward = c (X - x) + s (Y - y), right = s (X - x) - c (Y - y): two products over all pairs
     x, y = poses[:, :1], poses[:, 1:2]
     ahead = np.concatenate([c, s, -(c * x + s * y)], axis=1) @ _columns(points)
-    right = np.concatenate([s, -c, c * y - s * x], axis=1) @ _columns(points)
+    pixels = np.empty((2, *ahead.shape), np.float32)
+    right, down = pixels
+    np.matmul(np.concatenate([s, -c, c * y - s * x], axis=1), _columns(points), out=right)
     up = points[:, 2] - np.float32(camera.height_m)
     cp, sp = np.float32(np.cos(camera.tilt_rad)), np.float32(np.sin(camera.tilt_rad))
-    depth = cp * ahead
-    depth += sp * up
-    down = sp * ahead
+    np.multiply(ahead, sp, out=down)
     down -= cp * up
+    depth = ahead
+    depth *= cp
+    depth += sp * up
     seen = depth > NEAREST_M
-    scale = np.float32(camera.focal_px) / np.where(seen, depth, 1)
-    right *= scale
-    down *= scale
+    scale = np.maximum(depth, np.float32(NEAREST_M))
+    pixels *= np.divide(np.float32(camera.focal_px), scale, out=scale)
     if camera.distortion:
-        bent = np.float32(camera.distortion / camera.focal_px**2) * (right * right + down * down) + 1
+        bent = right * right
+        bent += np.multiply(down, down, out=scale)
+        bent *= np.float32(camera.distortion / camera.focal_px**2)
+        bent += 1
         seen &= bent > LEAST_BENT
-        right *= bent
-        down *= bent
+        pixels *= bent
     right += np.float32(camera.middle[0])
     down += np.float32(camera.middle[1])
-    right[~seen] = NOWHERE_PX
-    return np.stack([right, down]), depth
+    # arithmetic takes a fifth of the time of an assignment by a mask
+    right *= seen
+    right += NOWHERE_PX * ~seen
+    return pixels, depth
 
 
 def _columns(points: F32) -> F32:

@@ -153,22 +153,26 @@ class Landmarks:
         """Return the nats (N,) of poses (N, 3): 0 where all matches are where they should be, else below."""
         camera, area = self.map.fit.camera, self._area_px
         points = (self.map.points[reading.landmark] - [*origin, 0.0]).astype(np.float32)
-        pixels, depth = project(camera, poses, points)
-        off = pixels - reading.pixels.T[:, None, :]
-        squared = off[0] ** 2
-        squared += off[1] ** 2
+        off, depth = project(camera, poses, points)
+        off -= reading.pixels.T[:, None, :]
+        off *= off
+        squared = off[0]
+        squared += off[1]
         turned = np.float32((camera.focal_px * spread.heading_rad) ** 2)
         variance: Any = self._variance_px[reading.landmark] + turned
         if spread.position_m:
-            near = np.maximum(depth, np.float32(self._nearest_m))
-            shifted = np.float32(camera.focal_px * spread.position_m) / near
-            variance = variance + shifted * shifted
+            near = np.maximum(depth, np.float32(self._nearest_m), out=depth)
+            shifted = np.divide(np.float32(camera.focal_px * spread.position_m), near, out=near)
+            shifted *= shifted
+            variance = np.add(variance, shifted, out=shifted)
         squared /= -2 * variance
-        agree = np.exp(squared).astype(np.float32, copy=False)
+        agree = np.exp(squared, out=squared)
         agree *= self._faced(reading, poses, points)
         odds = (1 - reading.inlier) / reading.inlier * np.float32(2 * np.pi / area)
         wrong = odds * variance
-        nats = np.log((agree + wrong) / (1 + wrong)).sum(axis=1)
+        agree += wrong
+        agree /= 1 + wrong
+        nats = np.log(agree, out=agree).sum(axis=1)
         return np.asarray(nats * np.float32(self._share(reading)), np.float32)
 
     def propose(self, reading: LandmarkReading) -> PoseProposal | None:

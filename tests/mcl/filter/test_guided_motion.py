@@ -29,14 +29,8 @@ def _parents(n=N):
     return spread + np.array([1.0, 0.5, 2.9], np.float32)  # headings on either side of a half turn
 
 
-def _move(model, parents):
-    def move(noise):
-        poses = parents
-        for motion, one in zip(MOTIONS, noise, strict=True):
-            poses = model.move(poses, HERE, np.array(motion), one)
-        return poses
-
-    return move
+def _move(model):
+    return lambda number, poses, noise: model.move(poses, HERE, np.array(MOTIONS[number]), noise)
 
 
 def _drawn(n=N, outliers=OUTLIERS):
@@ -45,9 +39,9 @@ def _drawn(n=N, outliers=OUTLIERS):
     return DrawnNoise(drawn, np.repeat(wide, 3, axis=1))
 
 
-def _plain(move, drawn):
+def _plain(parents, move, drawn):
     noise = (drawn.normals * drawn.widths).astype(np.float32)
-    return move([noise[:, :3], noise[:, 3:]])
+    return move(1, move(0, parents, noise[:, :3]), noise[:, 3:])
 
 
 def _values(poses, target):
@@ -61,11 +55,11 @@ def _values(poses, target):
 @pytest.mark.parametrize("model", [MAURICE, OdometryMotion()], ids=["maurice", "odometry"])
 @pytest.mark.parametrize("shift", [(0.0, 0.0, 0.0), (0.05, -0.04, 0.15), (0.6, 0.3, -1.0)], ids=str)
 def test_weighted_means_are_those_of_the_motion_model_wherever_the_proposal_is(model, shift):
-    move, drawn = _move(model, _parents()), _drawn()
-    plain = _plain(move, drawn)
+    parents, move, drawn = _parents(), _move(model), _drawn()
+    plain = _plain(parents, move, drawn)
     target = np.median(plain, axis=0).astype(np.float64) + shift
     covariance = np.array([[4e-4, 1e-4, 0.0], [1e-4, 3e-4, 5e-5], [0.0, 5e-5, 1e-4]])
-    poses, correction = guided_motion(move, drawn, target, covariance, 0.5, stream(9, 4))
+    poses, correction = guided_motion(parents, move, drawn, target, covariance, 0.5, stream(9, 4))
     wanted, each = _values(plain, target), _values(poses, target) * np.exp(correction)
     error = np.sqrt((wanted.var(axis=1) + each.var(axis=1)) / N)
     off = np.abs(each.mean(axis=1) - wanted.mean(axis=1))
@@ -74,18 +68,18 @@ def test_weighted_means_are_those_of_the_motion_model_wherever_the_proposal_is(m
 
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
 def test_no_weight_is_multiplied_by_more_than_the_share_allows(share):
-    move = _move(MAURICE, _parents(5000))
-    target = np.array([0.5, 0.9, -2.0])
-    correction = guided_motion(move, _drawn(5000), target, 1e-4 * np.eye(3), share, stream(9, 4))[1]
+    target, covariance = np.array([0.5, 0.9, -2.0]), 1e-4 * np.eye(3)
+    of_model = _parents(5000), _move(MAURICE), _drawn(5000)
+    correction = guided_motion(*of_model, target, covariance, share, stream(9, 4))[1]
     assert correction.max() <= np.log(1 / (1 - share)) + 1e-9
 
 
 def test_more_particles_are_where_a_sharp_sensor_puts_the_robot():
     """Without guidance a handful of particles has all of the weight."""
-    move, drawn = _move(MAURICE, _parents(1000)), _drawn(1000, MotionOutliers())
-    plain = _plain(move, drawn)
+    of_model = _parents(1000), _move(MAURICE), _drawn(1000, MotionOutliers())
+    plain = _plain(*of_model)
     target, sd = plain[17].astype(np.float64), np.array([0.01, 0.01, 0.005])
-    poses, correction = guided_motion(move, drawn, target, np.diag(sd**2), 0.5, stream(9, 4))
+    poses, correction = guided_motion(*of_model, target, np.diag(sd**2), 0.5, stream(9, 4))
 
     def size(there, prior):
         off = there - target
