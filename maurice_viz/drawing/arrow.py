@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import rerun as rr
 from numpy.typing import ArrayLike
-from rerun.components import TensorDataBatch
 
 from maurice_mcl.values import F32
 
@@ -30,7 +29,7 @@ _BLOB = pa.list_(pa.field("item", pa.uint8(), nullable=False))
 Maker = Callable[[Sequence[Any]], Any]  # of an Arrow array, from what one or several rows hold
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Values:
     """The values of one component in one row. An Arrow array is made late: of many rows at once."""
 
@@ -63,7 +62,7 @@ def _concat(arrays: Sequence[Any]) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class ReadyComponent:
-    """One component of a row."""
+    """One component of a row, as Rerun takes it."""
 
     descriptor: Any
     values: Values
@@ -77,12 +76,17 @@ class ReadyComponent:
         return self.values.arrow()
 
 
-Row = list[Any]  # of ReadyComponent; Rerun annotates what it logs with a class of its own
+class LogRow(dict[Any, Values]):
+    """A row to log: values by the descriptor of their component."""
+
+    def as_component_batches(self) -> list[Any]:
+        """Return the components for a recording that is written call by call."""
+        return [ReadyComponent(*item) for item in self.items()]
 
 
-def row_of(archetype: type, **values: Values) -> Row:
+def row_of(archetype: type, **values: Values) -> LogRow:
     """Return a row to log: fields of an archetype, each as one of the functions below returns it."""
-    return [ReadyComponent(_descriptor(archetype, name), ready) for name, ready in values.items()]
+    return LogRow({_descriptor(archetype, name): ready for name, ready in values.items()})
 
 
 @cache
@@ -105,7 +109,7 @@ def doubles_of(values: ArrayLike) -> Values:
     return _numbers(_doubles, np.atleast_1d(np.ascontiguousarray(values, np.float64)))
 
 
-def scalars(values: ArrayLike) -> Row:
+def scalars(values: ArrayLike) -> LogRow:
     """Return a row for the lines of a plot: numbers (K,), or one."""
     return row_of(rr.Scalars, scalars=doubles_of(values))
 
@@ -212,35 +216,3 @@ def _blobs(rows: Sequence[bytes]) -> Any:
 
 def _ends(lengths: Sequence[int]) -> Any:
     return pa.py_buffer(np.cumsum([0, *lengths], dtype=np.int32))
-
-
-KIND = "F32"  # the union's name for float32
-
-
-@lru_cache(maxsize=16)
-def _mold(length: int) -> tuple[Any, list[Any], int]:
-    """Let Rerun build a tensor of this length once: return it, its kinds of numbers, and which is float32."""
-    tensor = TensorDataBatch(np.zeros(length, np.float32)).as_arrow_array()
-    union = tensor.field(2)
-    names = [union.type.field(k).name for k in range(union.type.num_fields)]
-    return tensor, [union.field(k) for k in range(len(names))], names.index(KIND)
-
-
-def tensor_of(values: F32) -> Values:
-    """Return a vector (D,): the heights of a bar chart."""
-    return Values(_tensors, np.ascontiguousarray(values, np.float32), 1, values.nbytes)
-
-
-def _tensors(rows: Sequence[F32]) -> Any:
-    return pa.concat_arrays([_tensor(row) for row in rows])
-
-
-def _tensor(values: F32) -> Any:
-    """Return one vector. All but the numbers is built once a length."""
-    tensor, kinds, at = _mold(len(values))
-    hole = kinds[at]
-    filled = pa.Array.from_buffers(hole.type, 1, hole.buffers()[:2], children=[_floats([values])])
-    shape, names, buffer = (tensor.field(k) for k in range(3))
-    children = [*kinds[:at], filled, *kinds[at + 1 :]]
-    union = pa.Array.from_buffers(buffer.type, 1, buffer.buffers()[:3], children=children)
-    return pa.Array.from_buffers(tensor.type, 1, [None], children=[shape, names, union])

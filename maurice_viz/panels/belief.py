@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from maurice_mcl.values import F32, F64, I32, U8, Arena, Belief
 
 from .. import entities
-from ..drawing.arrow import Row, colors_of, places_of, points_of, row_of, strips_of, text_of, ui_points_of
+from ..drawing.arrow import LogRow, colors_of, places_of, points_of, row_of, strips_of, text_of, ui_points_of
 from ..drawing.canvas import Extent, long_side
 from ..drawing.keys import WEIGHTS, keys_of
 from ..entities import Phase, RunPaths
@@ -157,7 +157,7 @@ class PoseMarker:
         return np.split(np.array([place for _, place in self._trail]), begins)
 
 
-def _arrows(origins: ArrayLike, vectors: ArrayLike) -> Row:
+def _arrows(origins: ArrayLike, vectors: ArrayLike) -> LogRow:
     return row_of(rr.Arrows2D, origins=points_of(origins), vectors=points_of(vectors))
 
 

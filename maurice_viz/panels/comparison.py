@@ -12,7 +12,7 @@ from maurice_mcl.scoring.comparison import Step
 from maurice_mcl.values import F64, I32, Belief, Moment, StepRecord
 
 from .. import entities
-from ..drawing.arrow import Row, blob_of, points_of, row_of, strips_of, text_of
+from ..drawing.arrow import LogRow, blob_of, points_of, row_of, strips_of, text_of
 from ..drawing.canvas import Extent, jpeg
 from ..drawing.histogram_row import CELLS_PX, HIGH_PX, KEY_PX, TITLE_PX, Cell, cell_px, cells_of, draw_row
 from ..entities import BARE_FLOORS, COMPARE_CLOSEUP, WALLS, Phase, bars_of, gap_of
@@ -170,7 +170,7 @@ class ComparisonDrawing:
         if moment.truth is not None:
             self._truths[label].draw(self._rec, moment.truth)
 
-    def _dots(self, cloud: Belief) -> Row:
+    def _dots(self, cloud: Belief) -> LogRow:
         some = by_weight(cloud.weights, DOTS_A_CLOUD)
         places = self._scale.screen(cloud.poses[some, :2] + cloud.origin)
         return row_of(rr.Points2D, positions=points_of(places))

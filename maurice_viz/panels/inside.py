@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from maurice_mcl.values import F32, F64, I64, U8, U32, Belief, StepRecord
 
 from ..drawing.arrow import (
-    Row,
+    LogRow,
     colors_of,
     places_of,
     points_of,
@@ -79,13 +79,13 @@ class Dots:
     radii: F32  # (K,) points of the screen
     colors: U32  # (K,) packed
 
-    def looks(self) -> Row:
+    def looks(self) -> LogRow:
         """Return sizes and colors to log, of dots whose places are known."""
         return row_of(rr.Points2D, radii=ui_points_of(self.radii), colors=colors_of(self.colors))
 
-    def row(self) -> Row:
+    def row(self) -> LogRow:
         """Return all to log."""
-        return [*_points(self.places), *self.looks()]
+        return LogRow(_points(self.places) | self.looks())
 
     @property
     def settled(self) -> Dots:
@@ -286,7 +286,7 @@ def _copied(record: StepRecord, some: I64, places: F32) -> Dots:
     return Dots(places, radii, colors)
 
 
-def _ranked(places: F32) -> Row:
+def _ranked(places: F32) -> LogRow:
     """Return places (K, 2) of the best, each once, with the ranks that are there."""
     ranks: dict[tuple[float, ...], list[str]] = {}
     for rank, place in enumerate(places.tolist(), 1):
@@ -299,11 +299,11 @@ def _all(color: RGB, count: int) -> U32:
     return np.full(count, packed(color), np.uint32)
 
 
-def _points(places: F32) -> Row:
+def _points(places: F32) -> LogRow:
     return row_of(rr.Points2D, positions=points_of(places))
 
 
-def _arrow(origins: ArrayLike, vectors: ArrayLike) -> Row:
+def _arrow(origins: ArrayLike, vectors: ArrayLike) -> LogRow:
     return row_of(rr.Arrows2D, origins=points_of(origins), vectors=points_of(vectors))
 
 

@@ -15,7 +15,7 @@ from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values import F32, F64, U8, Belief
 
 from .. import style
-from ..drawing.arrow import Row, blob_of, colors_of, points_of, row_of, strips_of, texts_of
+from ..drawing.arrow import LogRow, blob_of, colors_of, points_of, row_of, strips_of, texts_of
 from ..drawing.canvas import Extent, put_text, text_size
 from ..drawing.indexed import IndexedColors
 from ..entities import Phase, RunPaths
@@ -139,7 +139,7 @@ class ModesPanel(Panel):
         rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale))
 
 
-def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> Row:
+def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> LogRow:
     """Return a ring with its share around every mode of a tenth of the weight or more, if there are two."""
     seen = [mode for mode in modes if mode.estimate.mass >= LEAST_RINGED]
     seen = seen if len(seen) > 1 else []

@@ -7,7 +7,8 @@ the later one still wins.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]  # has no types
 import rerun as rr
 
-from ..drawing.arrow import ReadyComponent, Values, joined, ready
+from ..drawing.arrow import LogRow, Values, joined, ready
 from ..entities import STEP
 
 Timelines = tuple[str, ...]
@@ -29,35 +30,51 @@ FILE_BATCH_S = 1.0  # of what is not in blocks
 GIVEN_UP_S = 1.0  # to wait after a block, once a disk has not taken one
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class RowTime:
+    """When rows are."""
+
+    timelines: Timelines
+    times: Mapping[str, Any]  # by timeline
+
+
 @dataclass(slots=True)
 class Rows:
-    """The rows of one entity on one set of timelines: every column as long as there are rows, or shorter."""
+    """Rows of one entity, in the order in which they were logged."""
 
-    times: dict[str, list[Any]]
-    columns: dict[Any, list[Any]] = field(default_factory=dict)  # by descriptor; None: not in that row
-    count: int = 0
-    size: int = 0  # bytes
-    seen: set[tuple[str, Any]] = field(default_factory=set)  # timelines and times of all rows
+    ats: list[RowTime] = field(default_factory=list)
+    rows: list[LogRow] = field(default_factory=list)
 
-    def add(self, times: Mapping[str, Any], components: Mapping[Any, Values]) -> None:
+    def add(self, at: RowTime, row: LogRow) -> None:
         """Append a row."""
-        for name, value in times.items():
-            self.times[name].append(value)
-        self.seen.update(times.items())
-        for descriptor, values in components.items():
-            column = self.columns.get(descriptor)
-            if column is None:
-                column = self.columns[descriptor] = []
-            if len(column) < self.count:
-                column.extend([None] * (self.count - len(column)))
-            column.append(values)
-            self.size += values.size
-        self.count += 1
+        self.ats.append(at)
+        self.rows.append(row)
 
-    def filled(self) -> Iterator[tuple[Any, list[Any]]]:
-        """Yield every column with its descriptor, as long as there are rows."""
-        for descriptor, column in self.columns.items():
-            yield descriptor, column + [None] * (self.count - len(column))
+    def together(self) -> list[Rows]:
+        """Return those on the same timelines together, or each alone where some are at the same time."""
+        if len({at.timelines for at in self.ats}) == 1:
+            return [self]
+        blocks: dict[Timelines, Rows] = {}
+        for at, row in zip(self.ats, self.rows, strict=True):
+            blocks.setdefault(at.timelines, Rows()).add(at, row)
+        times = [{place for at in block.ats for place in at.times.items()} for block in blocks.values()]
+        if sum(map(len, times)) == len(set().union(*times)):
+            return list(blocks.values())
+        return [Rows([at], [row]) for at, row in zip(self.ats, self.rows, strict=True)]
+
+    def times(self, timeline: str) -> tuple[Any, ...]:
+        """Return where the rows are on one of their timelines."""
+        return tuple([at.times[timeline] for at in self.ats])
+
+    def columns(self) -> list[Any]:
+        """Return every component as a column."""
+        descriptors = dict.fromkeys(descriptor for row in self.rows for descriptor in row)
+        return [ComponentLists(kind, [row.get(kind) for row in self.rows]) for kind in descriptors]
+
+    @property
+    def size(self) -> int:
+        """Their bytes, about."""
+        return sum([values.size for row in self.rows for values in row.values()])
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +110,8 @@ class BlockRecording(rr.RecordingStream):
         self._patience_s = patience_s
         self._times: dict[str, Any] = {}  # by timeline
         self._kinds: dict[str, str] = {}  # of number, by timeline
-        self._rows: dict[str, dict[Timelines, Rows]] = {}  # by entity
+        self._at: RowTime | None = None  # of what is logged now; None: it was changed
+        self._rows: defaultdict[str, Rows] = defaultdict(Rows)  # by entity
         self._columns: dict[tuple[str, tuple[Any, ...]], rr.TimeColumn] = {}  # of this block
         self._step: Any = None
         self._updates = self._bytes = 0
@@ -106,11 +124,12 @@ class BlockRecording(rr.RecordingStream):
             self._updates += 1
             if self._updates > UPDATES_A_BLOCK or self._bytes > BYTES_A_BLOCK:
                 self.send_rows()
-        self._times[timeline], self._kinds[timeline] = at, kind
+        self._times[timeline], self._kinds[timeline], self._at = at, kind, None
 
     def disable_timeline(self, timeline: str) -> None:
         """Leave a timeline out of what is logged from now on."""
         self._times.pop(timeline, None)
+        self._at = None
 
     def log(self, entity_path: Any, entity: Any, *extra: Any, static: bool = False, **how: Any) -> None:
         """Log as any recording does. What is static, or clears an entity, goes out at once.
@@ -122,23 +141,12 @@ class BlockRecording(rr.RecordingStream):
         if static or not self._times or type(entity) is rr.Clear:
             self._log_now(entity_path, entity, *extra, static=static, **how)
             return
-        components: dict[Any, Values] = {}
-        for part in (entity, *extra):
-            for descriptor, values in _components_of(part):
-                components[descriptor] = values
-                self._bytes += values.size
-        self._rows_of(str(entity_path)).add(self._times, components)
-
-    def _rows_of(self, entity: str) -> Rows:
-        """Return where rows at this time go; rows at this time on other timelines go out before them."""
-        timelines, blocks = tuple(sorted(self._times)), self._rows.setdefault(entity, {})
-        if len(blocks) > 1 or timelines not in blocks:
-            others = [rows for other, rows in blocks.items() if other != timelines]
-            if not all(rows.seen.isdisjoint(self._times.items()) for rows in others):
-                self._send_entity(entity)
-        if timelines not in blocks:
-            blocks[timelines] = Rows({name: [] for name in timelines})
-        return blocks[timelines]
+        row = _row_of(entity, extra)
+        for values in row.values():
+            self._bytes += values.size
+        if self._at is None:
+            self._at = RowTime(tuple(sorted(self._times)), self._times.copy())
+        self._rows[str(entity_path)].add(self._at, row)
 
     def _log_now(self, entity_path: Any, entity: Any, *extra: Any, **how: Any) -> None:
         super().reset_time()
@@ -151,8 +159,12 @@ class BlockRecording(rr.RecordingStream):
         if not self._rows:
             return
         sent = 0
-        for entity in list(self._rows):
-            sent += self._send_entity(entity)
+        for entity, rows in self._rows.items():
+            for block in rows.together():
+                timelines = block.ats[0].timelines
+                times = [self._time_column(timeline, block.times(timeline)) for timeline in timelines]
+                self.send_columns(entity, times, block.columns())
+            sent += rows.size
             if sent > BYTES_AT_ONCE:
                 self._wait_for_the_disk()
                 sent = 0
@@ -166,17 +178,6 @@ class BlockRecording(rr.RecordingStream):
             super().flush(timeout_sec=self._patience_s)
         except (RuntimeError, OSError, ValueError):  # reported at the end, with all that could be written
             self._patience_s = min(self._patience_s, GIVEN_UP_S)
-
-    def _send_entity(self, entity: str) -> int:
-        """Send the rows of an entity; return their bytes."""
-        size = 0
-        for rows in self._rows[entity].values():
-            times = [self._time_column(name, tuple(at)) for name, at in rows.times.items()]
-            columns: list[Any] = [ComponentLists(*column) for column in rows.filled()]
-            self.send_columns(entity, times, columns)
-            size += rows.size
-        self._rows[entity].clear()
-        return size
 
     def _time_column(self, timeline: str, at: tuple[Any, ...]) -> rr.TimeColumn:
         """Return when rows are; most entities of a block have theirs at the same times."""
@@ -197,10 +198,15 @@ class BlockRecording(rr.RecordingStream):
         super().disconnect()
 
 
-def _components_of(part: Any) -> Iterator[tuple[Any, Values]]:
-    """Yield descriptor and values of each component of what is logged: a ready row, or what Rerun takes."""
-    for batch in part.as_component_batches() if hasattr(part, "as_component_batches") else part:
-        if type(batch) is ReadyComponent:
-            yield batch.descriptor, batch.values
+def _row_of(entity: Any, extra: Sequence[Any]) -> LogRow:
+    """Return the components of what is logged: ready rows, or what Rerun takes."""
+    if type(entity) is LogRow and not extra:
+        return entity
+    row = LogRow()
+    for part in (entity, *extra):
+        if type(part) is LogRow:
+            row |= part
         else:
-            yield batch.component_descriptor(), ready(batch.as_arrow_array())
+            batches = part.as_component_batches() if hasattr(part, "as_component_batches") else part
+            row |= {batch.component_descriptor(): ready(batch.as_arrow_array()) for batch in batches}
+    return row

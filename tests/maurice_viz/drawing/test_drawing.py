@@ -5,13 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
-from rerun.components import TensorDataBatch
 
 from helpers import viz_fakes as fakes
 from maurice_mcl.values.laser import OCCUPIED, UNKNOWN, OccupancyMap
 from maurice_mcl.values.map import Arena
 from maurice_viz.drawing import keys
-from maurice_viz.drawing.arrow import tensor_of
 from maurice_viz.drawing.canvas import (
     LONG_SIDE_PX,
     MAP_MARGINS,
@@ -102,23 +100,9 @@ def test_a_key_is_drawn_once_and_stays_as_it_was():
             key[0, 0] = 0
 
 
-def test_keys_and_tensors():
+def test_text_in_the_font():
     assert ascii_of("café 床") == "cafe ?"
     assert text_size("ab", 20)[0] > text_size("a", 20)[0]
-    first = tensor_of(np.array([1, 2], np.float32)).arrow()
-    second = tensor_of(np.array([3, 4], np.float32)).arrow()
-    assert not first.equals(second)
-    assert first.equals(TensorDataBatch(np.array([1, 2], np.float32)).as_arrow_array())
-    values = np.arange(8, dtype=np.float32)[::2]
-    assert tensor_of(values).arrow().equals(TensorDataBatch(values.copy()).as_arrow_array())
-
-
-@pytest.mark.parametrize("length", [1, 2, 84, 168])
-def test_the_short_way_gives_what_rerun_gives(length):
-    values = np.random.default_rng(length).random(length, np.float32)
-    short = tensor_of(values).arrow()
-    short.validate(full=True)
-    assert short.equals(TensorDataBatch(values).as_arrow_array())
 
 
 def decoded(png: bytes) -> np.ndarray:
