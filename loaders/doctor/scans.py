@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.laser.fit import OFF_NATS, YAWS
@@ -17,7 +18,7 @@ from maurice_mcl.sensor.laser.matching import INDEPENDENT_BEAMS, THROUGH_M, Matc
 from maurice_mcl.sensor.laser.parameters import LaserParameters
 from maurice_mcl.sensor.laser.reading import LEAST_HITS, read_scan
 from maurice_mcl.sensor.laser.sensor import laser_of
-from maurice_mcl.values import F64, LaserScan, OccupancyMap, motion_between, path_of, wrap_angle
+from maurice_mcl.values import F64, LaserScan, OccupancyMap, motion_between, path_of, rotated, wrap_angle
 
 from .findings import Evidence, Finding, RecordedDrive, motions_of
 
@@ -39,6 +40,9 @@ SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
 NEAR_M, FITS_AT_TRUTH, AGREE_AT_TRUTH = 0.5, 0.6, 0.5
 CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
 PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1  # of a laser on the robot, along each axis; told from
+
+
+C128 = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +69,9 @@ class _Pair:
     first: int  # numbers of scans
     second: int
     motion: F64  # (3,) of the robot between them
+    walls: cKDTree  # the first scan's points, in the frame of its laser
+    points: C128  # (K,) the second scan's, x_m + i y_m in the frame of its laser
+    mounts: tuple[F64, F64]  # (3,) of both lasers
 
 
 def examine_scans(
@@ -78,7 +85,7 @@ def examine_scans(
     mirrored = False
     if len(pairs) >= FEWEST_PAIRS:
         checks[0] += f", {len(pairs)} pairs of them against each other"
-        mount = _mounts(scans, pairs) or _elsewhere(scans, pairs)
+        mount = _mounts(pairs) or _elsewhere(pairs)
         findings += mount
         mirrored = any(finding.code == "scan-mirrored" for finding in mount)
         findings += [] if mount else _late(scans, *paths[-1])
@@ -116,82 +123,89 @@ def _pairs(scans: RecordedScans, t_s: F64, poses: F64, most: int = PAIRS) -> lis
         return []
     known = (scans.t_s >= t_s[0]) & (scans.t_s <= t_s[-1])
     places = _at(scans.t_s, t_s, poses)
-    pairs, last = list[_Pair](), 0
+    pairs, last = list[tuple[int, int, F64]](), 0
     for k in np.flatnonzero(known):
         motion = motion_between(places[last], places[k])
         way_m, turn_rad = float(np.hypot(*motion[:2])), abs(float(wrap_angle(float(motion[2]))))
         if way_m < WAY_M[0] and turn_rad < TURN_RAD[0]:
             continue
         if way_m < WAY_M[1] and turn_rad < TURN_RAD[1] and known[last]:
-            pairs.append(_Pair(last, int(k), motion))
+            pairs.append((last, int(k), motion))
         last = int(k)
     chosen = np.linspace(0, len(pairs) - 1, min(len(pairs), most)).round().astype(int)
-    return [pairs[k] for k in dict.fromkeys(chosen.tolist())]
+    return [_pair(scans, *pairs[k]) for k in dict.fromkeys(chosen.tolist())]
+
+
+def _pair(scans: RecordedScans, first: int, second: int, motion: F64) -> _Pair:
+    both = scans.scans[first], scans.scans[second]
+    walls, points = (replace(scan, mount=np.zeros(3)).points() for scan in both)
+    ends, mounts = points[:, 0] + 1j * points[:, 1], (both[0].mount, both[1].mount)
+    return _Pair(first, second, motion, cKDTree(walls), ends, mounts)
 
 
 def _apart(
-    scans: RecordedScans,
     pair: _Pair,
-    yaw_rad: float = 0.0,
+    yaws_rad: F64 | float = 0.0,
     sign: int = 1,
-    motion: F64 | None = None,
-    shift: tuple[float, float] = (0.0, 0.0),
-) -> float:
-    """Return how far the points of a pair's second scan are from the first's, on average, in meters."""
-    points = [_points(scans.scans[k], yaw_rad, sign) + shift for k in (pair.first, pair.second)]
-    if min(map(len, points)) < 10:
-        return FAR_M
-    x, y, turn = pair.motion if motion is None else motion
-    c, s = np.cos(turn), np.sin(turn)
-    moved = points[1] @ np.array([[c, s], [-s, c]]) + [x, y]
-    away = cKDTree(points[0]).query(moved, distance_upper_bound=FAR_M)[0]
-    return float(np.minimum(away, FAR_M).mean())
+    motions: F64 | None = None,
+    shifts: C128 | complex = 0j,
+) -> F64:
+    """Return how far a pair's second scan is from the first, on average, in meters, in each of N ways (N,).
+
+    Lasers are turned on the robot by `yaws_rad` and shifted by `shifts` (x_m + i y_m), scans mirrored (-1),
+    and the robot moves by `motions` (N, 3).
+    """
+    x, y, turn = (pair.motion[None] if motions is None else motions).T[:, :, None]
+    yaws, moved = np.reshape(yaws_rad, (-1, 1)), np.reshape(shifts, (-1, 1))
+    places = [mount[0] + 1j * mount[1] + moved for mount in pair.mounts]
+    turns = [np.exp(1j * (mount[2] + yaws)) for mount in pair.mounts]
+    points = x + 1j * y + np.exp(1j * turn) * (places[1] + turns[1] * _mirrored(pair.points, sign))
+    points = _mirrored((points - places[0]) / turns[0], sign)
+    if min(points.shape[1], pair.walls.n) < 10:
+        return np.full(len(points), FAR_M)
+    away = pair.walls.query(np.stack([points.real, points.imag], axis=2), distance_upper_bound=FAR_M)[0]
+    return np.asarray(np.minimum(away, FAR_M).mean(axis=1))
 
 
-def _points(scan: LaserScan, yaw_rad: float, sign: int) -> F64:
-    x, y, heading = scan.mount
-    mount = np.array([x, y, heading + yaw_rad])
-    return replace(scan, mount=mount, start_rad=sign * scan.start_rad, step_rad=sign * scan.step_rad).points()
+def _mirrored(points: C128, sign: int) -> C128:
+    return points.conj() if sign < 0 else points
 
 
-def _mounts(scans: RecordedScans, pairs: list[_Pair]) -> list[Finding]:
+def _mounts(pairs: list[_Pair]) -> list[Finding]:
     """Return how the laser would have to be mounted, if that is another way than the recording says."""
-    usual = np.array([_apart(scans, pair) for pair in pairs])
-    some = pairs[:: max(len(pairs) // 30, 1)]
-    tried = {
-        (sign, float(yaw)): np.mean([_apart(scans, pair, float(yaw), sign) for pair in some])
-        for sign in (1, -1)
-        for yaw in YAWS[::2]
-    }
-    sign, coarse = min(tried, key=lambda key: tried[key])
-    near = coarse + np.radians(np.arange(-8, 9, 2))
-    totals = [np.array([_apart(scans, pair, yaw, sign) for pair in pairs]) for yaw in near]
-    best = int(np.argmin([total.mean() for total in totals]))
+    usual = np.concatenate([_apart(pair) for pair in pairs])
+    some, yaws = pairs[:: max(len(pairs) // 30, 1)], YAWS[::2]
+    tried = {sign: np.mean([_apart(pair, yaws, sign) for pair in some], axis=0) for sign in (1, -1)}
+    sign = min(tried, key=lambda sign: tried[sign].min())
+    near = yaws[np.argmin(tried[sign])] + np.radians(np.arange(-8, 9, 2))
+    totals = np.array([_apart(pair, near, sign) for pair in pairs])
+    best = int(totals.mean(axis=0).argmin())
     yaw_deg = float(round(np.degrees(wrap_angle(float(near[best])))))
-    if not _is_clear(usual, totals[best]) or (sign == 1 and abs(yaw_deg) < LEAST_YAW_DEG):
+    if not _is_clear(usual, totals[:, best]) or (sign == 1 and abs(yaw_deg) < LEAST_YAW_DEG):
         return []
-    seen = Evidence("scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": totals[best].mean()})
+    values = {"pairs": len(pairs), "before": usual.mean(), "after": totals[:, best].mean()}
+    seen = (Evidence("scan-pairs", values),)
     if sign < 0:
-        return [Finding("scan-mirrored", (seen,), {"yaw_deg": yaw_deg})]
-    return [Finding("scan-yaw", (seen,), {"yaw_deg": yaw_deg}, {"scan_yaw_rad": float(np.radians(yaw_deg))})]
+        return [Finding("scan-mirrored", seen, {"yaw_deg": yaw_deg})]
+    return [Finding("scan-yaw", seen, {"yaw_deg": yaw_deg}, {"scan_yaw_rad": float(np.radians(yaw_deg))})]
 
 
-def _elsewhere(scans: RecordedScans, pairs: list[_Pair]) -> list[Finding]:
+def _elsewhere(pairs: list[_Pair]) -> list[Finding]:
     """Return where the laser is on the robot, if elsewhere than recorded: only turns tell."""
     turning = [pair for pair in pairs if abs(wrap_angle(float(pair.motion[2]))) >= TURN_RAD[0]]
     if len(turning) < FEWEST_PAIRS:
         return []
-    usual = np.array([_apart(scans, pair) for pair in turning])
-    shift, spacing_m = (0.0, 0.0), PLACES_M
-    for places in (spacing_m, spacing_m[3:6] / 2):
-        tried = [(shift[0] + x, shift[1] + y) for x in places for y in places]
-        totals = [np.array([_apart(scans, pair, shift=place) for pair in turning]) for place in tried]
-        best = int(np.argmin([total.mean() for total in totals]))
-        shift, moved = tried[best], totals[best]
-    if np.hypot(*shift) < LEAST_PLACE_M or not _is_clear(usual, moved):
+    usual = moved = np.concatenate([_apart(pair) for pair in turning])
+    shift = 0j
+    for places in (PLACES_M, PLACES_M[3:6] / 2):
+        tried = shift + (places[:, None] + 1j * places).ravel()
+        totals = np.array([_apart(pair, shifts=tried) for pair in turning])
+        best = int(totals.mean(axis=0).argmin())
+        shift, moved = complex(tried[best]), totals[:, best]
+    if abs(shift) < LEAST_PLACE_M or not _is_clear(usual, moved):
         return []
     seen = Evidence("scan-pairs", {"pairs": len(turning), "before": usual.mean(), "after": moved.mean()})
-    return [Finding("scan-place", (seen,), {"ahead_m": float(shift[0]), "left_m": float(shift[1])})]
+    return [Finding("scan-place", (seen,), {"ahead_m": shift.real, "left_m": shift.imag})]
 
 
 def _unused(scans: RecordedScans, drive: RecordedDrive, near_s: float) -> list[Finding]:
@@ -220,19 +234,22 @@ def _near(t_s: F64, others: F64, near_s: float) -> float:
 
 def _late(scans: RecordedScans, t_s: F64, poses: F64) -> list[Finding]:
     """Return by how much the scans' clock is off the odometry's."""
-    pairs, totals = _pairs(scans, t_s, poses, LATE_PAIRS), []
+    pairs, totals = _pairs(scans, t_s, poses, LATE_PAIRS), list[F64]()
     if len(pairs) < FEWEST_PAIRS:
         return []
-    for offset in OFFSETS_S:
-        places = _at(scans.t_s + offset, t_s, poses)
-        motions = [motion_between(places[pair.first], places[pair.second]) for pair in pairs]
-        totals.append(np.array([_apart(scans, p, motion=m) for p, m in zip(pairs, motions, strict=True)]))
-    usual, best = totals[len(OFFSETS_S) // 2], int(np.argmin([total.mean() for total in totals]))
+    for pair in pairs:
+        before, after = (_at(scans.t_s[k] + OFFSETS_S, t_s, poses) for k in (pair.first, pair.second))
+        x, y, turn = (after - before).T
+        totals.append(_apart(pair, motions=np.column_stack([*rotated(x, y, -before[:, 2]), turn])))
+    by_offset = np.array(totals).T
+    usual, best = by_offset[len(OFFSETS_S) // 2], int(by_offset.mean(axis=1).argmin())
     offset_s = float(round(OFFSETS_S[best], 3))
     at_edge = best in (0, len(OFFSETS_S) - 1)  # whatever is there, it is no minimum
-    if at_edge or abs(offset_s) < LEAST_OFFSET_S or not _is_clear(usual, totals[best], LATE_SHARE):
+    if at_edge or abs(offset_s) < LEAST_OFFSET_S or not _is_clear(usual, by_offset[best], LATE_SHARE):
         return []
-    seen = Evidence("scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": totals[best].mean()})
+    seen = Evidence(
+        "scan-pairs", {"pairs": len(pairs), "before": usual.mean(), "after": by_offset[best].mean()}
+    )
     return [Finding("scan-delay", (seen,), {"delay_s": -offset_s}, {"picture_offset_s": offset_s})]
 
 
