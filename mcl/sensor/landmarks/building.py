@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +24,7 @@ from .calibration import (
 from .camera import PinholeCamera
 from .features import Keypoints, keypoints_of
 from .landmark_set import CameraFit, LandmarkSet
-from .matching import AGREES_PX, disagreement, overlapping, pairwise, spread_out, tracks_of
+from .matching import AGREES_PX, disagreement, on_all_cores, overlapping, pairwise, spread_out, tracks_of
 from .records import Records, records_of
 from .sensor import Landmarks
 
@@ -161,23 +159,21 @@ def _keypoints(
         return (none, None) if image is None else (keypoints_of(image), (image.shape[0], image.shape[1]))
 
     none, pictures = keypoints_of(np.zeros((8, 8, 3), np.uint8)), []
-    pool = ThreadPoolExecutor(os.cpu_count())
-    try:
-        for done, picture in enumerate(pool.map(look, used.tolist()), 1):
-            pictures.append(picture)
-            progress(done, len(used), "landmarks")
-    finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for the others
+    # glibc keeps twice as much as was freed at once; else OpenCV's memory is fetched anew for every picture
+    np.empty(8 << 20, np.uint8)
+    for done, picture in enumerate(on_all_cores(look, used.tolist()), 1):
+        pictures.append(picture)
+        progress(done, len(used), "landmarks")
     size = next((each for _, each in pictures if each is not None), None)
     return [points if each == size else none for points, each in pictures], size
 
 
 def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]) -> _Matched:
     edges, distances = pairwise(keypoints, pairs)
-    one, other = (
-        np.array([keypoints[i].pixels[k] for i, k in edges[:, at]], np.float64) for at in ([0, 1], [2, 3])
-    )
-    return _Matched(keypoints, poses, edges, distances, (one, other))
+    start = np.cumsum([0, *(len(points.pixels) for points in keypoints)])
+    pixels = np.concatenate([points.pixels for points in keypoints]).astype(np.float64)
+    ends = pixels[start[edges[:, 0]] + edges[:, 1]], pixels[start[edges[:, 2]] + edges[:, 3]]
+    return _Matched(keypoints, poses, edges, distances, ends)
 
 
 def _adjusted(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,8 @@ from ...values import F32, F64, Bool, spacing, wrap
 from .camera import PinholeCamera, directions
 from .features import Keypoints
 
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 Ends = tuple[NDArray[np.intp], NDArray[np.intp]]  # (E,) each: numbers of two references
 
 OVERLAPPING_REFERENCES = 12  # of a reference: those whose views overlap most with its own
@@ -74,19 +79,35 @@ def overlapping(poses: F64, yaw_rad: float) -> NDArray[np.intp]:
 
 def pairwise(keypoints: Sequence[Keypoints], pairs: NDArray[np.intp]) -> tuple[NDArray[np.intp], F32]:
     """Match all pairs of references: (E, 4) reference and keypoint, twice, and the distances (E,)."""
-    edges, distances = [np.zeros((0, 4), np.intp)], [np.zeros(0, np.float32)]
-    for i in np.unique(pairs[:, 0]):
+
+    def matches_of(i: int) -> list[tuple[NDArray[np.intp], F32]]:
         others = [j for j in pairs[pairs[:, 0] == i, 1] if len(keypoints[j].pixels) > 1]
         if not others or len(keypoints[i].pixels) < 2:
-            continue
+            return []
         ends = np.cumsum([len(keypoints[j].pixels) for j in others])[:-1]
         # one product with all of them: many small ones cost more
         together = keypoints[i].descriptors @ np.concatenate([keypoints[j].descriptors for j in others]).T
+        matches = []
         for j, product in zip(others, np.split(together, ends, axis=1), strict=True):
             a, b, near = mutual(product)
-            edges.append(np.column_stack([np.full_like(a, i), a, np.full_like(b, j), b]))
-            distances.append(near)
+            matches.append((np.column_stack([np.full_like(a, i), a, np.full_like(b, j), b]), near))
+        return matches
+
+    none = np.zeros((0, 4), np.intp), np.zeros(0, np.float32)
+    firsts = np.unique(pairs[:, 0]).tolist()
+    edges, distances = zip(
+        none, *(each for matches in on_all_cores(matches_of, firsts) for each in matches), strict=True
+    )
     return np.concatenate(edges), np.concatenate(distances)
+
+
+def on_all_cores(call: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Yield the results of calls in order, made side by side: numpy and OpenCV let other threads run."""
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        yield from pool.map(call, items)
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for the others
 
 
 def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, I32, Bool, wrap
+from ...values import F32, F64, I32, wrap
 from .bundle import Bundle, Views
 from .camera import project
 
@@ -28,13 +28,14 @@ class Records:
     nearest_m: F32  # (P,)
     farthest_m: F32  # (P,)
 
-    def within_reach(self, place: F64, points: F64) -> Bool:
-        """Tell which points (P, 3) might be seen from a place (2,): (P,)."""
-        way = place - points[:, :2]
-        range_m = np.hypot(way[:, 0], way[:, 1])
-        turned = np.abs(wrap(np.arctan2(way[:, 1], way[:, 0]) - self.facing_rad))
+    def within_reach(self, place: F64, points: F64) -> NDArray[np.intp]:
+        """Return the numbers of the points (P, 3) that might be seen from a place (2,)."""
+        x, y = (place - points[:, :2]).T
+        range_m = np.hypot(x, y)
         near = (range_m > SOUGHT_NEARER * self.nearest_m) & (range_m < SOUGHT_FARTHER * self.farthest_m)
-        return np.asarray(near & (turned < self.spread_rad + SOUGHT_ASIDE_RAD))
+        numbers: NDArray[np.intp] = np.flatnonzero(near)
+        turned = np.abs(wrap(np.arctan2(y[numbers], x[numbers]) - self.facing_rad[numbers]))
+        return np.compress(turned < self.spread_rad[numbers] + SOUGHT_ASIDE_RAD, numbers)
 
 
 def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
@@ -62,7 +63,7 @@ def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
 
 def _sought(bundle: Bundle, records: Records, pose: F64) -> NDArray[np.intp]:
     """Return the numbers (S,) of the points that a reference at a pose (3,) could see."""
-    may = np.flatnonzero(records.within_reach(pose[:2], bundle.points))
+    may = records.within_reach(pose[:2], bundle.points)
     shifted = (bundle.points[may] - [*pose[:2], 0.0]).astype(np.float32)
     pixels, _ = project(bundle.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), shifted)
     u, v = pixels[0, 0], pixels[1, 0]
