@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
-from ..values import F64, compose, motion_between, rotated, wrap_angle
+from ..values import F64, compose, rotated, wrap_angle
 from .motion import FloorOf, MotionSegment
 
 TRUTH = np.diag([0.001**2, 0.001**2, math.radians(0.05) ** 2])  # least covariance of a segment: the truth's
@@ -46,20 +46,18 @@ class LinearOdometry:
         poses = [np.zeros(3)]
         for motion in segment.motions:
             poses.append(compose(poses[-1], motion))
-        end, parts = poses[-1], np.zeros((4, 3, 3))
+        end, changes, weights = poses[-1], list[F64](), list[tuple[float, ...]]()
         for before, after, motion in zip(poses, poses[1:], segment.motions, strict=False):
-            forward, left, _ = (float(v) for v in motion)
+            forward, left, _ = motion.tolist()
             way = math.hypot(forward, left)
             first = math.atan2(left, forward) if way > 0 else 0.0
             a, b = turns_of(motion, OdometryParameters().way_from_m)
             course = before[2] + first
             along = np.array([math.cos(course), math.sin(course), 0.0])
-            changes = turning(end, before), along, turning(end, after)  # by first turn, way, second turn
-            first_turn, ahead, second_turn = (np.outer(change, change) for change in changes)
-            parts[0] += a**2 * first_turn + b**2 * second_turn
-            parts[1] += way**2 * (first_turn + second_turn)
-            parts[2] += way**2 * ahead
-            parts[3] += (a**2 + b**2) * ahead
+            changes += [turning(end, before), along, turning(end, after)]  # by first turn, way, second turn
+            weights += [(a**2, way**2, 0, 0), (0, 0, way**2, a**2 + b**2), (b**2, way**2, 0, 0)]
+        ways = np.array(changes).reshape(-1, 3)
+        parts = (np.array(weights).reshape(-1, 4).T[:, None] * ways.T) @ ways
         return LinearMotion(end, np.zeros((3, 0)), parts)
 
     def defaults(self) -> tuple[F64, F64]:
@@ -162,13 +160,15 @@ def linearized(segments: Sequence[MotionSegment], model: LinearModel, means: F64
     before = _wheels(np.array([segment.before for segment in segments]), place)
     after = _wheels(np.array([segment.after for segment in segments]), place)
     ends_of = zip(before, segments, after, strict=True)
-    moved = [MotionSegment(start, segment.motions, end) for start, segment, end in ends_of]
-    linear = [model.linear(segment, means) for segment in moved]
-    ends = np.array([motion.mean for motion in linear])
-    errors = np.array([motion_between(segment.before, segment.after) for segment in moved]) - ends
+    linear = [
+        model.linear(MotionSegment(start, segment.motions, end), means) for start, segment, end in ends_of
+    ]
+    ends, step = np.array([motion.mean for motion in linear]), after - before
+    moved = np.column_stack([*rotated(step[:, 0], step[:, 1], -before[:, 2]), step[:, 2]])
+    errors = moved - ends
     errors[:, 2] = wrap_angle(errors[:, 2])
-    biases = np.array([np.column_stack([motion.biases, _swing(motion.mean)]) for motion in linear])
-    parts = np.array([np.concatenate([motion.parts, _measured(motion.mean, place)]) for motion in linear])
+    biases = np.concatenate([np.array([motion.biases for motion in linear]), _swing(ends)], axis=2)
+    parts = np.concatenate([np.array([motion.parts for motion in linear]), _measured(ends, place)], axis=1)
     return LinearDrive(ends, errors, biases, parts)
 
 
@@ -178,18 +178,20 @@ def _wheels(poses: F64, place: F64) -> F64:
     return np.asarray(poses - np.column_stack([ahead, left, np.zeros(len(poses))]))
 
 
-def _swing(end: F64) -> F64:
-    """Return how the end of a path (3,) changes with the place on the robot that truth is of (3, 2)."""
-    cos, sin = math.cos(end[2]), math.sin(end[2])
-    return np.array([[cos - 1, -sin], [sin, cos - 1], [0.0, 0.0]])
+def _swing(ends: F64) -> F64:
+    """Return how ends of paths (N, 3) change with the place on the robot that truth is of (N, 3, 2)."""
+    cos, sin, none = np.cos(ends[:, 2]), np.sin(ends[:, 2]), np.zeros(len(ends))
+    return np.array([[cos - 1, -sin], [sin, cos - 1], [none, none]]).transpose(2, 0, 1)
 
 
-def _measured(end: F64, place: F64) -> F64:
-    """Return the covariances (2, 3, 3) of a path's end for a variance of 1 of both its true poses.
+def _measured(ends: F64, place: F64) -> F64:
+    """Return the covariances (N, 2, 3, 3) of paths' ends for a variance of 1 of both their true poses.
 
     A wrong true heading also moves the wheels' center about the place (2,) on the robot that truth is of.
     """
-    cos, sin = math.cos(end[2]), math.sin(end[2])
-    ahead, left = cos * place[0] - sin * place[1], sin * place[0] + cos * place[1]
-    after, before = np.array([left, -ahead, 1.0]), np.array([end[1] - place[1], place[0] - end[0], -1.0])
-    return np.array([np.diag([2.0, 2.0, 0.0]), np.outer(after, after) + np.outer(before, before)])
+    (ahead, left), ones = rotated(place[0], place[1], ends[:, 2]), np.ones(len(ends))
+    after = np.column_stack([left, -ahead, ones])
+    before = np.column_stack([ends[:, 1] - place[1], place[0] - ends[:, 0], -ones])
+    of_heading = sum(change[:, :, None] * change[:, None] for change in (after, before))
+    of_position = np.broadcast_to(np.diag([2.0, 2.0, 0.0]), (len(ends), 3, 3))
+    return np.stack([of_position, np.asarray(of_heading)], axis=1)
