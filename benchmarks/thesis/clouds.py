@@ -21,7 +21,7 @@ from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.filter.proposal import belief_at
 from maurice_mcl.values.arrays import F64
 from maurice_mcl.values.geometry import INCH_M
-from maurice_mcl.values.map import spacing
+from maurice_mcl.values.nearest import spacing
 from maurice_mcl.values.records import Belief, FilterState, StepRecord
 from maurice_mcl.values.session import Moment
 from maurice_viz.plots.calibration import ACTUAL, figure

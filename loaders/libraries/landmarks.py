@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -17,11 +15,11 @@ from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.values import U8, Camera, Library, NamedProgress
 
-from ..errors import InputError, PictureError
+from ..errors import PictureError
 from ..files.pictures import decode_picture, picture_file
-from ..files.writing import cache_root, write_whole
+from ..files.writing import cache_root
 from .files import hashes_of
-from .remembered import remembered
+from .remembered import read_arrays, remembered, write_arrays
 
 VERSION = 3  # of what landmarks are made of: another one makes them again
 LANDMARKS = "landmarks"
@@ -58,7 +56,7 @@ def with_landmarks(
                 warn(f"the library {library.name!r} has no landmarks: {built.reason}")
             return library
         landmarks = built
-        _into_cache(landmarks, kept)
+        write_arrays(kept, landmarks.to_arrays())
     if warn and landmarks.map.fit.focal_assumed:
         view_deg = np.degrees(landmarks.map.fit.camera.view_rad)
         unknown = (
@@ -92,16 +90,8 @@ def _picture(path: Path | None) -> U8 | None:
 
 
 def _from_cache(kept: Path) -> Landmarks | None:
+    arrays = read_arrays(kept)
     try:
-        with np.load(kept, allow_pickle=False) as arrays:
-            return Landmarks.from_arrays(dict(arrays))
-    except Exception:  # not there, damaged in any way: it is only a cache
+        return None if arrays is None else Landmarks.from_arrays(arrays)
+    except Exception:  # damaged in any way: it is only a cache
         return None
-
-
-def _into_cache(landmarks: Landmarks, kept: Path) -> None:
-    data = io.BytesIO()
-    np.savez(data, allow_pickle=False, **landmarks.to_arrays())
-    with suppress(InputError, OSError):
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(kept, data.getvalue(), force=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from ..reading.options import ReadingOptions
 from ..session_log.header import arena_to_json
 from ..session_log.reader import SurveyLog, SurveyPicture
 from .files import VERSION, hashes_of, load_library, manifest_warnings, save_library
-from .remembered import remembered
+from .remembered import kept_tables, remembered
 from .survey import Survey, files_of_table, is_table, open_table, survey_in
 
 Warn = Callable[[str], None]
@@ -183,7 +184,18 @@ def open_library(
         >>> library.poses.shape
         (2, 3)
     """
-    path = Path(path)
+    library = _opened(Path(path), channels, keep_going=keep_going, progress=progress, warn=warn)
+    return replace(library, keep=kept_tables)
+
+
+def _opened(
+    path: Path,
+    channels: Sequence[str] | None,
+    *,
+    keep_going: bool,
+    progress: Progress | None,
+    warn: Warn | None,
+) -> Library:
     if path.suffix.lower() in ENDINGS:
         return map_library(read_occupancy(path), path.stem)
     if looks_like_bag(path):

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values import F32, F64, Comparison, Library
+from maurice_mcl.values import F32, Comparison, Library, spacing
 
 from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of, texts_of
@@ -75,7 +74,7 @@ class MatchCircles:
     """One circle per entry, off its node along its heading; made once from the library."""
 
     def __init__(self, library: Library, scale: Scale) -> None:
-        spacing_m = max(node_spacing(library.poses), LEAST_SPACING * max(library.arena.size_m))
+        spacing_m = max(spacing(distinct_places(library.poses)), LEAST_SPACING * max(library.arena.size_m))
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn
@@ -138,15 +137,6 @@ def rank_labels(places: F32, room: float) -> list[str]:
         first = first if labels[first] or first == rank else rank
         labels[first] += f", {rank + 1}" if labels[first] else str(rank + 1)
     return labels
-
-
-def node_spacing(poses: F64) -> float:
-    """Return the median distance in meters from a node to the next; half a meter if there is only one."""
-    places = distinct_places(poses)
-    if len(places) < 2:
-        return 0.5
-    nearest = np.asarray(cKDTree(places).query(places, k=2)[0])
-    return float(np.median(nearest[:, 1]))
 
 
 def nearness(log_likelihood: F32) -> F32:

@@ -258,10 +258,10 @@ def _sensor(library: Library, nearest: NearestReference, p: FilterParameters) ->
         return model
     poses, index, how = library.poses, {}, p.references.interpolation
     if how.virtual:
-        virtual = virtual_references(library.poses, library.arena)
+        virtual = virtual_references(library.poses, library.arena, library.keep)
         poses = np.concatenate([library.poses, virtual.poses])
         index = virtual.extend({name: library.index[name] for name in model.weights})
-    lookup = interpolated_reference(nearest, poses, library.arena, how)
+    lookup = interpolated_reference(nearest, poses, library.arena, how, library.keep)
     return replace(model, references=lookup, index=index)
 
 

@@ -120,7 +120,8 @@ class LeftOutTable:
         stand_in = np.full(library.size, -1, np.int32)
         if len(self.places) < 2:
             return stand_in
-        beside = _beside(self.places, library.arena.walls)
+        places, walls = self.places, library.arena.walls
+        (beside,) = library.keep("beside 1", [places, walls], lambda: (_beside(places, walls),))
         at_place = [np.flatnonzero(self.place_of == place) for place in range(len(self.places))]
         for entry, place in enumerate(self.place_of):
             if beside[place] >= 0:

@@ -24,7 +24,7 @@ from ..sensor.virtual_references import virtual_references
 from ..values.arrays import F32, F64, Bool
 from ..values.geometry import compose, motion_between, wrap, wrap_angle
 from ..values.library import Library
-from ..values.map import spacing
+from ..values.nearest import spacing
 from ..values.records import Comparison
 from ..values.session import Moment
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from ..errors import InputError
-from ..values import F64, FREE, MOST_CELLS, Arena, Bool, Grid, Library, OccupancyMap, place_tree
+from ..values import F64, FREE, I32, MOST_CELLS, Arena, Bool, Grid, Keep, Library, OccupancyMap, place_tree
 from .references import HEADING_BINS, NearestReference, nearest_reference
 
 MOST_PLACES = 500
@@ -58,13 +58,14 @@ def reference_of(library: Library, arena: Arena | None = None) -> NearestReferen
     may be where a cell was not seen, or is taken for occupied.
     """
     if library.is_map and library.occupancy is not None:
-        return _of_places(library.poses, library.occupancy)
-    return nearest_reference(library.poses, library.arena if arena is None else arena)
+        return _of_places(library.poses, library.occupancy, library.keep)
+    return nearest_reference(library.poses, library.arena if arena is None else arena, library.keep)
 
 
-def _of_places(poses: F64, occupancy: OccupancyMap) -> NearestReference:
+def _of_places(poses: F64, occupancy: OccupancyMap, keep: Keep) -> NearestReference:
     grid, places = _grid(occupancy), poses[::HEADINGS, :2]
-    nearest = place_tree(places).query(grid.centers())[1]
+    about = [grid.corner, grid.cell_m, grid.shape, places]
+    (nearest,) = keep("map cells 1", about, lambda: (_nearest(places, grid),))
     bins = np.arange(HEADING_BINS) // (HEADING_BINS // HEADINGS)
     entry_of = np.arange(len(places))[:, None] * HEADINGS + bins
     outside = np.full((1, HEADING_BINS), -1)
@@ -74,6 +75,10 @@ def _of_places(poses: F64, occupancy: OccupancyMap) -> NearestReference:
         np.append(nearest, -1).astype(np.int32),
         np.concatenate([entry_of, outside]).astype(np.int32),
     )
+
+
+def _nearest(places: F64, grid: Grid) -> I32:
+    return np.asarray(place_tree(places).query(grid.centers())[1], np.int32)
 
 
 def _grid(occupancy: OccupancyMap) -> Grid:

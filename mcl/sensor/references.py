@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from ..values.arrays import F32, F64, I32, Bool
 from ..values.geometry import INCH_M, wrap_angle
-from ..values.map import Arena, Grid, crosses, make_grid, place_tree, spacing
+from ..values.map import Arena, Grid, crosses, make_grid
+from ..values.nearest import Keep, Tables, made_anew, place_tree, spacing
 from ..values.setting_rules import number, truth, whole
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
@@ -152,8 +153,8 @@ def of_entries(log_likelihood: F32, entries: I32) -> F32:
     return np.append(log_likelihood, np.float32(-np.inf)).take(entries)  # entry -1, outside, is the last
 
 
-def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
-    """Build the tables for library poses (L, 3) in an arena."""
+def nearest_reference(poses: F64, arena: Arena, keep: Keep = made_anew) -> NearestReference:
+    """Build the tables for library poses (L, 3) in an arena; `keep` may have the dear ones from before."""
     places, place_of_entry = distinct_places(poses[:, :2])
     grid = make_grid(arena, places)
     entry_of = np.full((len(places) + 1, HEADING_BINS), -1, np.int32)
@@ -161,7 +162,9 @@ def nearest_reference(poses: F64, arena: Arena) -> NearestReference:
     for place in range(len(places)):
         here = np.flatnonzero(place_of_entry == place)
         entry_of[place], turned[place] = _by_heading(here, poses[:, 2])
-    place_of_cell = np.append(_place_of_cell(grid, places, arena.walls), np.int32(-1))
+    walls, about = arena.walls, [grid.corner, grid.cell_m, grid.free, places, arena.walls]
+    (inside,) = keep("cells 1", about, lambda: (_place_of_cell(grid, places, walls),))
+    place_of_cell = np.append(inside, np.int32(-1))
     faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     reached = _faded(_to_place(grid, places, place_of_cell), *_reach(places))
     return NearestReference(grid, places, place_of_cell, entry_of, faced, reached)
@@ -348,12 +351,31 @@ class InterpolatedReference:
 
 
 def interpolated_reference(
-    nearest: NearestReference, poses: F64, arena: Arena, parameters: InterpolationParameters | None = None
+    nearest: NearestReference,
+    poses: F64,
+    arena: Arena,
+    parameters: InterpolationParameters | None = None,
+    keep: Keep = made_anew,
 ) -> InterpolatedReference:
     """Build the tables for references (R, 3): the library's entries, then the virtual ones, if any."""
     places, place_of_reference = distinct_places(poses[:, :2])
-    at, weights = _kernel(nearest, places, arena, parameters or InterpolationParameters())
-    before, after, share, turned = _neighbors(len(places), place_of_reference, poses)
+    p, grid = parameters or InterpolationParameters(), nearest.grid
+
+    def make() -> Tables:
+        kernel = _kernel(nearest, places, arena, p)
+        return *kernel, *_neighbors(len(places), place_of_reference, poses)
+
+    about = [
+        grid.corner,
+        grid.cell_m,
+        nearest.place_of_cell,
+        nearest.places,
+        poses,
+        arena.walls,
+        p.places,
+        p.width,
+    ]
+    at, weights, before, after, share, turned = keep("interpolated 1", about, make)
     faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     return InterpolatedReference(nearest, at, weights, before, after, share, faced)
 

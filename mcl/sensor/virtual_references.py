@@ -12,7 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..values import F64, I32, Arena, ChannelIndex, crosses, place_tree, spacing, wrap
+from ..values import (
+    F64,
+    I32,
+    Arena,
+    ChannelIndex,
+    Keep,
+    Tables,
+    crosses,
+    made_anew,
+    place_tree,
+    spacing,
+    wrap,
+)
 from .references import OVERLAP_RAD, SAME_PLACE_M, distinct_places
 
 JOINED_SPACINGS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
@@ -39,13 +51,13 @@ class VirtualReferences:
         return replace(channel, references=np.concatenate([channel.references, total]))
 
 
-def virtual_references(poses: F64, arena: Arena) -> VirtualReferences:
+def virtual_references(poses: F64, arena: Arena, keep: Keep = made_anew) -> VirtualReferences:
     """Find the poses midway between those of a library (L, 3) in heading and place, never across a wall."""
     places, place_of_entry = distinct_places(poses[:, :2])
     views = _views(poses, place_of_entry)
     turned = views[views[:, 0] != views[:, 1]]
     rows = [np.tile(turned, 4)]
-    groups = _neighbors_between(places, arena.walls)
+    groups = _neighbors_between(places, arena.walls, keep)
     headings = wrap(_middle(poses[views, 2]))
     place_of_view = place_of_entry[views[:, 0]]
     by_place = [np.flatnonzero(place_of_view == place) for place in range(len(places))]
@@ -69,12 +81,16 @@ def _views(poses: F64, place_of_entry: I32) -> NDArray[np.int64]:
     return np.concatenate(pairs)
 
 
-def _neighbors_between(places: F64, walls: F64) -> list[list[int]]:
+def _neighbors_between(places: F64, walls: F64, keep: Keep) -> list[list[int]]:
     """Return groups of places with a common middle: two along a grid's line, four around a cell's center."""
-    tree = place_tree(places)
-    pairs = tree.query_pairs(JOINED_SPACINGS * spacing(places), output_type="ndarray").reshape(-1, 2)
-    pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
-    pairs = pairs[np.lexsort(pairs.T[::-1])]
+
+    def seen() -> Tables:
+        within = JOINED_SPACINGS * spacing(places)
+        pairs = place_tree(places).query_pairs(within, output_type="ndarray").reshape(-1, 2)
+        pairs = pairs[~crosses(places[pairs[:, 0]], places[pairs[:, 1]], walls)]
+        return (pairs[np.lexsort(pairs.T[::-1])],)
+
+    (pairs,) = keep("pairs 1", [places, walls], seen)
     middle = np.round(places[pairs].mean(axis=1) / SAME_PLACE_M).astype(np.int64)
     groups: dict[tuple[int, int], list[int]] = {}
     for (x, y), pair in zip(middle.tolist(), pairs.tolist(), strict=True):

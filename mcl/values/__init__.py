@@ -6,6 +6,7 @@ All of it is imported from this page: `from maurice_mcl.values import F64, Libra
 - `setting_rules`: what values a setting may have, as annotations of its field
 - `laser`: a scan of a planar laser, and the map that it is compared with
 - `map`, `session`, `library`: where the robot is, what it measured, the surveyed references, how near is near
+- `nearest`: which places are nearest, and where tables of that are kept
 - `pose_sensor`: the seam for sensors of other packages
 - `records`: the values of one step
 """
@@ -17,6 +18,7 @@ from .geometry import *
 from .laser import *
 from .library import *
 from .map import *
+from .nearest import *
 from .pose_sensor import *
 from .randomness import *
 from .records import *

@@ -15,6 +15,7 @@ from .arrays import F32, F64
 from .geometry import INCH_M, wrap
 from .laser import OccupancyMap
 from .map import Arena
+from .nearest import Keep, made_anew
 from .pose_sensor import PoseSensor
 from .session import Camera
 from .setting_rules import radius
@@ -75,6 +76,7 @@ class Library:
     display_units: str = "m"
     sensors: Mapping[str, PoseSensor] = field(default_factory=dict)  # besides the channels, by name
     camera: Camera | None = None  # what is known of the one that took the pictures
+    keep: Keep = made_anew  # where tables are kept from one start to the next
 
     @property
     def size(self) -> int:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-if TYPE_CHECKING:
-    from scipy.spatial import cKDTree
-
 from .arrays import F32, F64, I32, U8, Bool
 from .geometry import INCH_M
 from .laser import OccupancyMap
+from .nearest import spacing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,20 +80,6 @@ def open_arena(poses: F64, margin_m: float | None = None) -> Arena:
     low = poses[:, :2].min(axis=0) - margin_m
     high = poses[:, :2].max(axis=0) + margin_m
     return Arena((float(low[0]), float(low[1]), float(high[0]), float(high[1])), np.zeros((0, 4)))
-
-
-def place_tree(places: F64) -> cKDTree:
-    """Return a tree that finds the nearest of some places (P, 2)."""
-    from scipy.spatial import cKDTree  # costs a third of the start-up time of commands that need no map
-
-    return cKDTree(places)
-
-
-def spacing(places: F64) -> float:
-    """Return the median distance from a place (P, 2) to its nearest neighbor; 1 m for a single place."""
-    if len(places) < 2:
-        return 1.0
-    return float(np.median(np.asarray(place_tree(places).query(places, k=2)[0])[:, 1]))
 
 
 # The map as a raster: what is free, and which floor is there.

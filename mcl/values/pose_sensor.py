@@ -17,7 +17,7 @@ import numpy as np
 
 from .arrays import F32, F64, U8, Bool
 from .geometry import wrap
-from .map import place_tree
+from .nearest import place_tree
 from .session import Frame
 
 BESIDE_GAP_PX = 6  # between two pictures

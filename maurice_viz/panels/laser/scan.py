@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from scipy.spatial import cKDTree
 
 from maurice_mcl.sensor.laser.reading import LaserReading
 from maurice_mcl.sensor.laser.sensor import LASER, Laser
-from maurice_mcl.values import F32, MOST_APART, Library, PoseSpread
+from maurice_mcl.values import F32, MOST_APART, Library, PoseSpread, spacing
 
 from ...drawing.arrow import blob_of, row_of
 from ...drawing.scan import WIDTH_PX, draw_scan, draw_scan_on_map, no_scan
@@ -78,8 +77,7 @@ class PlacesOnMap:
         turns = np.arange(TURNS) * (2 * np.pi / TURNS)
         poses = np.column_stack([np.repeat(places, TURNS, axis=0), np.tile(turns, len(places))])
         self._poses, self._origin = poses.astype(np.float32), library.origin
-        nearest = np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]
-        side_m = float(np.median(nearest)) if len(places) > 1 else 0.0
+        side_m = spacing(places) if len(places) > 1 else 0.0
         self._spread = PoseSpread(min(OF_SIDE * side_m, MOST_APART.position_m), OF_SIDE * 2 * np.pi / TURNS)
         along, turned = np.linspace(-0.4, 0.4, 5) * side_m, np.linspace(-1 / 3, 1 / 3, 3) * 2 * np.pi / TURNS
         self._around = np.stack(np.meshgrid(along, along, turned), axis=-1).reshape(-1, 3).astype(np.float32)

@@ -13,7 +13,7 @@ from maurice_mcl.filter.estimate import heaviest_cluster
 from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.map import Arena
 from maurice_viz.panels.population import rings_of
-from maurice_viz.panels.references import MatchCircles, nearness, node_spacing, rank_labels
+from maurice_viz.panels.references import MatchCircles, nearness, rank_labels
 from maurice_viz.panels.world import clipped, distinct_places
 from maurice_viz.style import DEEPEST, scale_for
 
@@ -27,8 +27,6 @@ def test_circles_places_and_likelihoods():
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
     poses = np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]], float)
     assert len(distinct_places(poses)) == 2
-    assert node_spacing(poses) == 2
-    assert node_spacing(poses[:1]) > 0
     logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
     np.testing.assert_allclose(nearness(logs), [1, 1 - np.log(2) / DEEPEST, 0], atol=1e-6)
     np.testing.assert_array_equal(nearness(np.full(3, -np.inf, np.float32)), [0, 0, 0])

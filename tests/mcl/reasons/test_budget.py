@@ -22,7 +22,7 @@ from maurice_mcl.reasons.budget import (
 )
 from maurice_mcl.sensor.references import distinct_places
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.map import spacing
+from maurice_mcl.values.nearest import spacing
 
 
 @pytest.fixture(scope="module")
