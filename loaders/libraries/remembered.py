@@ -73,7 +73,7 @@ def kept_tables(what: str, of: Sequence[Any], make: Callable[[], Tables]) -> Tab
 def read_arrays(file: Path) -> dict[str, NDArray[Any]] | None:
     """Return the arrays of a file in the cache; None where it is not there, or damaged in any way."""
     try:
-        with np.load(file, allow_pickle=False) as arrays:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
             return dict(arrays)
     except Exception:  # whatever numpy and zipfile raise
         return None

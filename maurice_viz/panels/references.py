@@ -12,7 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.sensor.references import NearestReference
-from maurice_mcl.values import F32, Comparison, Library, spacing
+from maurice_mcl.values import F32, Comparison, Library, distinct_places, spacing
 
 from .. import entities
 from ..drawing.arrow import blob_of, floats_of, points_of, row_of, texts_of
@@ -37,7 +37,6 @@ from .camera import NAME, CaptionedPicture, draw_name, named_view
 from .laser.scan import PlacesOnMap, reading_of
 from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, map_view, plane_view
-from .world import distinct_places
 
 CIRCLE_OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
 LARGEST_RADIUS = 0.15  # radius of the best entry's circle, in node spacings
@@ -74,7 +73,9 @@ class MatchCircles:
     """One circle per entry, off its node along its heading; made once from the library."""
 
     def __init__(self, library: Library, scale: Scale) -> None:
-        spacing_m = max(spacing(distinct_places(library.poses)), LEAST_SPACING * max(library.arena.size_m))
+        spacing_m = max(
+            spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING * max(library.arena.size_m)
+        )
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn

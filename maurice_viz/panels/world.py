@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from maurice_mcl.scoring.events import KIDNAPPED
-from maurice_mcl.values import F64, U8, Arena, Library
+from maurice_mcl.values import F64, U8, Arena, Library, distinct_places
 
 from .. import entities
 from ..drawing import keys
@@ -106,7 +106,7 @@ def draw_world(rec: rr.RecordingStream, library: Library, scale: Scale) -> None:
     if library.is_map:  # its places are no references
         return
     nodes = rr.Points2D(
-        scale.screen(distinct_places(library.poses)),
+        scale.screen(distinct_places(library.poses[:, :2])[0]),
         colors=[NODE],
         radii=rr.components.Radius.ui_points(1.25),
         draw_order=2.0,
@@ -133,9 +133,3 @@ def draw_key(rec: rr.RecordingStream, path: str, strip: U8, arena: Arena, scale:
     """Log one key (H, W, 3) above the map, static; its view has room for it, see `extent_with`."""
     extent = keys.key_extent(strip, arena, scale)
     place_drawing(rec, path, strip, (extent.left, extent.top), extent.width / strip.shape[1], KEY_ORDER)
-
-
-def distinct_places(poses: F64) -> F64:
-    """Return the positions (P, 2) of library poses (L, 3), each once (to the millimeter)."""
-    _, first = np.unique(np.round(poses[:, :2] * 1000), axis=0, return_index=True)
-    return np.asarray(poses[np.sort(first), :2])

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_matrix
 
-from ..sensor.references import distinct_places
-from ..values import F64, Bool, Library, place_tree, wrap
+from ..values import F64, Bool, Library, distinct_places, place_tree, wrap
 from .left_out import ONE_PLACE
 from .quality import DIRECTIONS, VIEW_RAD, SelfSimilarity, free_space
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..sensor.model import SensorModel
-from ..sensor.references import NearestReference, distinct_places
-from ..values import F32, F64, I32, INCH_M, Library, crosses, place_tree, spacing, wrap_angle
+from ..sensor.references import NearestReference
+from ..values import F32, F64, I32, INCH_M, Library, crosses, distinct_places, place_tree, spacing, wrap_angle
 
 Index = NDArray[np.intp]
 

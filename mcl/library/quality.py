@@ -16,12 +16,11 @@ import numpy as np
 
 from ..sensor.ahead import KnownDescriptors, measured
 from ..sensor.model import SensorModel
-from ..sensor.references import distinct_places
 from ..values.arrays import F64, I32, U8, Bool, Progress
 from ..values.geometry import rotated, wrap, wrap_angle
 from ..values.library import SAME_WAY_RAD, Library
 from ..values.map import Grid, make_grid
-from ..values.nearest import place_tree, spacing
+from ..values.nearest import distinct_places, place_tree, spacing
 from ..values.randomness import Domain, stream
 from .left_out import WIDENINGS, Index, LeftOutTable
 

@@ -19,12 +19,12 @@ from ..filter.localizer import Localizer
 from ..filter.proposal import regions
 from ..scoring.metrics import DrivenPath, score_trace
 from ..sensor.model import SensorModel
-from ..sensor.references import distinct_places, nearest_reference
+from ..sensor.references import nearest_reference
 from ..sensor.virtual_references import virtual_references
 from ..values.arrays import F32, F64, Bool
 from ..values.geometry import compose, motion_between, wrap, wrap_angle
 from ..values.library import Library
-from ..values.nearest import spacing
+from ..values.nearest import distinct_places, spacing
 from ..values.records import Comparison
 from ..values.session import Moment
 

@@ -19,8 +19,7 @@ from ..sensor.descriptors.chromaticity import BLACK
 from ..sensor.descriptors.tiny import COLUMNS, ROWS, Tiny
 from ..sensor.distances import contributions
 from ..sensor.model import SensorModel
-from ..sensor.references import distinct_places
-from ..values import F32, F64, U8, Bool, Comparison, Frame, spacing, wrap
+from ..values import F32, F64, U8, Bool, Comparison, Frame, distinct_places, spacing, wrap
 
 SAME_WAY_RAD = float(np.radians(46))  # a reference turned further shows another view
 HISTOGRAMS = ("color", "smoothed", "blurred")  # channels that hold the camera's histogram

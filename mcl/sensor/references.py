@@ -11,7 +11,7 @@ to what it is worth to someone who knows nothing: the mean likelihood of all ref
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Annotated, Protocol, TypeAlias
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..values.arrays import F32, F64, I32, Bool
 from ..values.geometry import INCH_M, wrap_angle
 from ..values.map import Arena, Grid, crosses, make_grid
-from ..values.nearest import Keep, Tables, made_anew, place_tree, spacing
+from ..values.nearest import Keep, distinct_places, made_anew, place_tree, spacing
 from ..values.setting_rules import number, truth, whole
 
 # Lookup: the nearest library entry (thesis 3.3 and 4.2.4).
@@ -33,7 +33,6 @@ ENOUGH_PLACES_SHARE = 0.25  # of the places around a pose that speak for it with
 
 HEADING_BINS = 720  # half a degree; borders between 45-degree headings fall on bin borders
 HEADING_STEP = np.float32(HEADING_BINS / (2 * np.pi))
-SAME_PLACE_M = 0.001
 VISIBLE_NEIGHBORS = (1, 8, 64)  # places tried for a free line of sight, in turn
 
 
@@ -162,9 +161,8 @@ def nearest_reference(poses: F64, arena: Arena, keep: Keep = made_anew) -> Neare
     for place in range(len(places)):
         here = np.flatnonzero(place_of_entry == place)
         entry_of[place], turned[place] = _by_heading(here, poses[:, 2])
-    walls, about = arena.walls, [grid.corner, grid.cell_m, grid.free, places, arena.walls]
-    (inside,) = keep("cells 1", about, lambda: (_place_of_cell(grid, places, walls),))
-    place_of_cell = np.append(inside, np.int32(-1))
+    about = [grid.corner, grid.cell_m, grid.free, places, arena.walls]
+    (place_of_cell,) = keep("cells 1", about, lambda: (_place_of_cell(grid, places, arena.walls),))
     faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     reached = _faded(_to_place(grid, places, place_of_cell), *_reach(places))
     return NearestReference(grid, places, place_of_cell, entry_of, faced, reached)
@@ -191,13 +189,6 @@ def _faded(values: F64, full: float, none: float) -> F32 | None:
     return np.asarray(np.clip((none - values) / (none - full), 0, 1), np.float32)
 
 
-def distinct_places(xy: F64) -> tuple[F64, I32]:
-    """Return the distinct positions (P, 2) of entries (L, 2), and which of them each entry (L,) is at."""
-    rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
-    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    return xy[first], inverse.astype(np.int32).ravel()
-
-
 def _by_heading(entries: NDArray[np.intp], headings: F64) -> tuple[I32, F64]:
     """Return the entry of nearest heading for every heading bin, the first of equals, and how far it is."""
     centers = (np.arange(HEADING_BINS) + 0.5) * (2 * np.pi / HEADING_BINS) - np.pi
@@ -206,14 +197,14 @@ def _by_heading(entries: NDArray[np.intp], headings: F64) -> tuple[I32, F64]:
 
 
 def _place_of_cell(grid: Grid, places: F64, walls: F64) -> I32:
-    """Return the nearest place (rows * columns,) that can be seen from each free cell, -1 for other cells."""
+    """Return the nearest place (cells + 1,) that can be seen from each free cell, -1 for others, and last."""
     centers, tree = grid.centers(), place_tree(places)
     place = np.full(len(centers), -1, np.int32)
     for k in (min(most, len(places)) for most in VISIBLE_NEIGHBORS):
         left = np.flatnonzero(grid.free.ravel() & (place < 0))
         nearest = tree.query(centers[left], k=k)[1].reshape(len(left), k)
         place[left] = _first_seen(centers[left], nearest, places, walls)
-    return _grow(place.reshape(grid.shape), grid.free).ravel()
+    return np.append(_grow(place.reshape(grid.shape), grid.free), np.int32(-1))
 
 
 def _first_seen(points: F64, choices: NDArray[np.intp], places: F64, walls: F64) -> I32:
@@ -351,30 +342,17 @@ class InterpolatedReference:
 
 
 def interpolated_reference(
-    nearest: NearestReference,
-    poses: F64,
-    arena: Arena,
-    parameters: InterpolationParameters | None = None,
-    keep: Keep = made_anew,
+    nearest: NearestReference, poses: F64, arena: Arena, how: InterpolationParameters, keep: Keep = made_anew
 ) -> InterpolatedReference:
     """Build the tables for references (R, 3): the library's entries, then the virtual ones, if any."""
-    places, place_of_reference = distinct_places(poses[:, :2])
-    p, grid = parameters or InterpolationParameters(), nearest.grid
 
-    def make() -> Tables:
-        kernel = _kernel(nearest, places, arena, p)
-        return *kernel, *_neighbors(len(places), place_of_reference, poses)
+    def make() -> tuple[I32 | F32 | F64, ...]:
+        places, place_of_reference = distinct_places(poses[:, :2])
+        beside = _neighbors(len(places), place_of_reference, poses)
+        return *_kernel(nearest, places, arena, how), *beside
 
-    about = [
-        grid.corner,
-        grid.cell_m,
-        nearest.place_of_cell,
-        nearest.places,
-        poses,
-        arena.walls,
-        p.places,
-        p.width,
-    ]
+    cells = [nearest.grid.corner, nearest.grid.cell_m, nearest.places, nearest.place_of_cell]
+    about = [*cells, poses, arena.walls, *astuple(how)]
     at, weights, before, after, share, turned = keep("interpolated 1", about, make)
     faced = _faded(turned, OVERLAP_RAD / 2, OVERLAP_RAD)
     return InterpolatedReference(nearest, at, weights, before, after, share, faced)

@@ -15,17 +15,19 @@ from numpy.typing import NDArray
 from ..values import (
     F64,
     I32,
+    SAME_PLACE_M,
     Arena,
     ChannelIndex,
     Keep,
     Tables,
     crosses,
+    distinct_places,
     made_anew,
     place_tree,
     spacing,
     wrap,
 )
-from .references import OVERLAP_RAD, SAME_PLACE_M, distinct_places
+from .references import OVERLAP_RAD
 
 JOINED_SPACINGS = 1.5  # spacings: a grid's next nodes along its lines and diagonals, and no others
 MOST_JOINED_PLACES = 4  # places with a common middle

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import F64
+from .arrays import F64, I32
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -21,6 +21,16 @@ Keep: TypeAlias = Callable[[str, Sequence[Any], Callable[[], Tables]], Tables]
 def made_anew(what: str, of: Sequence[Any], make: Callable[[], Tables]) -> Tables:
     """Make tables, and keep nothing."""
     return make()
+
+
+SAME_PLACE_M = 0.001
+
+
+def distinct_places(xy: F64) -> tuple[F64, I32]:
+    """Return the distinct positions (P, 2) of entries (L, 2), and which of them each entry (L,) is at."""
+    rounded = np.round(xy / SAME_PLACE_M).astype(np.int64)
+    _, first, inverse = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    return xy[first], inverse.astype(np.int32).ravel()
 
 
 def place_tree(places: F64) -> cKDTree:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from maurice_loaders.libraries import files as library_files
+from maurice_loaders.libraries import remembered as remembering
 from maurice_loaders.libraries import store
-from maurice_loaders.libraries.remembered import remembered
+from maurice_loaders.libraries.remembered import kept_tables, remembered
 from maurice_loaders.libraries.store import open_library
 
 AGO_NS = 10**10
@@ -96,3 +100,66 @@ def test_a_library_opened_again_reads_no_picture_and_parses_no_survey(
     again = open_library(survey)
     assert all((again.index[name].references == one.references).all() for name, one in first.index.items())
     assert not again.index["color"].references.flags.writeable  # mapped
+
+
+def test_tables_are_made_again_exactly_when_what_they_depend_on_is_another() -> None:
+    made: list[int] = []
+
+    def make() -> tuple[np.ndarray, ...]:
+        made.append(1)
+        return np.arange(6, dtype=np.int32).reshape(2, 3), np.float32([0.5])
+
+    places = np.array([[0.0, 1.0], [2.0, 3.0]])
+    for _ in range(2):
+        whole, part = kept_tables("cells", [places, 0.1], make)
+        assert (whole.dtype, part.dtype) == (np.int32, np.float32)
+        np.testing.assert_array_equal(whole, [[0, 1, 2], [3, 4, 5]])
+    assert len(made) == 1
+    others = [["cells", [places + 1e-12, 0.1]], ["cells", [places, 0.2]], ["pairs", [places, 0.1]]]
+    for number, (what, of) in enumerate([*others, ["cells", [places.astype(np.float32), 0.1]]]):
+        kept_tables(what, of, make)
+        assert len(made) == 2 + number
+
+
+@pytest.fixture
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache that only this test writes."""
+    monkeypatch.setenv("MAURICE_CACHE", str(tmp_path / "own cache"))
+    return tmp_path / "own cache"
+
+
+def test_damaged_tables_are_made_again_and_the_folder_does_not_grow_for_ever(
+    own_cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def table(number: int) -> np.ndarray:
+        return kept_tables("cells", [number], lambda: (np.full(1000, number),))[0]
+
+    table(1)
+    (file,) = (own_cache / "tables").iterdir()
+    file.write_bytes(file.read_bytes()[:100])
+    np.testing.assert_array_equal(table(1), np.full(1000, 1))
+    monkeypatch.setattr(remembering, "MOST_BYTES", 50_000)
+    for number in range(30):
+        np.testing.assert_array_equal(table(number), np.full(1000, number))
+    assert sum(file.stat().st_size for file in (own_cache / "tables").iterdir()) <= 50_000
+
+
+LOCALIZER = """
+import sys
+from hashlib import sha256
+from maurice_loaders import open_library
+from maurice_mcl import make_localizer
+localizer = make_localizer(open_library(sys.argv[1]), particles=50, preset="robust")
+lookup = localizer.sensor.references
+tables = lookup.nearest.place_of_cell, lookup.places, lookup.weights, lookup.before, lookup.share
+print(*(sha256(table.tobytes()).hexdigest() for table in tables), "scipy" in sys.modules)
+"""
+
+
+def test_a_second_start_has_the_same_tables_and_does_not_wait_for_scipy(
+    small_session: Path, own_cache: Path
+) -> None:
+    asked = [sys.executable, "-c", LOCALIZER, str(small_session.parent / "survey.log")]
+    first, second = (subprocess.run(asked, capture_output=True, text=True, check=True).stdout for _ in "12")
+    assert first.split()[:-1] == second.split()[:-1]
+    assert (first.split()[-1], second.split()[-1]) == ("True", "False")

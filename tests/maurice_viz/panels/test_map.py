@@ -14,7 +14,7 @@ from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.map import Arena
 from maurice_viz.panels.population import rings_of
 from maurice_viz.panels.references import MatchCircles, nearness, rank_labels
-from maurice_viz.panels.world import clipped, distinct_places
+from maurice_viz.panels.world import clipped
 from maurice_viz.style import DEEPEST, scale_for
 
 
@@ -25,8 +25,6 @@ def test_circles_places_and_likelihoods():
     assert circles.spacing == pytest.approx(18)
     off = (circles.centers - scale.screen(library.poses)) * (1, -1)
     np.testing.assert_allclose(np.arctan2(off[:, 1], off[:, 0]), library.poses[:, 2], atol=0.01)
-    poses = np.array([[0, 0, 0], [0, 0, 1], [2, 0, 0]], float)
-    assert len(distinct_places(poses)) == 2
     logs = np.log(np.array([0.5, 0.25, 1e-30], np.float32))
     np.testing.assert_allclose(nearness(logs), [1, 1 - np.log(2) / DEEPEST, 0], atol=1e-6)
     np.testing.assert_array_equal(nearness(np.full(3, -np.inf, np.float32)), [0, 0, 0])

@@ -20,9 +20,8 @@ from maurice_mcl.reasons.budget import (
     with_dense_references,
     with_true_motions,
 )
-from maurice_mcl.sensor.references import distinct_places
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.nearest import spacing
+from maurice_mcl.values.nearest import distinct_places, spacing
 
 
 @pytest.fixture(scope="module")

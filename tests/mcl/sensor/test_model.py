@@ -8,7 +8,7 @@ import pytest
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
 from maurice_mcl.sensor.distances import DISTANCES
 from maurice_mcl.sensor.model import BLENDS, LIKELIHOODS, SensorModel, SensorParameters, relative_quality
-from maurice_mcl.sensor.references import interpolated_reference, nearest_reference
+from maurice_mcl.sensor.references import InterpolationParameters, interpolated_reference, nearest_reference
 from maurice_mcl.values.records import Comparison
 
 BY = {"color": "thesis", "edges": "thesis"}
@@ -16,7 +16,7 @@ THESIS = SensorParameters({"color": 1.0}, sharpness=2.0, likelihood="power", ble
 
 
 def _model(world, parameters=THESIS, **changes):
-    reference = nearest_reference(world.library.poses, world.library.arena)
+    reference = nearest_reference(world.library.poses, world.library.arena, InterpolationParameters())
     return SensorModel(world.library, reference, replace(parameters, **changes))
 
 

@@ -12,6 +12,7 @@ from maurice_mcl.config.parameters import PRESETS
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.sensor.references import (
     InterpolatedReference,
+    InterpolationParameters,
     NearestReference,
     interpolated_reference,
     knowing_nothing,
@@ -40,7 +41,7 @@ def _lookup(poses: F64, method: str) -> tuple[NearestReference | InterpolatedRef
         return nearest, len(poses)
     if method == "virtual":
         poses = np.concatenate([poses, virtual_references(poses, ARENA).poses])
-    return interpolated_reference(nearest, poses, ARENA), len(poses)
+    return interpolated_reference(nearest, poses, ARENA, InterpolationParameters()), len(poses)
 
 
 def _cloud(heading_deg, rng, n=500, low=0.0, high=8.0):

@@ -7,6 +7,7 @@ from maurice_mcl.sensor.references import (
     InterpolationParameters,
     interpolated_reference,
     nearest_reference,
+    place_tree,
     spacing,
 )
 from maurice_mcl.values.map import Arena, Region, crosses
@@ -211,7 +212,7 @@ def test_outside_is_where_the_nearest_reference_has_it():
     box = Region("box", np.array([[1.0, 1.0], [1.4, 1.0], [1.4, 1.4], [1.0, 1.4]]))
     library, arena = _library(), _two_rooms(WALL, [box])
     nearest = nearest_reference(library, arena)
-    tables = interpolated_reference(nearest, library, arena)
+    tables = interpolated_reference(nearest, library, arena, InterpolationParameters())
     poses = np.vstack([_poses(3000), [[1.2, 1.2, 0], [-1, 1, 0], [1, 9, 0], [2.01, 1, 0]]]).astype(np.float32)
     found = tables.at(_logs(library), poses, ORIGIN)
     assert np.array_equal(np.isfinite(found), nearest.entries(poses, ORIGIN) >= 0)
@@ -269,6 +270,10 @@ def test_odd_libraries_and_arguments():
     assert found == pytest.approx([-2.5] * 50)
     assert spacing(_library()[::8, :2]) == pytest.approx(PITCH)
     assert spacing(np.array([[3.0, 4.0]])) == 1.0
+    assert spacing(np.zeros((600, 2))) == 0
+    for count in (2, 3, 257, 2000):  # as SciPy's tree finds it, to the last bit
+        places = np.random.default_rng(count).normal(size=(count, 2)) * (1, 30) + 5e5
+        assert spacing(places) == np.median(place_tree(places).query(places, k=2)[0][:, 1])
     tables, poses, logs = _tables(), _poses(100), _logs(_library())
     kept = poses.copy(), logs.copy()
     tables.at(logs, poses, ORIGIN)
