@@ -14,7 +14,18 @@ import numpy as np
 
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values import F32, F64, U8, Arena, Camera, ChannelIndex, Library, Progress, open_arena
+from maurice_mcl.values import (
+    F32,
+    F64,
+    U8,
+    Arena,
+    Camera,
+    ChannelIndex,
+    Library,
+    Progress,
+    on_all_cores,
+    open_arena,
+)
 
 from ..bags.containers import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes
@@ -52,7 +63,7 @@ def build_library(
 
     The noise floor is the mean of the pictures with the lens covered (zeros, with a warning, without any),
     the relevance the maximum of each bin over the library (thesis 3.3). Without a map everything near the
-    references is free space. Pictures are held one at a time. A third-party channel that fails is left out,
+    references is free space. Few pictures are held at a time. A third-party channel that fails is left out,
     with a warning.
 
     Raises InputError for a broken survey, one without any picture, or poses too far apart.
@@ -66,8 +77,8 @@ def build_library(
     log = log or SurveyLog(survey, ReadingOptions(keep_going=keep_going))
     rows = _Rows(chosen_channels(channels), yaw_rad)
     total = log.count_pictures() if progress else 0
-    for done, picture in enumerate(log.survey_pictures(), start=1):
-        rows.add(picture)
+    for done, measured in enumerate(on_all_cores(rows.measured, log.survey_pictures()), start=1):
+        rows.add(*measured)
         if progress:
             progress(done, total)
     if not rows.poses:
@@ -98,10 +109,15 @@ class _Rows:
     def has_covered(self) -> bool:
         return any(self._covered.values())
 
-    def add(self, picture: SurveyPicture) -> None:
+    def measured(self, picture: SurveyPicture) -> tuple[SurveyPicture, dict[str, F32]]:
+        """Measure a picture by our channels, on any thread."""
+        ours = OUR_NAMES.intersection(self._channels)
+        return picture, {name: CHANNELS[name].describe(picture.image) for name in ours}
+
+    def add(self, picture: SurveyPicture, ours: Mapping[str, F32]) -> None:
         rows = self._covered if picture.pose is None else self._references
         for name, channel in list(self._channels.items()):
-            row = self._measured(name, channel, picture.image)
+            row = ours[name] if name in ours else self._by_others(name, channel, picture.image)
             if row is None:
                 del self._channels[name]
             else:
@@ -118,9 +134,7 @@ class _Rows:
         pictures = tuple(self._pictures)
         return Library(name, np.array(self.poses), pictures, index, arena, display_units, camera=camera)
 
-    def _measured(self, name: str, channel: Channel, image: U8) -> F32 | None:
-        if name in OUR_NAMES:
-            return channel.describe(image)
+    def _by_others(self, name: str, channel: Channel, image: U8) -> F32 | None:
         try:
             return describe(channel, image, self._sizes.get(name))
         except ValueError as problem:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress
+from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress, on_all_cores
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
 from .calibration import (
     AGREE_PX,
@@ -24,7 +24,7 @@ from .calibration import (
 from .camera import PinholeCamera
 from .features import Keypoints, keypoints_of
 from .landmark_set import CameraFit, LandmarkSet
-from .matching import AGREES_PX, disagreement, on_all_cores, overlapping, pairwise, spread_out, tracks_of
+from .matching import AGREES_PX, disagreement, overlapping, pairwise, spread_out, tracks_of
 from .records import Records, records_of
 from .sensor import Landmarks
 

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, Bool, spacing, wrap
+from ...values import F32, F64, Bool, on_all_cores, spacing, wrap
 from .camera import PinholeCamera, directions
 from .features import Keypoints
 
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 Ends = tuple[NDArray[np.intp], NDArray[np.intp]]  # (E,) each: numbers of two references
 
 OVERLAPPING_REFERENCES = 12  # of a reference: those whose views overlap most with its own
@@ -99,15 +94,6 @@ def pairwise(keypoints: Sequence[Keypoints], pairs: NDArray[np.intp]) -> tuple[N
         none, *(each for matches in on_all_cores(matches_of, firsts) for each in matches), strict=True
     )
     return np.concatenate(edges), np.concatenate(distances)
-
-
-def on_all_cores(call: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-    """Yield the results of calls in order, made side by side: numpy and OpenCV let other threads run."""
-    pool = ThreadPoolExecutor(os.cpu_count())
-    try:
-        yield from pool.map(call, items)
-    finally:
-        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for the others
 
 
 def mutual(product: F32) -> tuple[NDArray[np.intp], NDArray[np.intp], F32]:
