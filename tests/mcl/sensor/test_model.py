@@ -16,7 +16,7 @@ THESIS = SensorParameters({"color": 1.0}, sharpness=2.0, likelihood="power", ble
 
 
 def _model(world, parameters=THESIS, **changes):
-    reference = nearest_reference(world.library.poses, world.library.arena, InterpolationParameters())
+    reference = nearest_reference(world.library.poses, world.library.arena)
     return SensorModel(world.library, reference, replace(parameters, **changes))
 
 
@@ -60,7 +60,9 @@ def test_a_comparison_is_made_of_the_parts(world, blend, likelihood):
 
 def test_a_sighting_is_the_selections_word_on_the_comparison(world):
     poses, nearest = _poses(world), nearest_reference(world.library.poses, world.library.arena)
-    between = interpolated_reference(nearest, world.library.poses, world.library.arena)
+    between = interpolated_reference(
+        nearest, world.library.poses, world.library.arena, InterpolationParameters()
+    )
     for selection in (nearest, between):
         model = replace(_model(world), references=selection)
         comparison = _compare(model, world)
