@@ -123,8 +123,11 @@ class Scale:
         Rerun's 2D views have y pointing down and cannot be flipped; this is the only place that knows.
         """
         steps = self.units.per_m / self.units.fine
-        whole = np.rint((np.asarray(xy_m, np.float64)[..., :2] - self.origin_m) * (steps, -steps))
-        return (whole * self.units.fine).astype(np.float32)
+        whole = np.asarray(xy_m, np.float64)[..., :2] - self.origin_m
+        whole *= (steps, -steps)
+        np.rint(whole, out=whole)
+        whole *= self.units.fine
+        return whole.astype(np.float32)
 
     def length(self, length_m: float) -> float:
         """Return a length in display units."""

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from maurice_mcl.reasons.explanation import ChannelExplanation, EntryExplanation
 from maurice_mcl.sensor.descriptors.histograms import BINS
 from maurice_mcl.sensor.descriptors.registry import CHANNELS
-from maurice_mcl.values import F32, F64, I32, U8
+from maurice_mcl.values import F32, F64, U8
 
 from ..style import (
     BAR,
@@ -234,14 +234,19 @@ def _levels_and_costs(image: U8, text: float) -> tuple[U8, U8]:
 def draw_levels(image: U8, sample: F32, reference: F32, span: tuple[float, float]) -> None:
     """Draw a descriptor (D,) filled, and another one as a line over it."""
     height, width = image.shape
-    low, high = span
-    rows = np.arange(height)[:, None]
-    zero = _row(np.zeros(1), low, high, height)
-    filled = _row(_by_pixel(reference, width), low, high, height)
+    rows, columns = _numbers(height), _numbers(width)
+    both = np.stack([_by_pixel(values, width) for values in (reference, sample)])
+    filled, line = _row(both, *span, height)
+    zero = _row(np.zeros(1), *span, height)
     fill(image, (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero)), REFERENCE_INK)
-    line = _row(_by_pixel(sample, width), low, high, height)
-    points = np.column_stack([np.arange(width), np.minimum(line, height - 1)]).astype(np.int32)
+    points = np.column_stack([columns[:, 0], np.minimum(line, height - 1)]).astype(np.int32)
     cv2.polylines(image, [points], False, SAMPLE_INK, max(2, round(width / 110)))
+
+
+@lru_cache(maxsize=64)
+def _numbers(count: int) -> NDArray[np.int16]:
+    """Return the numbers of rows of pixels (count, 1), as `_row` returns them."""
+    return np.arange(count, dtype=np.int16)[:, None]
 
 
 @lru_cache(maxsize=16)
@@ -263,7 +268,7 @@ _PLANE_INKS = {_BAND_INKS[band]: CHART.ramp(_mixed(band), PALE) for band in RED_
 
 def _draw_costs(image: U8, nats: F32, most: float) -> None:
     height, width = image.shape
-    fill(image, np.arange(height)[:, None] >= _row(_by_pixel(nats, width), 0.0, most, height), COST_INK)
+    fill(image, _numbers(height) >= _row(_by_pixel(nats, width), 0.0, most, height), COST_INK)
 
 
 def _by_pixel(values: F32, width: int) -> F64:
@@ -280,9 +285,9 @@ def _elements(count: int, width: int) -> NDArray[np.int64]:
     return np.arange(width) * count // width
 
 
-def _row(values: F64, low: float, high: float, height: int) -> I32:
+def _row(values: F64, low: float, high: float, height: int) -> NDArray[np.int16]:
     """Return the row of pixels of each value, 0 at the top."""
-    return np.asarray((high - values) / (high - low) * height, np.float64).round().astype(np.int32)
+    return np.rint((high - values) / (high - low) * height).astype(np.int16)
 
 
 def draw_chart_key(size: tuple[int, int] = CHART_PX) -> U8:

@@ -36,6 +36,7 @@ from .panel import Panel, StepUpdate, set_phase, set_phase_only
 from .views import BARE_MAP, MAP, map_view, plane_view
 
 PARTICLE_PT = 1.75  # radius in points of the screen
+_PARTICLE = ui_points_of([PARTICLE_PT])
 FEW_PARTICLES = 300  # particles drawn in updates with less detail
 TRAIL_POSES = 25  # of a trail, that are kept: more would bury the cloud, and cost more the longer it runs
 ARROW_SHARE = 0.055  # length of a heading arrow, as a share of the arena's long side
@@ -70,7 +71,7 @@ class CloudPanel(Panel):
         # light ones first: equal colors together take a quarter off the bytes, and heavy ones are on top
         shades = weight_shades(record.weighted.log_weights)
         order = np.argsort(shades, kind="stable")
-        draw_cloud(rec, path, in_order(record.predicted, order), self._scale)
+        draw_cloud(rec, path, record.predicted, self._scale, order)
         set_phase(rec, moment, Phase.WEIGHT)  # only colors: positions are most of a recording's size
         rec.log(path, row_of(rr.Points2D, colors=colors_of(LUT[shades[order]])))
 
@@ -80,20 +81,19 @@ def prepare_cloud(rec: rr.RecordingStream, path: str) -> None:
     rec.log(path, rr.Points2D.from_fields(draw_order=20.0), static=True)
 
 
-def draw_cloud(rec: rr.RecordingStream, path: str, belief: Belief, scale: Scale) -> None:
-    """Log a cloud, colored by its weights: one color where all are equal."""
+def draw_cloud(
+    rec: rr.RecordingStream,
+    path: str,
+    belief: Belief,
+    scale: Scale,
+    order: NDArray[np.intp] | slice = slice(None),
+) -> None:
+    """Log a cloud in an order (N,), colored by its weights: one color where all are equal."""
     equal = bool(np.ptp(belief.log_weights) == 0)
-    rec.log(
-        path,
-        row_of(
-            rr.Points2D,
-            positions=points_of(positions(belief, scale)),
-            colors=colors_of(
-                weight_colors(belief.log_weights[:1] if equal else belief.log_weights, belief.size)
-            ),
-            radii=ui_points_of([PARTICLE_PT]),
-        ),
-    )
+    weights = belief.log_weights[:1] if equal else belief.log_weights[order]
+    places = scale.screen(belief.poses[order, :2] + belief.origin)
+    colors = colors_of(weight_colors(weights, belief.size))
+    rec.log(path, row_of(rr.Points2D, positions=points_of(places), colors=colors, radii=_PARTICLE))
 
 
 def few_of(belief: Belief) -> Belief:
@@ -101,11 +101,6 @@ def few_of(belief: Belief) -> Belief:
     size = belief.size
     some = np.linspace(0, size - 1, min(size, FEW_PARTICLES)).round().astype(np.int64)
     return Belief(belief.poses[some], belief.log_weights[some] + np.log(size / len(some)), belief.origin)
-
-
-def in_order(belief: Belief, order: NDArray[np.intp]) -> Belief:
-    """Return the same cloud, its particles numbered anew by an order (N,)."""
-    return Belief(belief.poses[order], belief.log_weights[order], belief.origin)
 
 
 def positions(belief: Belief, scale: Scale) -> F32:
@@ -131,7 +126,7 @@ class PoseMarker:
     scale: Scale
     arrow: float  # length in display units
     # whether a line begins there, and the place
-    _trail: deque[tuple[bool, F32]] = field(default_factory=lambda: deque(maxlen=TRAIL_POSES))
+    _trail: deque[tuple[bool, list[float]]] = field(default_factory=lambda: deque(maxlen=TRAIL_POSES))
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         points, color = rr.components.Radius.ui_points, [self.color]
@@ -144,7 +139,7 @@ class PoseMarker:
     def draw(self, rec: rr.RecordingStream, pose: F64, jumped: bool = False) -> None:
         """Log one pose (3,); `jumped` begins a new line."""
         at = self.scale.screen(pose[None, :2])
-        self._trail.append((jumped, at[0]))
+        self._trail.append((jumped, at[0].tolist()))
         rec.log(  # all in one: a call costs more than what it carries
             self.path,
             row_of(rr.Points2D, positions=points_of(at)),
@@ -154,11 +149,15 @@ class PoseMarker:
 
     def _strips(self) -> list[F32]:
         begins = [number for number, (jumped, _) in enumerate(self._trail) if jumped and number]
-        return np.split(np.array([place for _, place in self._trail]), begins)
+        trail = np.array([place for _, place in self._trail], np.float32)
+        return np.split(trail, begins) if begins else [trail]
 
 
 def _arrows(origins: ArrayLike, vectors: ArrayLike) -> LogRow:
     return row_of(rr.Arrows2D, origins=points_of(origins), vectors=points_of(vectors))
+
+
+_NO_POSE = LogRow(row_of(rr.Points2D, positions=points_of([])) | _arrows([], []))
 
 
 def truth_marker(path: str, arena: Arena, scale: Scale) -> PoseMarker:
@@ -200,8 +199,7 @@ class EstimatePanel(Panel):
         pose, last = update.record.estimate.pose, self._last
         if update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
-            nothing = row_of(rr.Points2D, positions=points_of([]))
-            rec.log(self._marker.path, nothing, _arrows([], []))
+            rec.log(self._marker.path, _NO_POSE)
         moved = float(np.hypot(*update.record.frame.motions[:, :2].T).sum())
         reach = update.record.estimate.radii.cluster_m + moved
         jumped = last is not None and np.hypot(*(pose[:2] - last[:2])) > reach
@@ -342,10 +340,13 @@ class CloseupFrame:
         rec.log(f"{self._path}/away", arrows)
 
 
+_SAMPLED = (np.arange(SAMPLED_PARTICLES) + 0.5) / SAMPLED_PARTICLES  # shares of the weight before each
+
+
 def sample(belief: Belief) -> F64:
     """Return places (K, 2) of particles by weight, heavy ones several times."""
     ends = np.cumsum(belief.weights)
-    chosen = np.searchsorted(ends, (np.arange(SAMPLED_PARTICLES) + 0.5) / SAMPLED_PARTICLES * ends[-1])
+    chosen = np.searchsorted(ends, _SAMPLED * ends[-1])
     return np.asarray(belief.poses[chosen, :2] + belief.origin, np.float64)
 
 

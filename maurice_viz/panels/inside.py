@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import ArrayLike
 
-from maurice_mcl.values import F32, F64, I64, U8, U32, Belief, StepRecord
+from maurice_mcl.values import F32, F64, I64, U8, U32, Belief, Bool, StepRecord
 
 from ..drawing.arrow import (
     LogRow,
@@ -105,11 +106,18 @@ def some_of(weights: F64) -> I64:
     size = len(weights)
     some = np.arange(size)
     if size > DOTS:
-        chosen = np.zeros(size, np.bool_)
-        chosen[np.linspace(0, size - 1, DOTS - HEAVIEST).round().astype(np.int64)] = True
+        chosen = _spread_evenly(size).copy()
         chosen[np.argpartition(weights, -HEAVIEST)[-HEAVIEST:]] = True
         some = np.flatnonzero(chosen)
     return np.asarray(some[np.argsort(weights[some], kind="stable")], np.int64)
+
+
+@lru_cache(maxsize=4)
+def _spread_evenly(size: int) -> Bool:
+    """Return which particles (N,) are drawn whatever their weight."""
+    chosen = np.zeros(size, np.bool_)
+    chosen[np.linspace(0, size - 1, DOTS - HEAVIEST).round().astype(np.int64)] = True
+    return chosen
 
 
 class InsidePanel(Panel):
@@ -120,7 +128,8 @@ class InsidePanel(Panel):
         self._before, self._after = run.paths.inside(BEFORE), run.paths.inside(AFTER)
         self._best, self._answer = run.paths.inside("best"), run.paths.inside("answer")
         self._kept: Dots | None = None  # what the last update passed on
-        self._truth: F64 | None = None  # of the last update
+        self._truth = NO_TRUTH  # of the last update
+        self._arrow = ARROW * long_side(scene.library.arena, scene.scale)
         self._captions: dict[tuple[str, bool], str] = {}  # the last of each side, with and without phases
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -154,52 +163,53 @@ class InsidePanel(Panel):
         moved, weighed = (_weighed(belief, some, places) for belief in (record.predicted, record.weighted))
         copied = weighed if record.parents is None else _copied(record, some, places)
         kept = self._reseeded(record, copied) if update.is_reseeded else copied
-        self._draw_before_weighing(rec, update, moved)
+        self._draw_before_weighing(rec, update, moved.row())
         set_phase(rec, update.moment, Phase.WEIGHT)
-        rec.log(self._after, weighed.looks())
+        weights, copies = weighed.looks(), copied.looks()
+        rec.log(self._after, weights)
         self._say(rec, update, Phase.WEIGHT, UNWEIGHED, HEAVY)
         rec.log(self._best, _NO_POINTS)
         is_copied = record.parents is not None
         self._say(rec, update, Phase.RESAMPLE, HEAVY, COPIED if is_copied else UNCHANGED)
-        rec.log(self._before, weighed.looks())
-        rec.log(self._after, copied.looks())
-        copies = COPIED if is_copied else HEAVY
-        self._say(rec, update, Phase.RESEED, copies, FRESH_ONES if update.is_reseeded else UNCHANGED)
-        rec.log(self._before, copied.looks())
+        rec.log(self._before, weights)
+        rec.log(self._after, copies)
+        kind = COPIED if is_copied else HEAVY
+        self._say(rec, update, Phase.RESEED, kind, FRESH_ONES if update.is_reseeded else UNCHANGED)
+        rec.log(self._before, copies)
         if update.is_reseeded:
             rec.log(self._after, kept.row())
         set_phase(rec, update.moment, Phase.ESTIMATE)
         self._draw_answer(rec, update)
-        self._say(rec, update, Phase.ESTIMATE, FRESH_ONES if update.is_reseeded else copies, ANSWER)
+        self._say(rec, update, Phase.ESTIMATE, FRESH_ONES if update.is_reseeded else kind, ANSWER)
         if update.is_reseeded:
             rec.log(self._before, kept.row())
         set_step_only(rec, update.moment)
         self._log_words(rec, whole_step(update.moment, record, self._scale), WHOLE_STEP, with_phases=False)
-        self._kept, self._truth = kept.settled, update.moment.truth
+        self._kept = kept.settled
 
     def clear(self, rec: rr.RecordingStream) -> None:
         """Empty everything; the next full update has no cloud before it."""
-        self._kept = self._truth = None
+        self._kept, self._truth = None, NO_TRUTH
         for path in (self._before, self._after, self._best):
             rec.log(path, _NO_POINTS)
-        rec.log(self._answer, _NO_POINTS, row_of(rr.LineStrips2D, strips=strips_of([])))
+        rec.log(self._answer, _NO_POINTS, _NO_LINES)
         for side in (self._before, self._after):
-            rec.log(f"{side}/truth", _NO_POINTS, _arrow(np.zeros((0, 2)), []))
+            rec.log(f"{side}/truth", NO_TRUTH)
         self._captions.clear()
         self._log_words(rec, PARTLY, ("not drawn", "not drawn"))
 
-    def _draw_before_weighing(self, rec: rr.RecordingStream, update: StepUpdate, moved: Dots) -> None:
-        truth = update.moment.truth
+    def _draw_before_weighing(self, rec: rr.RecordingStream, update: StepUpdate, moved: LogRow) -> None:
+        last, self._truth = self._truth, self._truth_row(update.moment.truth)
         set_phase(rec, update.moment, Phase.PREDICT)
-        rec.log(self._after, moved.row())
-        self._draw_truth(rec, self._after, truth)
+        rec.log(self._after, moved)
+        rec.log(f"{self._after}/truth", self._truth)
         self._say(rec, update, Phase.PREDICT, WERE, MOVED)
-        rec.log(self._answer, _NO_POINTS, row_of(rr.LineStrips2D, strips=strips_of([])))
+        rec.log(self._answer, _NO_POINTS, _NO_LINES)
         rec.log(self._before, _NO_POINTS if self._kept is None else self._kept.row())
-        self._draw_truth(rec, self._before, self._truth)
+        rec.log(f"{self._before}/truth", last)
         set_phase(rec, update.moment, Phase.MEASURE)
-        rec.log(self._before, moved.row())
-        self._draw_truth(rec, self._before, truth)
+        rec.log(self._before, moved)
+        rec.log(f"{self._before}/truth", self._truth)
         best = self._best_poses(update.record)
         self._say(
             rec, update, Phase.MEASURE, UNSEEN, MATCHES if len(best) else NO_BEST, next(iter(best), None)
@@ -212,14 +222,12 @@ class InsidePanel(Panel):
         compared = len(comparison.quality) == self._library.size
         return self._library.poses[comparison.best(BEST) if compared else np.zeros(0, np.int32)]
 
-    def _draw_truth(self, rec: rr.RecordingStream, side: str, truth: F64 | None) -> None:
-        """Log the true pose (3,), with an arrow as long in every close-up; nothing if it is not known."""
+    def _truth_row(self, truth: F64 | None) -> LogRow:
+        """Return the true pose (3,), with an arrow as long in every close-up; nothing if it is not known."""
         if truth is None:
-            rec.log(f"{side}/truth", _NO_POINTS, _arrow(np.zeros((0, 2)), []))
-            return
+            return NO_TRUTH
         at = self._scale.screen(truth[None, :2])
-        ahead = heading_vector(float(truth[2]), ARROW * long_side(self._library.arena, self._scale))
-        rec.log(f"{side}/truth", _points(at), _arrow(at, ahead))
+        return LogRow(_points(at) | _arrow(at, heading_vector(float(truth[2]), self._arrow)))
 
     def _draw_answer(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         """Log the estimate with the oval of its group, and a line to the truth."""
@@ -308,6 +316,8 @@ def _arrow(origins: ArrayLike, vectors: ArrayLike) -> LogRow:
 
 
 _NO_POINTS = _points(np.zeros((0, 2), np.float32))
+_NO_LINES = row_of(rr.LineStrips2D, strips=strips_of([]))
+NO_TRUTH = LogRow(_NO_POINTS | _arrow(np.zeros((0, 2)), []))
 
 
 def caption_of(paths: RunPaths, side: str) -> str:

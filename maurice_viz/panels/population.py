@@ -90,9 +90,12 @@ def rim(has_truth: bool, color: style.RGB) -> U8:
 
 def shares(belief: Belief) -> F64:
     """Return the weight (SECTORS,) in each sector of headings, the first from 0 to 10 degrees."""
-    turn = belief.poses[:, 2] % np.float32(2 * np.pi) * np.float32(SECTORS / (2 * np.pi))
-    sector = np.minimum(turn.astype(np.int64), SECTORS - 1)
-    return np.asarray(np.bincount(sector, belief.weights, SECTORS))
+    heading, whole = belief.poses[:, 2], np.float32(2 * np.pi)
+    turn = np.asarray(heading + (heading < 0) * whole, np.float32)  # the remainder, ten times sooner
+    if not (turn.min() >= 0 and turn.max() <= whole):  # of a saved run
+        turn = heading % whole
+    sector = (turn * np.float32(SECTORS / (2 * np.pi))).astype(np.intp)
+    return np.asarray(np.bincount(np.minimum(sector, SECTORS - 1, out=sector), belief.weights, SECTORS))
 
 
 def outline(belief: Belief) -> F32:
@@ -260,9 +263,10 @@ def _names_of(kind: Kind) -> tuple[Label, ...]:
 
 def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:
     """Return the shares (K,) of particles in each bin, and of all their weight or copies `times` (N,)."""
-    number = np.zeros(len(times), np.intp)
+    small = np.zeros(len(times), np.uint8)
     for least, _ in kind.bins[1:]:  # sooner than a search for as few
-        number += times >= least
+        small += times >= least
+    number = small.astype(np.intp)
     dots = np.bincount(number, minlength=len(kind.bins)) / max(len(times), 1)
     held = np.bincount(number, times, len(kind.bins)) / max(float(times.sum()), 1e-12)
     return dots, held

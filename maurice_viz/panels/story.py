@@ -15,6 +15,7 @@ from maurice_mcl.reasons.verdict import RunVerdict, decisive_step
 from maurice_mcl.values import Moment
 
 from .. import entities
+from ..drawing.arrow import scalars
 from ..drawing.canvas import map_extent
 from ..entities import ERROR_UNIT, LIMITS, TOUR, VERDICT, Phase
 from ..scene import RunView, Scene
@@ -51,7 +52,7 @@ class LimitsPanel(Panel):
         if self._scene.has_truth:
             set_phase(rec, update.moment, Phase.ESTIMATE)
             lost = self._scale.length(self._run.radii.lost_m)
-            rec.log(LIMITS, rr.Scalars([lost, ABOVE * lost]))
+            rec.log(LIMITS, scalars([lost, ABOVE * lost]))
 
 
 AT_THE_END = "The replay runs. What happened stands here when it ends."

@@ -42,7 +42,7 @@ class DetailFilter:
     def see(self, update: StepUpdate) -> Iterator[StepUpdate]:
         """Take the next update; yield those that can be drawn now, in order."""
         if self.detail is not Detail.EVENTS:
-            yield replace(update, whole=self.detail is Detail.FULL)
+            yield update if self.detail is Detail.FULL else replace(update, whole=False)
             return
         if any(not event.is_routine for event in update.events):
             self._last_event = self._seen
@@ -101,7 +101,8 @@ class RerunObserver:
             panel.finish(self._rec)
 
     def _draw(self, update: StepUpdate) -> None:
-        update = replace(update, is_first=self._was_whole is None)
+        if self._was_whole is None:
+            update = replace(update, is_first=True)
         if not update.whole and self._was_whole is not False:
             set_phase(self._rec, update.moment, Phase.PREDICT)
             for panel in self.panels:

@@ -9,29 +9,28 @@ import math
 
 import numpy as np
 
-from maurice_mcl.filter.estimate import weighted_mean
 from maurice_mcl.filter.localizer import ALL_ZERO, EXPANDED, GUIDED, LEFT_MAP, NO_NUMBER, RESAMPLED
 from maurice_mcl.reasons.explanation import offset
 from maurice_mcl.scoring.events import say_recovery_test
-from maurice_mcl.values import F64, Estimate, Moment, StepRecord
+from maurice_mcl.values import F64, Belief, Estimate, Moment, StepRecord
 
 from ..entities import Phase
 from ..scene import DRAWS_EVENLY, DRAWS_NEVER, DRAWS_WHERE_LIKELY
 from ..style import Scale, capital
 
-STILL_RAD = np.radians(0.5)  # a turn that would be written "0 deg" is not mentioned
+STILL_RAD = math.radians(0.5)  # a turn that would be written "0 deg" is not mentioned
 
 
 def motion(motions: F64, scale: Scale) -> str:
     """Return what odometry measured: "18.0 in forward and a turn of 45 deg left (2 movements)"."""
-    forward, left, turn = motions.sum(axis=0) if len(motions) else np.zeros(3)
+    forward, left, turn = motions.sum(axis=0).tolist()
     parts = []
     if _shows(forward, scale):
         parts.append(f"{scale.say(abs(forward))} {'forward' if forward > 0 else 'backward'}")
     if _shows(left, scale):
         parts.append(f"{scale.say(abs(left))} to the {'left' if left > 0 else 'right'}")
     if abs(turn) > STILL_RAD:
-        parts.append(f"a turn of {np.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
+        parts.append(f"a turn of {math.degrees(abs(turn)):.0f} deg {'left' if turn > 0 else 'right'}")
     count = f" ({len(motions)} movements)" if len(motions) > 1 else ""
     return (" and ".join(parts) or "no movement") + count
 
@@ -43,6 +42,13 @@ def _shows(length_m: float, scale: Scale) -> bool:
 def spread(cloud: Estimate, scale: Scale) -> str:
     """Return the radial standard deviation of a whole cloud with its unit."""
     return scale.say(math.hypot(*cloud.sd_m))
+
+
+def spread_of(belief: Belief, scale: Scale) -> str:
+    """Return the same of particles."""
+    xy, weights = belief.poses[:, :2].astype(np.float64), belief.weights
+    xy -= weights @ xy
+    return scale.say(math.sqrt((weights @ np.square(xy)).sum()))
 
 
 def effective(record: StepRecord) -> str:
@@ -64,7 +70,7 @@ def say_estimate(record: StepRecord, truth: F64 | None, scale: Scale) -> str:
 
 def cloud(record: StepRecord, scale: Scale) -> str:
     """Describe the published cloud."""
-    width = spread(weighted_mean(record.weighted), scale)
+    width = spread_of(record.weighted, scale)
     return f"The published cloud spreads over {width}. {effective(record)}"
 
 
@@ -166,7 +172,7 @@ def of_scans(text: str) -> str:
 def predicted(record: StepRecord, scale: Scale) -> str:
     """Describe how the cloud moved."""
     toward = ", some toward where a sensor sees the robot" if GUIDED in record.events else ""
-    wide = spread(weighted_mean(record.predicted), scale)
+    wide = spread_of(record.predicted, scale)
     return (
         f"odometry says {motion(record.frame.motions, scale)}, and every dot moves so, with an error of its "
         f"own{toward}. The cloud now spreads over {wide}: nothing has been seen yet."

@@ -200,18 +200,18 @@ class Ancestry:
         """Count the particles, `depth` updates back or fresh since, from which all descend."""
         if not self._past:
             return 0
-        some = np.arange(self._size())  # the particles of a generation that have descendants now
+        some: NDArray[np.intp] | None = None  # of a generation, that have descendants now; None: all
         fresh = 0
         for generation in reversed(self._past):
             if generation.parents is None:
                 continue
-            parents = generation.parents[some]  # soon few
-            known = parents[parents >= 0]
-            fresh += len(parents) - len(known)
-            alive = np.zeros(len(generation.poses), bool)
-            alive[known] = True
-            some = np.flatnonzero(alive)
-        return fresh + len(some)
+            parents = generation.parents if some is None else generation.parents.take(some)  # soon few
+            alive = np.zeros(len(generation.poses) + 1, bool)
+            alive[parents] = True  # -1 is the last
+            if alive[-1]:
+                fresh += int(np.count_nonzero(parents < 0))
+            some = np.flatnonzero(alive[:-1])
+        return fresh + (self._size() if some is None else len(some))
 
     def _size(self) -> int:
         last = self._past[-1]

@@ -70,7 +70,8 @@ def test_rings_are_around_modes_where_two_hold_a_tenth_of_the_weight_or_more():
         replace(mode, estimate=replace(mode.estimate, mass=mass))
         for mode, mass in ((one, 0.6), (two, 0.35), (small, 0.05))
     ]
-    row = {part.component_descriptor().component: part.as_arrow_array() for part in rings_of(shared, scale)}
+    parts = rings_of(shared, scale).as_component_batches()
+    row = {part.component_descriptor().component: part.as_arrow_array() for part in parts}
     assert row["LineStrips2D:labels"].to_pylist() == ["60 %", "35 %"]
     for strip, mode in zip(row["LineStrips2D:strips"].to_pylist(), shared, strict=False):
         ring = np.array(strip)
