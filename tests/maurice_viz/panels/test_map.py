@@ -80,4 +80,4 @@ def test_rings_are_around_modes_where_two_hold_a_tenth_of_the_weight_or_more():
         radius = scale.length(mode.estimate.radii.cluster_m) * np.sqrt(mode.estimate.mass)
         assert away == pytest.approx(radius, rel=1e-3)
     alone = rings_of([replace(one, estimate=replace(one.estimate, mass=0.95)), shared[2]], scale)
-    assert all(len(part.as_arrow_array()) == 0 for part in alone)
+    assert all(len(part.as_arrow_array()) == 0 for part in alone.as_component_batches())
