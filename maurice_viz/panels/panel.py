@@ -6,15 +6,17 @@ A panel owns the entities that it draws: no other panel logs them. Beside the cl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
 from maurice_mcl.filter.localizer import EXPANDED
 from maurice_mcl.scoring.events import RunEvent
 from maurice_mcl.scoring.modes import TrackedMode
-from maurice_mcl.values import U8, Moment, StepRecord
+from maurice_mcl.values import F32, U8, Moment, StepRecord
 
 from ..drawing.canvas import png
 from ..entities import PHASE, SESSION, STEP, Phase, phase_number
@@ -65,6 +67,16 @@ class Panel:
 
     def finish(self, rec: rr.RecordingStream) -> None:
         """Log what is known only when the run is over."""
+
+
+def joined_labels(places: F32, room: float, texts: Sequence[str]) -> list[str]:
+    """Return the labels of places (K, 2); of those nearer to each other than `room` the first has all."""
+    labels = [""] * len(places)
+    for number, (place, text) in enumerate(zip(places, texts, strict=True)):
+        first = int(np.argmax(np.hypot(*(places - place).T) < room))
+        first = first if labels[first] or first == number else number
+        labels[first] += f", {text}" if labels[first] else text
+    return labels
 
 
 def set_phase(rec: rr.RecordingStream, moment: Moment, phase: Phase) -> None:

@@ -19,9 +19,10 @@ from ..drawing.arrow import LogRow, blob_of, colors_of, points_of, row_of, strip
 from ..drawing.canvas import Extent, put_text, text_size
 from ..drawing.indexed import IndexedColors
 from ..entities import Phase, RunPaths
+from ..scene import Scene
 from ..style import Scale, heading_vector
 from .belief import copies_of
-from .panel import Panel, StepUpdate, place_drawing, set_phase, set_phase_only
+from .panel import Panel, StepUpdate, joined_labels, place_drawing, set_phase, set_phase_only
 from .views import plane_view
 
 # Headings: a histogram of all directions at once, area by weight.
@@ -122,6 +123,7 @@ def headings_view(paths: RunPaths) -> rrb.Spatial2DView:
 
 RING_PT = 1.0
 AROUND = np.linspace(0, 2 * np.pi, 49)
+MODE_ROOM = 0.07  # of the arena's long side: labels of modes that are nearer together overlap
 LEAST_RINGED = 0.1  # share of the weight; smaller modes have no ring
 CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 
@@ -137,22 +139,29 @@ class ModesPanel(Panel):
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
         if update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
-            rec.log(self._paths.mode_rings, rings_of((), self._scale))
+            rec.log(self._paths.mode_rings, rings_of((), self._scale, 0.0))
         set_phase(rec, update.moment, Phase.WEIGHT)
-        rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale))
+        rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale, mode_room(self._scene)))
 
 
-def rings_of(modes: Sequence[TrackedMode], scale: Scale) -> LogRow:
+def mode_room(scene: Scene) -> float:
+    """Return how far apart, on the map, the labels of modes must be to be read."""
+    return MODE_ROOM * scene.scale.length(max(scene.arena.size_m))
+
+
+def rings_of(modes: Sequence[TrackedMode], scale: Scale, room: float) -> LogRow:
     """Return a ring with its share around every mode of a tenth of the weight or more, if there are two."""
     seen = [mode for mode in modes if mode.estimate.mass >= LEAST_RINGED]
     seen = seen if len(seen) > 1 else []
     reach_m = [mode.estimate.radii.cluster_m * np.sqrt(mode.estimate.mass) for mode in seen]
+    places = scale.screen(np.array([mode.estimate.pose for mode in seen]).reshape(-1, 3))
+    shares = [f"{100 * mode.estimate.mass:.0f} %" for mode in seen]
     rings = [mode.estimate.pose[:2] + reach * CIRCLE for mode, reach in zip(seen, reach_m, strict=True)]
     return row_of(
         rr.LineStrips2D,
         strips=strips_of([scale.screen(ring) for ring in rings]),
         colors=colors_of([style.packed(style.mode_color(mode.identity)) for mode in seen]),
-        labels=texts_of([f"{100 * mode.estimate.mass:.0f} %" for mode in seen]),
+        labels=texts_of(joined_labels(places, room, shares)),
     )
 
 

@@ -35,7 +35,7 @@ from ..style import CIRCLE, DEEPEST, LUT, MISSING, RANK, SAYS_NOTHING, TRUTH, Sc
 from .belief import run_key
 from .camera import NAME, CaptionedPicture, draw_name, named_view
 from .laser.scan import PlacesOnMap, reading_of
-from .panel import Panel, StepUpdate, set_phase, set_phase_only
+from .panel import Panel, StepUpdate, joined_labels, set_phase, set_phase_only
 from .views import BARE_MAP, map_view, plane_view
 
 CIRCLE_OFFSET = 0.33  # of a circle from its node, in node spacings, along the heading
@@ -102,7 +102,8 @@ class MatchCircles:
         self._tell_nothing(rec, paths, comparison.log_likelihood)
         best = comparison.best(BEST)
         places, sizes = self.centers[best], floats_of(radii[best] * np.float32(self.spacing))
-        labels = texts_of(rank_labels(places, LABEL_ROOM * self.spacing))
+        ranks = [str(rank + 1) for rank in range(len(places))]
+        labels = texts_of(joined_labels(places, LABEL_ROOM * self.spacing, ranks))
         rec.log(paths.best, row_of(rr.Points2D, positions=points_of(places), radii=sizes, labels=labels))
 
     def clear(self, rec: rr.RecordingStream, paths: RunPaths) -> None:
@@ -128,16 +129,6 @@ def log_words(rec: rr.RecordingStream, paths: RunPaths, words: str) -> None:
         colors=[TRUTH], radii=radius, labels=[words], show_labels=True, draw_order=80.0
     )
     rec.log(paths.says_nothing, points, static=True)
-
-
-def rank_labels(places: F32, room: float) -> list[str]:
-    """Return the labels of references (K, 2), best first; of those nearer than `room` the first has all."""
-    labels = [""] * len(places)
-    for rank, place in enumerate(places):
-        first = int(np.argmax(np.hypot(*(places - place).T) < room))
-        first = first if labels[first] or first == rank else rank
-        labels[first] += f", {rank + 1}" if labels[first] else str(rank + 1)
-    return labels
 
 
 def nearness(log_likelihood: F32) -> F32:

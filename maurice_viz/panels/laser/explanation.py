@@ -16,7 +16,8 @@ from ...scene import RunView, Scene
 from ...style import RANK, TRUTH
 from ...text.laser.scan import scan_table, scan_words
 from ..camera import named_view
-from ..panel import MARKDOWN, Panel, StepUpdate, set_phase
+from ..panel import MARKDOWN, Panel, StepUpdate, joined_labels, set_phase
+from ..population import mode_room
 from ..references import likelihood_views
 from .scan import here_view, log_png, prepare_scan, reading_of
 
@@ -86,6 +87,7 @@ class ScanExplanationPanel(Panel):
             else self._scale.screen(proposal.poses[order, :2])
         )
         labels = [] if proposal is None else [f"proposed {proposal.weights[k]:.0%}" for k in order]
+        labels = joined_labels(places, mode_room(self._scene), labels)
         modes = rr.Points2D.from_fields(labels=labels)
         rec.log(self._paths.explain("proposed"), row_of(rr.Points2D, positions=points_of(places)), modes)
 

@@ -12,8 +12,9 @@ from helpers.step_records import made
 from maurice_mcl.filter.estimate import heaviest_cluster
 from maurice_mcl.scoring.modes import TrackedMode
 from maurice_mcl.values.map import Arena
+from maurice_viz.panels.panel import joined_labels
 from maurice_viz.panels.population import rings_of
-from maurice_viz.panels.references import MatchCircles, nearness, rank_labels
+from maurice_viz.panels.references import MatchCircles, nearness
 from maurice_viz.panels.world import clipped
 from maurice_viz.style import DEEPEST, scale_for
 
@@ -38,8 +39,14 @@ def test_circles_of_calibrated_likelihoods_have_sizes_that_differ():
 
 def test_references_at_one_place_share_a_label():
     places = np.array([[0, 0], [1, 0], [9, 0], [0, 1], [2, 0]], np.float32)
-    assert rank_labels(places, 1.2) == ["1, 2, 4", "", "3", "", "5"]  # the fifth is near the second alone
-    assert rank_labels(places, 0.5) == ["1", "2", "3", "4", "5"]
+    assert joined_labels(places, 1.2, "12345") == [
+        "1, 2, 4",
+        "",
+        "3",
+        "",
+        "5",
+    ]  # the fifth is near the second alone
+    assert joined_labels(places, 0.5, "12345") == ["1", "2", "3", "4", "5"]
 
 
 def test_walls_are_cut_at_the_bounds():
@@ -70,7 +77,7 @@ def test_rings_are_around_modes_where_two_hold_a_tenth_of_the_weight_or_more():
         replace(mode, estimate=replace(mode.estimate, mass=mass))
         for mode, mass in ((one, 0.6), (two, 0.35), (small, 0.05))
     ]
-    parts = rings_of(shared, scale).as_component_batches()
+    parts = rings_of(shared, scale, 0.5).as_component_batches()
     row = {part.component_descriptor().component: part.as_arrow_array() for part in parts}
     assert row["LineStrips2D:labels"].to_pylist() == ["60 %", "35 %"]
     for strip, mode in zip(row["LineStrips2D:strips"].to_pylist(), shared, strict=False):
@@ -79,5 +86,8 @@ def test_rings_are_around_modes_where_two_hold_a_tenth_of_the_weight_or_more():
         away = np.hypot(*(ring - middle).T)
         radius = scale.length(mode.estimate.radii.cluster_m) * np.sqrt(mode.estimate.mass)
         assert away == pytest.approx(radius, rel=1e-3)
-    alone = rings_of([replace(one, estimate=replace(one.estimate, mass=0.95)), shared[2]], scale)
+    parts = rings_of(shared, scale, scale.length(4.0)).as_component_batches()
+    row = {part.component_descriptor().component: part.as_arrow_array() for part in parts}
+    assert row["LineStrips2D:labels"].to_pylist() == ["60 %, 35 %", ""]
+    alone = rings_of([replace(one, estimate=replace(one.estimate, mass=0.95)), shared[2]], scale, 0.5)
     assert all(len(part.as_arrow_array()) == 0 for part in alone.as_component_batches())
