@@ -415,8 +415,13 @@ def test_views_of_a_part_of_a_library_are_numbered_as_in_the_library(room, refer
     monkeypatch.setattr(building, "keypoints_of", lambda image: room.keypoints(true[image[0, 0, 0]], 0.5))
     library = SimpleNamespace(poses=stated, size=len(stated))
     numbered = np.ones((len(stated), 144, 176, 3), np.uint8) * np.arange(len(stated))[:, None, None, None]
-    found = build_landmarks(library, KNOWN, lambda number: numbered[number].astype(np.uint8)).map
+    told = []
+    found = build_landmarks(
+        library, KNOWN, lambda number: numbered[number].astype(np.uint8), lambda *of: told.append(of)
+    ).map
     used = spread_out(stated, 36)
+    assert told[: len(used)] == [(done, len(used), "landmarks") for done in range(1, len(used) + 1)]
+    assert told[len(used) :] == [(done, 4, "landmarks adjusted") for done in range(5)]
     assert set(found.view_of[:, 0].tolist()) <= set(used.tolist())
     assert found.poses.shape == stated.shape
     unused = np.setdiff1d(np.arange(len(stated)), used)
