@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import gc
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Iterator
@@ -86,8 +87,14 @@ def _no_real_time() -> Iterator[None]:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
+@pytest.fixture(scope="session")
+def _small_session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("small")
+    write_small_survey(folder)
+    return write_small_session(folder)
+
+
 @pytest.fixture
-def small_session(tmp_path: Path) -> Path:
-    """A session log of 14 pictures whose header names the survey beside it."""
-    write_small_survey(tmp_path)
-    return write_small_session(tmp_path)
+def small_session(_small_session: Path, tmp_path: Path) -> Path:
+    """A session log of 14 pictures whose header names the survey beside it: a test's own copy."""
+    return Path(shutil.copytree(_small_session.parent, tmp_path, dirs_exist_ok=True)) / _small_session.name

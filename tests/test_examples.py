@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import os
 import shutil
 from pathlib import Path
 from types import ModuleType
@@ -36,7 +37,8 @@ def _files(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
     """Change to a folder with the files that examples of a front page read."""
     monkeypatch.chdir(tmp_path)
     if "maurice_viz-" in request.node.name:
-        shutil.copytree(request.getfixturevalue("saved"), tmp_path, dirs_exist_ok=True)
+        files = request.getfixturevalue("saved")  # which no example changes
+        shutil.copytree(files, tmp_path, copy_function=os.link, dirs_exist_ok=True)
         return
     (tmp_path / "session").mkdir()
     image = np.full((4, 6, 3), 100, np.uint8)

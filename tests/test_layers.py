@@ -55,10 +55,16 @@ def tree(file: Path) -> ast.Module:
     return ast.parse(file.read_text(encoding="utf-8"))
 
 
+@cache
+def nodes(file: Path) -> list[ast.AST]:
+    return list(ast.walk(tree(file)))
+
+
+@cache
 def outside(file: Path) -> set[str]:
     """The top-level names of everything a file imports by an absolute name."""
     names = set()
-    for node in ast.walk(tree(file)):
+    for node in nodes(file):
         if isinstance(node, ast.Import):
             names |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -70,7 +76,7 @@ def inside(name: str) -> Iterator[str]:
     """The modules of the same package that a module imports."""
     file = modules()[name]
     home = name.split(".") if file.name == "__init__.py" else name.split(".")[:-1]
-    for node in ast.walk(tree(file)):
+    for node in nodes(file):
         if not isinstance(node, ast.ImportFrom) or not node.level:
             continue
         base = home[: len(home) - node.level + 1] + (node.module.split(".") if node.module else [])
@@ -185,7 +191,7 @@ def test_only_the_command_line_knows_the_console():
 
 def test_only_the_command_line_prints():
     for _, file in SOURCES:
-        calls = [node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call)]
+        calls = [node.func for node in nodes(file) if isinstance(node, ast.Call)]
         printing = any(isinstance(call, ast.Name) and call.id == "print" for call in calls)
         assert not printing or "cli" in file.parts, file
 
@@ -194,10 +200,10 @@ def test_nothing_is_unpickled():
     """A pickle runs what it holds; a file of the cache may come from anybody who can write there."""
     modules = {"pickle", "marshal", "shelve", "dill", "cloudpickle"}
     for file in [*(file for _, file in SOURCES), *(ROOT / "benchmarks").rglob("*.py")]:
-        names = {node.attr for node in ast.walk(tree(file)) if isinstance(node, ast.Attribute)}
+        names = {node.attr for node in nodes(file) if isinstance(node, ast.Attribute)}
         assert not outside(file) & modules, file
         assert "joblib" not in outside(file) or not names & {"Memory", "dump", "load"}, file
-        for node in ast.walk(tree(file)):
+        for node in nodes(file):
             if isinstance(node, ast.keyword) and node.arg == "allow_pickle":
                 assert ast.unparse(node.value) == "False", file
 

@@ -106,11 +106,11 @@ def run_step(step: Step, folder: Path) -> None:
 
 
 def run_quickly(steps: list[Step], folder: Path) -> None:
-    """Run steps here, as all is imported already; a shell runs the first of them and what is served."""
-    for number, step in enumerate(steps):
+    """Run steps here, as all is imported already; a shell runs what is served or redirected."""
+    for step in steps:
         if step.is_python:
             exec(compile(step.text, step.page, "exec"), {"__name__": "__main__"})
-        elif number == 0 or SERVES.search(step.text) or ">" in _typed(step):
+        elif SERVES.search(step.text) or ">" in _typed(step):
             run_step(step, folder)
         else:
             done = run_here(*shlex.split(_typed(step))[1:], expect=None)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import re
-import subprocess
+from collections.abc import Iterator
+from contextlib import chdir
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -11,8 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
-from helpers.browser import CHROMIUM, Page, browser, needs_browser
+from helpers.browser import Page, browser, needs_browser
 from helpers.commands import maurice, one_line
+from helpers.small_session import write_small_session, write_small_survey
 from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.map import Arena, Region
@@ -64,7 +67,32 @@ def reported(session: Path, *words: str) -> str:
     return Path("r.html").read_text(encoding="utf-8")
 
 
-def check(page: str, runs: int = 1) -> Outline:
+@pytest.fixture(scope="module")
+def single(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page about a run, "kept", beside it."""
+    folder = tmp_path_factory.mktemp("single")
+    write_small_survey(folder)
+    with chdir(folder):
+        reported(write_small_session(folder))
+    return folder / "r.html"
+
+
+@pytest.fixture(scope="module")
+def both(single: Path) -> Path:
+    """The page about a comparison."""
+    with chdir(single.parent):
+        maurice("compare", "session.log", "--particles", "150", "--save-run", "both", "-o", "none")
+        maurice("report", "both", "-o", "both.html")
+    return single.with_name("both.html")
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    with browser(tmp_path_factory.mktemp("profile")) as page:
+        yield page
+
+
+def check(page: str) -> Outline:
     """Check what holds for every report."""
     found = Outline(page)
     assert set(SECTIONS) <= set(found.ids)
@@ -86,8 +114,8 @@ def check(page: str, runs: int = 1) -> Outline:
     return found
 
 
-def test_every_section_is_there_and_filled(small_session):
-    found = check(reported(small_session))
+def test_every_section_is_there_and_filled(single):
+    found = check(single.read_text(encoding="utf-8"))
     assert found.headings[0] == "kleine Fahrt"
     labels = [value for value in found.values("svg", "aria-label") if value]
     assert [label.split(" in ")[0] for label in labels[2:]] == [  # after the map and the lanes
@@ -100,18 +128,16 @@ def test_every_section_is_there_and_filled(small_session):
     assert found.counts["img"] >= 4
 
 
-def test_the_same_run_gives_the_same_bytes(small_session):
-    first = reported(small_session)
-    assert "exists already" in one_line(maurice("report", "kept", "-o", "r.html", expect=1)[1])
-    maurice("report", "kept", "-o", "r.html", "--force")
-    assert Path("r.html").read_text(encoding="utf-8") == first
+def test_the_same_run_gives_the_same_bytes(single):
+    assert "exists already" in one_line(maurice("report", single.parent / "kept", "-o", single, expect=1)[1])
+    Path("r.html").write_text("earlier")
+    maurice("report", single.parent / "kept", "-o", "r.html", "--force")
+    assert Path("r.html").read_bytes() == single.read_bytes()
 
 
-def test_a_comparison_is_one_page(small_session):
-    maurice("compare", small_session, "--particles", "150", "--save-run", "both", "-o", "none")
-    maurice("report", "both", "-o", "r.html")
-    page = Path("r.html").read_text(encoding="utf-8")
-    found = check(page, runs=2)
+def test_a_comparison_is_one_page(both):
+    page = both.read_text(encoding="utf-8")
+    found = check(page)
     text = " ".join(found.text)
     assert "Where the runs differ" in text
     assert "sensor.weights" in text
@@ -185,50 +211,24 @@ def view(k: int) -> U8:
     return np.random.default_rng(k).integers(0, 255, (24, 32, 3)).astype(np.uint8)
 
 
-def browse(page: Path, *options: str) -> tuple[str, str]:
-    """Open a page in Chromium without a window; give what it wrote, and what its console said."""
-    assert CHROMIUM is not None
-    fixed = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--enable-logging=stderr"]
-    place = f"--user-data-dir={page.parent / 'profile'}"
-    command = [CHROMIUM, *fixed, "--v=0", place, *options, page.resolve().as_uri()]
-    done = subprocess.run(command, cwd=page.parent, capture_output=True, text=True, check=True, timeout=120)
-    return done.stdout, "\n".join(line for line in done.stderr.splitlines() if "CONSOLE" in line)
-
-
 @needs_browser
-def test_a_browser_shows_it_without_a_complaint(small_session, tmp_path):
-    reported(small_session)
-    page = tmp_path / "r.html"
-    dom, console = browse(page, "--dump-dom")
-    assert console == ""
-    found = Outline(dom.replace("</polyline>", "</polyline>"))
-    assert set(SECTIONS) <= set(found.ids)
+def test_a_browser_shows_it_without_a_complaint(single, tmp_path, window):
+    for domain in ("Runtime", "Log"):
+        window.call(f"{domain}.enable")
     brightness = []
-    for scheme in ("1", "0"):  # light, dark
-        file = tmp_path / f"{scheme}.png"
-        browse(page, f"--screenshot={file}", "--window-size=1280,1000",
-               f"--blink-settings=preferredColorScheme={scheme}")  # fmt: skip
-        image = cv2.imread(str(file))
-        brightness.append(float(image.mean()))
+    for scheme in ("light", "dark"):
+        window.call(
+            "Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}]
+        )
+        window.open(single.as_uri(), 1280, 1000)
+        window.picture(tmp_path / f"{scheme}.png")
+        brightness.append(float(cv2.imread(str(tmp_path / f"{scheme}.png")).mean()))
+    complaints = {"Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"}
+    assert not [event for event in window.events if event["method"] in complaints]
+    assert set(SECTIONS) <= set(Outline(window.value("document.documentElement.outerHTML")).ids)
     assert brightness[0] > 180
     assert brightness[1] < 75
-    browse(page, f"--print-to-pdf={tmp_path / 'r.pdf'}")
-    assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF")
-
-
-@needs_browser
-def test_on_a_phone_nothing_is_wider_than_the_screen(small_session, tmp_path):
-    import html
-
-    inner = html.escape(reported(small_session))
-    script = "f.onload=()=>{document.title=f.contentDocument.documentElement.scrollWidth}"
-    frame = tmp_path / "frame.html"
-    frame.write_text(
-        f'<iframe id="f" width="400" height="900" srcdoc="{inner}"></iframe><script>{script}</script>'
-    )
-    dom, _ = browse(frame, "--dump-dom")
-    width = re.search(r"<title>(\d+)</title>", dom)
-    assert 300 < int(width[1]) <= 400
+    assert base64.b64decode(window.call("Page.printToPDF")["data"]).startswith(b"%PDF")
 
 
 MARKED = """(() => {
@@ -259,21 +259,20 @@ def at_chart(page: Page, share: float) -> tuple[float, float]:
 
 
 @needs_browser
-def test_a_step_under_the_pointer_is_marked_on_the_map_and_told(small_session, tmp_path):
-    reported(small_session)
-    with browser(tmp_path / "profile") as page:
-        page.open((tmp_path / "r.html").as_uri())
-        first = page.value(MARKED)
-        page.hover(*at_chart(page, 0.1))
-        early = page.value(MARKED)
-        page.hover(*at_chart(page, 0.99))
-        late = page.value(MARKED)
-        page.press("ArrowLeft")
-        before = page.value(MARKED)
-        page.hover(*at_chart(page, 0.1))
-        page.call("Emulation.setTouchEmulationEnabled", enabled=True)
-        page.tap(*at_chart(page, 0.99))
-        tapped = page.value(MARKED)
+def test_a_step_under_the_pointer_is_marked_on_the_map_and_told(single, window):
+    window.open(single.as_uri())
+    first = window.value(MARKED)
+    window.hover(*at_chart(window, 0.1))
+    early = window.value(MARKED)
+    window.hover(*at_chart(window, 0.99))
+    late = window.value(MARKED)
+    window.press("ArrowLeft")
+    before = window.value(MARKED)
+    window.hover(*at_chart(window, 0.1))
+    window.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    window.tap(*at_chart(window, 0.99))
+    tapped = window.value(MARKED)
+    window.call("Emulation.setTouchEmulationEnabled", enabled=False)
     assert first["when"].startswith("Step ")
     assert [one["when"].split(",")[0] for one in (early, late, before)] == ["Step 1", "Step 14", "Step 13"]
     assert early["cursor"] < before["cursor"] < late["cursor"]
@@ -288,12 +287,11 @@ def test_a_step_under_the_pointer_is_marked_on_the_map_and_told(small_session, t
 
 
 @needs_browser
-def test_what_is_not_known_is_said_and_hostile_names_are_text(tmp_path):
+def test_what_is_not_known_is_said_and_hostile_names_are_text(tmp_path, window):
     reported(session_of(tmp_path, name=EVIL, truth=False))
-    with browser(tmp_path / "profile") as page:
-        page.open((tmp_path / "r.html").as_uri())
-        page.hover(*at_chart(page, 0.99))
-        found = page.value(MARKED)
+    window.open((tmp_path / "r.html").as_uri())
+    window.hover(*at_chart(window, 0.99))
+    found = window.value(MARKED)
     assert found["when"].startswith("Step 6, ")
     assert "truth" not in found["when"]
     assert len(found["robots"]) == 1
@@ -302,19 +300,16 @@ def test_what_is_not_known_is_said_and_hostile_names_are_text(tmp_path):
 
 @needs_browser
 @pytest.mark.parametrize("size", [(1600, 1000), (800, 1000), (400, 900)], ids=str)
-def test_text_has_at_least_11_px_and_nothing_is_cut_off(small_session, tmp_path, size):
-    maurice("compare", small_session, "--particles", "50", "--save-run", "both", "-o", "none")
-    maurice("report", "both", "-o", "r.html")
-    with browser(tmp_path / "profile") as page:
-        page.open((tmp_path / "r.html").as_uri(), *size)
-        assert page.value(SMALLEST) >= 11
-        assert page.value("document.documentElement.scrollWidth") <= size[0]
-        if size[0] > 1200:  # side by side
-            page.value("document.querySelector('#traces').scrollIntoView()")
-            free = size[1]
-        else:
-            free = at_chart(page, 0.5)[1] - 0.6 * page.value(BOX)[3]
-        assert 0 < page.value("document.querySelector('.board').getBoundingClientRect().bottom") <= free
+def test_text_has_at_least_11_px_and_nothing_is_cut_off(both, window, size):
+    window.open(both.as_uri(), *size)
+    assert window.value(SMALLEST) >= 11
+    assert window.value("document.documentElement.scrollWidth") <= size[0]
+    if size[0] > 1200:  # side by side
+        window.value("document.querySelector('#traces').scrollIntoView()")
+        free = size[1]
+    else:
+        free = at_chart(window, 0.5)[1] - 0.6 * window.value(BOX)[3]
+    assert 0 < window.value("document.querySelector('.board').getBoundingClientRect().bottom") <= free
 
 
 FIRST_SCREEN = """["p.verdict", ".board > svg", "#summary"].map((name) => {
@@ -325,18 +320,15 @@ FIRST_SCREEN = """["p.verdict", ".board > svg", "#summary"].map((name) => {
 
 @needs_browser
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)], ids=str)
-def test_the_first_screen_has_headline_and_map(small_session, tmp_path, size):
-    maurice("compare", small_session, "--particles", "50", "--save-run", "both", "-o", "none")
-    maurice("report", "both", "-o", "r.html")
-    with browser(tmp_path / "profile") as page:
-        page.open((tmp_path / "r.html").as_uri(), *size)
-        headline, plan, summary = page.value(FIRST_SCREEN)
+def test_the_first_screen_has_headline_and_map(both, window, size):
+    window.open(both.as_uri(), *size)
+    headline, plan, summary = window.value(FIRST_SCREEN)
     assert headline[3] <= plan[1] < plan[3] <= size[1]
     assert (summary[0] >= plan[2] and summary[1] < size[1] / 2) == (size[0] > 1200)  # beside it, or below
 
 
-def test_the_lanes_have_the_states_of_the_viewer(small_session):
-    page = reported(small_session)
+def test_the_lanes_have_the_states_of_the_viewer(single):
+    page = single.read_text(encoding="utf-8")
     states = page[page.index('<figure class="lanes">') : page.index("</figure>", page.index("lanes"))]
     colors = set(re.findall(r'fill="rgb\((.*?)\)"', page))
     assert colors
