@@ -74,6 +74,7 @@ class ContactSheet:
     def __init__(self, library: Library, scale: Scale) -> None:
         self.library, self.scale = library, scale
         self.height = cell_height(library.pictures)  # of a picture, in pixels
+        self._poses: dict[int, tuple[str, str]] = {}  # place and heading in words, by entry
 
     def picture(self, entry: int) -> bytes:
         """Return a reference's picture as a JPEG."""
@@ -81,8 +82,10 @@ class ContactSheet:
 
     def caption(self, match: Match) -> bytes:
         """Draw three lines as a PNG: rank and entry, place, heading and quality."""
-        place, _, heading = self.scale.say_pose(self.library.poses[match.entry]).rpartition(", ")
-        image = _caption_of(match.entry, place, heading).copy()
+        if match.entry not in self._poses:
+            place, _, heading = self.scale.say_pose(self.library.poses[match.entry]).rpartition(", ")
+            self._poses[match.entry] = place, heading
+        image = _caption_of(match.entry, *self._poses[match.entry]).copy()
         write(image, f"{match.rank}", 2, LINES_PX[0], 15.0, INKS[RANK])
         write(image, f"q {match.quality:.3f}", QUALITY_AT_PX, LINES_PX[2], TEXT_PX, INKS[PALE])
         return CAPTIONS.png(image)

@@ -59,9 +59,11 @@ class IndexedColors:
         height, width = image.shape
         rows = np.empty((height, width + 1), np.uint8)
         rows[:, 0] = AS_IT_IS if self._of_letters else FROM_ABOVE
-        rows[:, 1:] = image
-        if not self._of_letters:
-            rows[1:, 1:] -= image[:-1]
+        if self._of_letters:
+            rows[:, 1:] = image
+        else:
+            rows[0, 1:] = image[0]
+            np.subtract(image[1:], image[:-1], out=rows[1:, 1:])
         packer = zlib.compressobj(1, zlib.DEFLATED, 15, 8, zlib.Z_RLE)
         size = width.to_bytes(4, "big") + height.to_bytes(4, "big")
         header = _chunk(b"IHDR", size + BY_PALETTE)

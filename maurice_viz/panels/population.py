@@ -240,14 +240,10 @@ class WeightBarsPanel(Panel):
         bars = bars_of(heights_of(dots), heights_of(held))
         rec.log(self._paths.inside("bars"), row_of(rr.EncodedImage, blob=blob_of(bars)))
         labels = [*_names_of(kind)]
-        for values, left, color in ((dots, FIRST_PX, style.CLOUD), (held, SECOND_PX, style.WEIGHT)):
+        for values, left, color in ((dots, FIRST_PX, DOTS_COLOR), (held, SECOND_PX, WEIGHT_COLOR)):
+            middle = left + COLUMN_PX / 2
             labels += [
-                (
-                    BINS_PX * k + left + COLUMN_PX / 2,
-                    -HEIGHT_PX * value - VALUE_ABOVE,
-                    f"{100 * value:.0f}",
-                    style.packed(color),
-                )
+                (BINS_PX * k + middle, -HEIGHT_PX * value - VALUE_ABOVE, f"{100 * value:.0f}", color)
                 for k, value in enumerate(values.tolist())
                 if value >= LEAST_SAID
             ]
@@ -258,12 +254,13 @@ class WeightBarsPanel(Panel):
 
 
 Label = tuple[float, float, str, int]  # x, y, text, packed color
+DOTS_COLOR, WEIGHT_COLOR = style.packed(style.CLOUD), style.packed(style.WEIGHT)
 
 
 @cache
 def _names_of(kind: Kind) -> tuple[Label, ...]:
     """Return the labels that all bars of a kind have."""
-    dots, weight, pale = (style.packed(color) for color in (style.CLOUD, style.WEIGHT, style.PALE))
+    dots, weight, pale = DOTS_COLOR, WEIGHT_COLOR, style.packed(style.PALE)
     width, top = BINS_PX * len(kind.bins), -HEIGHT_PX - KEY_ABOVE
     names = [(BINS_PX * (k + 0.48), NAME_BELOW, name, pale) for k, (_, name) in enumerate(kind.bins)]
     under = width / 2, UNDER, kind.under, pale
@@ -272,6 +269,7 @@ def _names_of(kind: Kind) -> tuple[Label, ...]:
 
 def shares_of(times: F64, kind: Kind) -> tuple[F64, F64]:
     """Return the shares (K,) of particles in each bin, and of all their weight or copies `times` (N,)."""
+    times = times if np.ptp(times) else times[:1]  # where all are alike one stands for all
     small = np.zeros(len(times), np.uint8)
     for least, _ in kind.bins[1:]:  # sooner than a search for as few
         small += times >= least

@@ -252,7 +252,7 @@ class LikelihoodMaps:
             corner = corner + grid.cell_m * np.array([columns[0], rows[0]])
         step = max(1, -(-max(places.shape) // MAP_PX))
         cells = places[step // 2 :: step, step // 2 :: step]
-        self.place_of_pixel = np.ascontiguousarray(cells[::-1])  # (H, W), -1 outside; row 0 on top
+        self.place_of_pixel = np.array(cells[::-1], np.intp)  # (H, W), -1 outside; row 0 on top
         place = np.zeros(library.size, np.int32)  # of each entry
         for number, row in enumerate(nearest.entry_of[:-1]):
             place[np.unique(row)] = number
@@ -271,7 +271,7 @@ class LikelihoodMaps:
         if not tells_apart(log_likelihood):
             share = np.zeros_like(best)  # all alike: dark, and not all bright
         inks = np.append(np.clip(share * _BRIGHTEST, 0, _BRIGHTEST), _OUTSIDE).astype(np.uint8)
-        return _LIKELIHOODS.png(inks[self.place_of_pixel])  # -1 is the last
+        return _LIKELIHOODS.png(inks.take(self.place_of_pixel))  # -1 is the last
 
 
 _LIKELIHOODS = IndexedColors()

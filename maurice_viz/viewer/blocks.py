@@ -7,10 +7,10 @@ the later one still wins.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -30,51 +30,53 @@ FILE_BATCH_S = 1.0  # of what is not in blocks
 GIVEN_UP_S = 1.0  # to wait after a block, once a disk has not taken one
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RowTime:
-    """When rows are."""
-
-    timelines: Timelines
-    times: Mapping[str, Any]  # by timeline
-
-
 @dataclass(slots=True)
 class Rows:
-    """Rows of one entity, in the order in which they were logged."""
+    """The rows of one entity on one set of timelines: every column as long as there are rows, or shorter."""
 
-    ats: list[RowTime] = field(default_factory=list)
-    rows: list[LogRow] = field(default_factory=list)
+    timelines: Timelines
+    ats: list[tuple[Any, ...]] = field(default_factory=list)  # a number that rises, and a time on each
+    columns: dict[Any, list[Values | None]] = field(default_factory=dict)  # by descriptor; None: not there
+    size: int = 0  # bytes, about
 
-    def add(self, at: RowTime, row: LogRow) -> None:
+    def add(self, at: tuple[Any, ...], row: LogRow) -> None:
         """Append a row."""
+        count = len(self.ats)
         self.ats.append(at)
-        self.rows.append(row)
+        for descriptor, values in row.items():
+            column = self.columns.get(descriptor)
+            if column is None:
+                column = self.columns[descriptor] = []
+            if len(column) < count:
+                column.extend([None] * (count - len(column)))
+            column.append(values)
+            self.size += values.size
 
-    def together(self) -> list[Rows]:
-        """Return those on the same timelines together, or each alone where some are at the same time."""
-        if len({at.timelines for at in self.ats}) == 1:
-            return [self]
-        blocks: dict[Timelines, Rows] = {}
-        for at, row in zip(self.ats, self.rows, strict=True):
-            blocks.setdefault(at.timelines, Rows()).add(at, row)
-        times = [{place for at in block.ats for place in at.times.items()} for block in blocks.values()]
-        if sum(map(len, times)) == len(set().union(*times)):
-            return list(blocks.values())
-        return [Rows([at], [row]) for at, row in zip(self.ats, self.rows, strict=True)]
+    def filled(self) -> list[Any]:
+        """Return every column, as long as there are rows."""
+        count = len(self.ats)
+        for column in self.columns.values():
+            column.extend([None] * (count - len(column)))
+        return [ComponentLists(*column) for column in self.columns.items()]
 
-    def times(self, timeline: str) -> tuple[Any, ...]:
-        """Return where the rows are on one of their timelines."""
-        return tuple([at.times[timeline] for at in self.ats])
+    def places(self) -> set[tuple[str, Any]]:
+        """Return all timelines with the times of rows."""
+        return {place for _, *times in self.ats for place in zip(self.timelines, times, strict=True)}
 
-    def columns(self) -> list[Any]:
-        """Return every component as a column."""
-        descriptors = dict.fromkeys(descriptor for row in self.rows for descriptor in row)
-        return [ComponentLists(kind, [row.get(kind) for row in self.rows]) for kind in descriptors]
+    def single(self, number: int) -> Rows:
+        """Return one of the rows."""
+        columns = {descriptor: column[number : number + 1] for descriptor, column in self.columns.items()}
+        there = {descriptor: column for descriptor, column in columns.items() if any(column)}
+        return Rows(self.timelines, [self.ats[number]], there)
 
-    @property
-    def size(self) -> int:
-        """Their bytes, about."""
-        return sum([values.size for row in self.rows for values in row.values()])
+
+def in_order(blocks: list[Rows]) -> list[Rows]:
+    """Return rows of an entity so that of two at one time the later one is later, also on other timelines."""
+    places = [rows.places() for rows in blocks] if len(blocks) > 1 else []
+    if sum(map(len, places)) == len(set().union(*places)):
+        return blocks
+    alone = [rows.single(number) for rows in blocks for number in range(len(rows.ats))]
+    return sorted(alone, key=lambda rows: rows.ats[0][0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,13 +92,13 @@ class ComponentLists:
 
     def as_arrow_array(self) -> Any:
         """Return lists, one per row; null where the component is not in the row."""
-        present = [values for values in self.values if values is not None]
+        present, gaps = [values for values in self.values if values is not None], None
+        if len(present) < len(self.values):
+            there = np.packbits([values is not None for values in self.values], bitorder="little")
+            gaps = pa.py_buffer(there)
         lengths = [0 if values is None else values.length for values in self.values]
         ends, inner = pa.py_buffer(np.cumsum([0, *lengths], dtype=np.int32)), joined(present)
-        gaps = len(present) < len(lengths)
-        there = np.packbits([values is not None for values in self.values], bitorder="little")
-        buffers = [pa.py_buffer(there) if gaps else None, ends]
-        return pa.Array.from_buffers(pa.list_(inner.type), len(lengths), buffers, children=[inner])
+        return pa.Array.from_buffers(pa.list_(inner.type), len(lengths), [gaps, ends], children=[inner])
 
 
 class BlockRecording(rr.RecordingStream):
@@ -110,8 +112,9 @@ class BlockRecording(rr.RecordingStream):
         self._patience_s = patience_s
         self._times: dict[str, Any] = {}  # by timeline
         self._kinds: dict[str, str] = {}  # of number, by timeline
-        self._at: RowTime | None = None  # of what is logged now; None: it was changed
-        self._rows: defaultdict[str, Rows] = defaultdict(Rows)  # by entity
+        self._rows: dict[Timelines, dict[str, Rows]] = {}  # by entity
+        self._now: tuple[dict[str, Rows], Timelines, tuple[Any, ...]] | None = None  # None: the time changed
+        self._numbers = count()
         self._columns: dict[tuple[str, tuple[Any, ...]], rr.TimeColumn] = {}  # of this block
         self._step: Any = None
         self._updates = self._bytes = 0
@@ -124,12 +127,12 @@ class BlockRecording(rr.RecordingStream):
             self._updates += 1
             if self._updates > UPDATES_A_BLOCK or self._bytes > BYTES_A_BLOCK:
                 self.send_rows()
-        self._times[timeline], self._kinds[timeline], self._at = at, kind, None
+        self._times[timeline], self._kinds[timeline], self._now = at, kind, None
 
     def disable_timeline(self, timeline: str) -> None:
         """Leave a timeline out of what is logged from now on."""
         self._times.pop(timeline, None)
-        self._at = None
+        self._now = None
 
     def log(self, entity_path: Any, entity: Any, *extra: Any, static: bool = False, **how: Any) -> None:
         """Log as any recording does. What is static, or clears an entity, goes out at once.
@@ -141,12 +144,20 @@ class BlockRecording(rr.RecordingStream):
         if static or not self._times or type(entity) is rr.Clear:
             self._log_now(entity_path, entity, *extra, static=static, **how)
             return
-        row = _row_of(entity, extra)
-        for values in row.values():
-            self._bytes += values.size
-        if self._at is None:
-            self._at = RowTime(tuple(sorted(self._times)), self._times.copy())
-        self._rows[str(entity_path)].add(self._at, row)
+        blocks, timelines, at = self._now or self._begin()
+        rows = blocks.get(str(entity_path))
+        if rows is None:
+            rows = blocks[str(entity_path)] = Rows(timelines)
+        before = rows.size
+        rows.add(at, _row_of(entity, extra))
+        self._bytes += rows.size - before
+
+    def _begin(self) -> tuple[dict[str, Rows], Timelines, tuple[Any, ...]]:
+        """Return where rows at the present time go."""
+        timelines = tuple(sorted(self._times))
+        at = next(self._numbers), *(self._times[timeline] for timeline in timelines)
+        self._now = self._rows.setdefault(timelines, {}), timelines, at
+        return self._now
 
     def _log_now(self, entity_path: Any, entity: Any, *extra: Any, **how: Any) -> None:
         super().reset_time()
@@ -159,18 +170,18 @@ class BlockRecording(rr.RecordingStream):
         if not self._rows:
             return
         sent = 0
-        for entity, rows in self._rows.items():
-            for block in rows.together():
-                timelines = block.ats[0].timelines
-                times = [self._time_column(timeline, block.times(timeline)) for timeline in timelines]
-                self.send_columns(entity, times, block.columns())
-            sent += rows.size
+        for entity in dict.fromkeys(chain.from_iterable(self._rows.values())):
+            for rows in in_order([blocks[entity] for blocks in self._rows.values() if entity in blocks]):
+                _, *ats = zip(*rows.ats, strict=True)
+                times = [self._time_column(*column) for column in zip(rows.timelines, ats, strict=True)]
+                self.send_columns(entity, times, rows.filled())
+                sent += rows.size
             if sent > BYTES_AT_ONCE:
                 self._wait_for_the_disk()
                 sent = 0
         self._rows.clear()
         self._columns.clear()
-        self._updates = self._bytes = 0
+        self._now, self._updates, self._bytes = None, 0, 0
         self._wait_for_the_disk()
 
     def _wait_for_the_disk(self) -> None:

@@ -185,8 +185,8 @@ def nearest_entries(sensor: SensorModel, poses: F64) -> I32:
 
 def offset(pose: F64, other: F64) -> PoseOffset:
     """Return how far a pose (3,) is from another."""
-    apart_m = float(np.hypot(*(pose[:2] - other[:2])))
-    return PoseOffset(apart_m, angle_between(float(pose[2]), float(other[2])))
+    (x, y, heading), (other_x, other_y, other_heading) = pose.tolist(), other.tolist()
+    return PoseOffset(float(np.hypot(x - other_x, y - other_y)), angle_between(heading, other_heading))
 
 
 def _poses(
@@ -210,7 +210,7 @@ def _relative(sensor: SensorModel, poses: F64) -> F32:
 def _channels(
     comparison: Comparison, sensor: SensorModel, entries: list[int]
 ) -> list[list[ChannelExplanation]]:
-    loses = _losses(comparison, sensor)[:, entries]
+    loses = _losses(comparison, sensor, entries)
     explanations = []
     for k, name in enumerate(comparison.channels):
         index, distance = sensor.library.index[name], sensor.parameters.distance_of(name)
@@ -236,8 +236,8 @@ def _channels(
     return explanations
 
 
-def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
-    """Divide minus the log-likelihood of every entry among the channels: (C, L), >= 0.
+def _losses(comparison: Comparison, sensor: SensorModel, entries: list[int]) -> F64:
+    """Divide minus the log-likelihood of some entries among the channels: (C, K), >= 0.
 
     Blends are linear in their weights: a channel's part is the blend with the others at weight 0. The
     likelihood is divided in proportion, which is exact for the exponential one.
@@ -246,11 +246,11 @@ def _losses(comparison: Comparison, sensor: SensorModel) -> F64:
     weights = np.array([p.weights[name] for name in names])
     scales = np.array([p.scale_of(name) for name in names])
     blend, rows = BLENDS[p.blend], np.eye(len(names)) * weights
-    alone = [blend(comparison.distances, row, scales).distance for row in rows]
+    alone = [blend(comparison.distances, row, scales).distance[entries] for row in rows]
     parts = np.stack(alone).astype(np.float64)
     total = parts.sum(axis=0)
     share = np.divide(parts, total, out=np.zeros_like(parts), where=total > 0)
-    return np.asarray(share * np.maximum(-comparison.log_likelihood.astype(np.float64), 0.0))
+    return np.asarray(share * np.maximum(-comparison.log_likelihood[entries].astype(np.float64), 0.0))
 
 
 LEAST_NATS = 0.05  # less is no reason
