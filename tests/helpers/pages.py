@@ -28,7 +28,7 @@ WRITTEN = re.compile(r"(?:-o|--output|--save-run|--session-only) ([^\s/]+)")  # 
 WORD = re.compile(r"[^\s/\"']+")
 SERVES = re.compile(r"\s--web\b")  # until Ctrl-C
 PATIENCE_S = 120.0  # until a page that is served ends: far longer than it takes
-NO_DRIVER = "needs a software Vulkan driver"
+NO_DRIVER = "found no software Vulkan driver"
 
 
 @dataclass(frozen=True)

@@ -116,7 +116,8 @@ def test_an_error_names_what_the_caller_has_options_or_parameters(small_session,
 def test_no_message_or_help_sends_people_to_pages_that_are_not_installed():
     for package in PACKAGES:
         for file in Path(str(package.__file__)).parent.rglob("*.py"):
-            nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+            source = file.read_text(encoding="utf-8")
+            nodes = list(ast.walk(ast.parse(source))) if "docs/" in source else []
             docstrings = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
             texts = [node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
             assert not [node.value for node in texts if "docs/" in node.value and id(node) not in docstrings]

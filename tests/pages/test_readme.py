@@ -8,12 +8,18 @@ from __future__ import annotations
 import pytest
 
 from helpers.pages import OWN, PLACEHOLDER, ROOT, Step, prepare, quick, run_quickly, run_step, steps_of
+from maurice_datasets import demos, sessions
+from maurice_viz.viewer import snapshot
 
 PAGES = ("README.md", "docs/tutorial.md", "docs/your-robot.md")  # in the order of reading
 
 
 @pytest.mark.parametrize(("page", "least"), [("README.md", 15), ("docs/your-robot.md", 7)])
 def test_a_page(page, least, tmp_path, monkeypatch):
+    """With a shorter demo, and no viewer to draw pictures; the slow test below has both."""
+    for module in (demos, sessions):
+        monkeypatch.setattr(module, "KIDNAPPING_UPDATES", 50)
+    monkeypatch.setattr(snapshot, "software_driver", lambda: None)
     monkeypatch.chdir(tmp_path)
     prepare(tmp_path)
     steps = quick(steps_of(page))

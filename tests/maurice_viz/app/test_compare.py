@@ -58,6 +58,8 @@ def test_exactly_one_kind_of_option_differs_and_names_the_runs(small_session, tm
     (tmp_path / "b").mkdir()
     for name, sharpness in (("a", 1), ("b/a", 2), ("tür", 3)):
         (tmp_path / f"{name}.toml").write_text(f"sensor.sharpness = {sharpness}\n")
+    first = small_session.read_text().splitlines(keepends=True)[:4]  # the labels need no longer drive
+    small_session.write_text("".join(first))
     out, _ = maurice("compare", small_session, *options, *FEW)
     assert labels_of(out) == labels
 

@@ -44,8 +44,7 @@ def test_json_has_the_documented_keys_and_repeats(small_session, tmp_path):
     def figures(seed: str) -> list[dict[str, object]]:
         return runs_of(run(small_session, "--json", "-o", "none", "--seed", seed).stdout)
 
-    assert figures("1") == figures("1")
-    assert figures("1") != figures("2")
+    assert runs_of(done.stdout) == figures("3") != figures("2")
 
 
 def test_compare_has_a_column_and_a_branch_for_each_run(small_session, tmp_path):

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from helpers.commands import COMMAND, no_display, run
+from helpers.small_room import write_small_room
 from maurice_viz.cli.drive import KEY, UNFINISHED, keys_of, new_name
 
 if sys.platform == "win32":
@@ -33,7 +34,7 @@ class Typist:
         self.before = termios.tcgetattr(self.slave)
         ends = {"stdin": self.slave, "stdout": self.slave, "stderr": self.slave}
         env = no_display() | {"COLUMNS": "200", "TERM": "xterm"}
-        args = [*COMMAND, "drive", "--world", str(folder / "world.toml"), "--particles", "200", *words]
+        args = [*COMMAND, "drive", "--world", str(folder / "closet.toml"), "--particles", "200", *words]
         self.process = subprocess.Popen(args, cwd=folder, env=env, start_new_session=True, **ends)
 
     def reads(self, words: str) -> str:
@@ -74,14 +75,8 @@ def typist(folder: Path, *words: str) -> Iterator[Typist]:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with a world of few references."""
-    import maurice_datasets.worlds as worlds
-
-    text = (Path(worlds.__file__).parent / "two-rooms.toml").read_text(encoding="utf-8")
-    few = text.replace("spacing = 18", "spacing = 36").replace("headings = 8", "headings = 2")
-    assert few != text
-    (tmp_path / "world.toml").write_text(few, encoding="utf-8")
-    return tmp_path
+    """A folder with a small world."""
+    return write_small_room(tmp_path).parent
 
 
 def test_a_drive_is_typed_watched_and_saved(folder: Path) -> None:

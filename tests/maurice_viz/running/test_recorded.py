@@ -152,13 +152,13 @@ def test_failures_are_drawn(saved: Path, tmp_path: Path) -> None:
 
 def test_what_amcl_itself_did_without_truth_is_suspected_by_its_scans(tmp_path):
     """A run that was carried off, published as AMCL would, and recorded without any true pose."""
-    plan = SimulationPlan(TASKS["kidnapped"], world="office", arena_seed=0, seed=1, updates=60, laser=True)
+    plan = SimulationPlan(TASKS["kidnapped"], world="office", arena_seed=0, seed=1, updates=40, laser=True)
     written = write_simulation(tmp_path / "s", plan)
     lines = written.session.read_text(encoding="utf-8").splitlines()
     records = [json.loads(line) for line in lines]
     hidden = [r for r in records if "truth" not in r and "kidnapped" not in str(r.get("event", ""))]
     written.session.write_text("\n".join(map(json.dumps, hidden)) + "\n", encoding="utf-8")
-    settings = ("--set", "recovery.strategy=none", "--particles", "500")
+    settings = ("--set", "recovery.strategy=none", "--particles", "300")
     run("replay", written.session, *settings, "-o", "none", "--save-run", tmp_path / "own")
     run("export", tmp_path / "own", "-o", tmp_path / "amcl.mcap")
     run("replay", tmp_path / "amcl.mcap", "--as-recorded", "-o", "none", "--save-run", tmp_path / "recorded")
