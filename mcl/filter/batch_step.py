@@ -69,34 +69,36 @@ class Batch:
             values = references.at_headings(comparison.of_references)
         group = max(TOGETHER // particles, 1)
         for first in range(0, count, group):
-            runs = np.arange(first, min(first + group, count))
-            self._advance_some(runs, frame, comparison, values, put, put_record)
+            rows = slice(first, min(first + group, count))
+            self._advance_some(rows, frame, comparison, values, put, put_record)
         self.step = frame.step
 
     def _advance_some(
         self,
-        runs: Runs,
+        rows: slice,
         frame: Frame,
         comparison: Comparison,
         values: F32 | None,
         put: Put,
         put_record: PutRecord,
     ) -> None:
-        """Process one frame in some runs (r,): the steps of `Localizer.step`, with one row for each run."""
-        moved = self._moved(runs, frame)
+        """Process one frame in some runs: the steps of `Localizer.step`, with one row for each run."""
+        runs, prior = np.arange(rows.start, rows.stop), self.log_weights[rows]
+        moved = self._moved(rows, frame)
         entries, likelihood = self._looked_up(moved, comparison, values)
         sensed = self._sensed(moved, comparison)
         if sensed is not None:
             likelihood = likelihood + np.float32(self.localizer.sensor.parameters.sharpness) * sensed
-        posterior = self.log_weights[runs] + likelihood
+        posterior = prior + likelihood
         usual = np.isfinite(posterior.max(axis=1))
         if not usual.all():
             self._alone(runs[~usual], frame, comparison, put_record)
             runs, moved, entries, posterior = runs[usual], moved[:, usual], entries[usual], posterior[usual]
+            prior = prior[usual]
             sensed = None if sensed is None else sensed[usual]
         if not len(runs):
             return
-        prior = self.log_weights[runs] if sensed is None else self.log_weights[runs] + sensed
+        prior = prior if sensed is None else prior + sensed
         evidence = self._evidence(np.exp(prior), entries, comparison)
         log_evidence = _normalize(posterior)
         clouds = Clouds.of(moved, np.exp(posterior), self.localizer.library.origin)
@@ -117,18 +119,18 @@ class Batch:
                 self.recovery[run] = state
             put(runs, numbers)
 
-    def _moved(self, runs: Runs, frame: Frame) -> F32:
+    def _moved(self, rows: slice, frame: Frame) -> F32:
         """Return the poses (3, r, N) after every movement of a frame."""
         localizer, particles = self.localizer, self.log_weights.shape[1]
         assert localizer.motion is not None, "see can_batch"
-        poses: F32 = self.poses[:, runs].reshape(3, -1).T
+        poses: F32 = self.poses[:, rows].reshape(3, -1).T
         for number, motion in enumerate(frame.motions):
-            noise = normals_at(self._words(frame.step, Purpose.MOTION, number)[runs], particles)
+            noise = normals_at(self._words(frame.step, Purpose.MOTION, number)[rows], particles)
             if localizer.outliers.share > 0:
-                rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[runs])
+                rngs = map(generator, self._words(frame.step, Purpose.OUTLIER, number)[rows])
                 noise = with_outliers(noise, localizer.outliers, *rngs)
             poses = localizer.motion.move(poses, localizer.library.origin, motion, noise)
-        return poses.T.reshape(3, len(runs), particles)
+        return poses.T.reshape(3, -1, particles)
 
     def _looked_up(self, moved: F32, comparison: Comparison, values: F32 | None) -> tuple[I32, F32]:
         """Return the nearest entry and the log-likelihood of every particle, (r, N) each."""
@@ -231,9 +233,8 @@ def _parents(scheme: Resampler, weights: F64, rngs: Sequence[np.random.Generator
     cumulative /= cumulative[:, -1:]
     ends = cumulative * particles
     ends -= np.array([rng.random() for rng in rngs])[:, None]
-    ends = np.ceil(ends, out=ends).astype(np.int32)
-    np.copyto(ends, np.int32(particles), where=cumulative >= 1.0)
-    copies = ends.copy()
-    copies[:, 1:] -= ends[:, :-1]
-    of = np.repeat(np.tile(np.arange(particles), len(weights)), copies.ravel())
-    return of.reshape(weights.shape)
+    ends = np.ceil(ends, out=ends).astype(np.intp)
+    np.copyto(ends, particles, where=cumulative >= 1.0)
+    ends += np.arange(len(ends))[:, None] * (particles + 1)
+    ended = np.bincount(ends.ravel(), minlength=len(ends) * (particles + 1))
+    return np.asarray(ended.reshape(-1, particles + 1)[:, :-1].cumsum(axis=1))

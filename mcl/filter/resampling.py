@@ -37,11 +37,10 @@ def multinomial(weights: F64, n: int, rng: np.random.Generator) -> I32:
 def systematic(weights: F64, n: int, rng: np.random.Generator) -> I32:
     """Select by one draw and even steps (Carpenter, Clifford and Fearnhead 1999): lowest variance."""
     cumulative, last = _cumulative(weights)
-    ends = np.ceil(cumulative * n - rng.random()).astype(np.int32)
+    ends = np.ceil(cumulative * n - rng.random()).astype(np.intp)
     ends[last:] = n
-    copies = ends.copy()
-    copies[1:] -= ends[:-1]
-    return np.repeat(np.arange(len(weights), dtype=np.int32), copies)
+    # the parent of a copy is how many particles have all of theirs before it
+    return np.bincount(ends)[:n].cumsum().astype(np.int32)
 
 
 def stratified(weights: F64, n: int, rng: np.random.Generator) -> I32:
