@@ -202,7 +202,7 @@ class EvidenceFinder:
             surprise=surprising,
             reference_m=surroundings.to_reference_m(truth),
             fit=surroundings.fit(record.sighting.comparison, truth, record.estimate.pose),
-            alike=layout_fit(surroundings, moment.frame.image, truth),
+            alike=layout_fit(surroundings, moment.frame.image, truth, record.sighting.comparison.descriptors),
         )
 
     def _scan(self, evidence: UpdateEvidence, record: StepRecord, truth: F64) -> ScanFit | None:
@@ -240,9 +240,7 @@ def _moved(motions: F64) -> bool:
 def _same(frame: Frame, before: Frame) -> bool:
     """Return whether two pictures are equal; not those of one color, which stand for none."""
     image = frame.image
-    if image.shape != before.image.shape or not image.size or (image == image[0, 0]).all():
-        return False
-    return bool(np.array_equal(image, before.image))
+    return np.array_equal(image, before.image) and image.size > 0 and not (image == image[0, 0]).all()
 
 
 def _tilt_after(events: tuple[str, ...], last: float | None) -> float | None:

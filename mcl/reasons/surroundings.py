@@ -283,10 +283,16 @@ def light_fit(
     return LightFit(ratio, float(levels.mean()), float(expected.mean()), cost, behind, colors)
 
 
-def layout_fit(surroundings: Surroundings, image: U8, truth: F64) -> float | None:
-    """Correlate a picture's layout with the expected one; 0 for an even picture, None where not known."""
+def layout_fit(
+    surroundings: Surroundings, image: U8, truth: F64, descriptors: Mapping[str, F32]
+) -> float | None:
+    """Correlate a picture's layout with the expected one; 0 for an even picture, None where not known.
+
+    `descriptors` are what was measured in the picture.
+    """
     expected = surroundings.expected_layout(truth) if image.size else None
     if expected is None:
         return None
-    seen = layouts_of(Tiny().describe(image)[None])[0]
+    tiny = descriptors.get(Tiny.name)
+    seen = layouts_of((Tiny().describe(image) if tiny is None else tiny)[None])[0]
     return float(np.corrcoef(seen, expected)[0, 1]) if seen.std() > 0 < expected.std() else 0.0
