@@ -112,7 +112,7 @@ def copies_of(parents: I32 | None, size: int) -> NDArray[np.int64]:
     """Return how many copies each weighted particle (N,) left; 1 where there was no resampling."""
     if parents is None:
         return np.ones(size, np.int64)
-    return np.bincount(parents[parents >= 0], minlength=size)
+    return np.bincount(parents + 1, minlength=size + 1)[1:]  # without -1, the fresh ones
 
 
 @dataclass(slots=True)
@@ -307,7 +307,8 @@ class CloseupFrame:
             self._half, self._at = needed if resized else self._half, at
             frame = places_of([*at.tolist(), 0]), places_of([self._half] * 3)
             rec.log(self._path, row_of(rr.Transform3D, translation=frame[0], scale=frame[1]))
-            self._draw_bar(rec)
+            if resized:
+                self._draw_bar(rec)
         self._draw_away(rec, truths)
 
     def _draw_bar(self, rec: rr.RecordingStream) -> None:

@@ -131,17 +131,21 @@ CIRCLE = np.column_stack([np.cos(AROUND), np.sin(AROUND)])
 class ModesPanel(Panel):
     """Draws a ring around each mode of one run on the map."""
 
+    _has_rings = False  # at the last update
+
     def prepare(self, rec: rr.RecordingStream) -> None:
         width = rr.components.Radius.ui_points(RING_PT)
         rings = rr.LineStrips2D.from_fields(radii=width, draw_order=44.0, show_labels=True)
         rec.log(self._paths.mode_rings, rings, static=True)
 
     def draw(self, rec: rr.RecordingStream, update: StepUpdate) -> None:
-        if update.whole:
+        had, self._has_rings = self._has_rings, len(ringed(update.modes)) > 0
+        if had and update.whole:
             set_phase_only(rec, update.moment, Phase.PREDICT)
             rec.log(self._paths.mode_rings, rings_of((), self._scale, 0.0))
-        set_phase(rec, update.moment, Phase.WEIGHT)
-        rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale, mode_room(self._scene)))
+        if had or self._has_rings:
+            set_phase(rec, update.moment, Phase.WEIGHT)
+            rec.log(self._paths.mode_rings, rings_of(update.modes, self._scale, mode_room(self._scene)))
 
 
 def mode_room(scene: Scene) -> float:
@@ -149,10 +153,15 @@ def mode_room(scene: Scene) -> float:
     return MODE_ROOM * scene.scale.length(max(scene.arena.size_m))
 
 
-def rings_of(modes: Sequence[TrackedMode], scale: Scale, room: float) -> LogRow:
-    """Return a ring with its share around every mode of a tenth of the weight or more, if there are two."""
+def ringed(modes: Sequence[TrackedMode]) -> list[TrackedMode]:
+    """Return the modes of a tenth of the weight or more, if there are two."""
     seen = [mode for mode in modes if mode.estimate.mass >= LEAST_RINGED]
-    seen = seen if len(seen) > 1 else []
+    return seen if len(seen) > 1 else []
+
+
+def rings_of(modes: Sequence[TrackedMode], scale: Scale, room: float) -> LogRow:
+    """Return a ring with its share around every mode that has one."""
+    seen = ringed(modes)
     reach_m = [mode.estimate.radii.cluster_m * np.sqrt(mode.estimate.mass) for mode in seen]
     places = scale.screen(np.array([mode.estimate.pose for mode in seen]).reshape(-1, 3))
     shares = [f"{100 * mode.estimate.mass:.0f} %" for mode in seen]

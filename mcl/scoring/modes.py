@@ -174,7 +174,7 @@ class _Generation:
 
     poses: F32  # (N, 3) relative to the belief's origin
     origin: F64
-    parents: I32 | None  # (N',), -1: fresh; None: not resampled
+    parents: NDArray[np.intp] | None  # (N',), -1: fresh; None: not resampled
 
 
 @dataclass(slots=True)
@@ -192,7 +192,8 @@ class Ancestry:
         """Process the next update. Of another number of particles nobody knows their ancestors."""
         if self._past and self._size() != len(record.weighted.poses):
             self._past.clear()
-        self._past.append(_Generation(record.weighted.poses, record.weighted.origin, record.parents))
+        parents = None if record.parents is None else record.parents.astype(np.intp)
+        self._past.append(_Generation(record.weighted.poses, record.weighted.origin, parents))
         if len(self._past) > self.depth:
             self._past.popleft()
 
