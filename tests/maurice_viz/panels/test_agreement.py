@@ -266,9 +266,10 @@ def test_the_way_of_a_kidnapping_is_that_of_the_truth(drive):
 def test_ellipse_and_rings_are_those_of_each_phase(drive):
     played, path, scale = drive
     ellipses = shown(path, RUN.ellipses, "LineStrips2D:strips")
-    rings = shown(path, RUN.mode_rings, "LineStrips2D:strips")
-    colors = shown(path, RUN.mode_rings, "LineStrips2D:colors")
-    labels = shown(path, RUN.mode_rings, "LineStrips2D:labels")
+    rings, colors, labels = (
+        {number: drawn or [] for number, drawn in shown(path, RUN.mode_rings, f"LineStrips2D:{part}").items()}
+        for part in ("strips", "colors", "labels")
+    )
     detector = EventDetector(scale.say)
     for moment, record in played:
         detector.see(moment, record)
