@@ -11,7 +11,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
 from maurice_mcl.sensor.landmarks.sensor import Landmarks
 from maurice_mcl.values import U8, Camera, Library, NamedProgress
 
@@ -50,6 +49,9 @@ def with_landmarks(
     kept = cache_root() / LANDMARKS / f"{_key(library, known)}.npz"
     landmarks = _from_cache(kept)
     if landmarks is None:
+        # SciPy's sparse matrices: what is kept does not wait for them
+        from maurice_mcl.sensor.landmarks.building import NoLandmarks, build_landmarks
+
         built = build_landmarks(library, known, lambda entry: _picture(library.pictures[entry]), progress)
         if isinstance(built, NoLandmarks):
             if warn:

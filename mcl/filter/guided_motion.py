@@ -63,10 +63,10 @@ def guided_motion(
     # a draw from the noise's posterior: one from its prior, moved by what it does not explain (Matheron)
     missed = rng.standard_normal((len(off), 3)) @ np.linalg.cholesky(seen).T
     unexplained = off - _applied(by_noise, drawn.normals) - missed
-    change = np.linalg.solve(predicted, unexplained[:, :, None])[:, :, 0]
-    change = np.einsum("nij,ni->nj", by_noise, change)
-    follows = rng.random(len(off)) < share
-    normals = np.where(follows[:, None], drawn.normals + change, drawn.normals)
+    follow = np.flatnonzero(rng.random(len(off)) < share)
+    change = np.linalg.solve(predicted[follow], unexplained[follow, :, None])[:, :, 0]
+    normals = drawn.normals.copy()
+    normals[follow] += np.einsum("nij,ni->nj", by_noise[follow], change)
     # Bayes: the posterior's density over the prior's, at any noise
     seen_density = _log_normal(off - _applied(by_noise, normals), seen[None])
     gain = seen_density - _log_normal(off, predicted)
