@@ -12,6 +12,8 @@
 
 from __future__ import annotations
 
+import maurice_mcl  # noqa: F401  # before numpy, whose threads it bounds: each process of the tests has a core
+
 
 def expect_facts(text: str, *facts: str) -> None:
     """Expect that a text holds facts, in this order; the words between them are free."""

@@ -73,9 +73,9 @@ def survey(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def run_library(small_session: Path) -> Library:
-    return build_library(small_session.parent / "survey.log", ["color", "edges"])
+@pytest.fixture(scope="session")
+def run_library(_small_session: Path) -> Library:
+    return build_library(_small_session.with_name("survey.log"), ["color", "edges"])
 
 
 def manifest_for(session: Path, library: Library, folder: Path, toml: str) -> RunManifest:

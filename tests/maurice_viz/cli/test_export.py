@@ -181,7 +181,7 @@ def test_odometry_without_pictures_becomes_a_path_in_mcap(tmp_path):
 
 def test_a_lasers_run_is_exported_with_its_scans_and_its_map(tmp_path):
     reading = pytest.importorskip("rosbags.highlevel")
-    plan = SimulationPlan(TASKS["tracking"], world="office", arena_seed=2, seed=3, updates=5, laser=True)
+    plan = SimulationPlan(TASKS["tracking"], updates=5, laser=True)
     session = write_simulation(tmp_path / "s", plan).session
     run("replay", session, "--particles", "100", "-o", "none", "--save-run", tmp_path / "run")
     run("export", tmp_path / "run", "-o", tmp_path / "run.mcap")

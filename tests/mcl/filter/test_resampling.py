@@ -22,7 +22,7 @@ def _counts(resampler, weights, n, rng):
     return np.bincount(parents, minlength=len(weights))
 
 
-def _many(name, n, repeats=20_000):
+def _many(name, n, repeats=5_000):
     rng = stream(9, 3, n)
     return np.array([_counts(resampling.RESAMPLERS[name], WEIGHTS, n, rng) for _ in range(repeats)])
 

@@ -148,7 +148,7 @@ def series(alike: float, seed: int, count: int = UPDATES) -> F64:
 
 @pytest.mark.parametrize("alike", [0.0, 0.5, 0.8])
 def test_the_interval_holds_the_mean_in_95_of_100_series(alike):
-    drives = 400
+    drives = 200
     ends = [mean_interval(series(alike, seed)) for seed in range(drives)]
     held = np.mean([low <= 0 <= high for low, high in filter(None, ends)])
     assert abs(held - 0.95) < 4 * np.sqrt(0.95 * 0.05 / drives)

@@ -106,10 +106,9 @@ def test_without_anything_elsewhere_no_match_is_sure(landmarks, room):
     assert replace(landmarks, map=one_place).matched(room.keypoints(POSE, 0.5, 99)) is None
 
 
-@pytest.mark.parametrize("off_m", [(500_000.0, 5_400_000.0), (-9.0, 7.0)])
-def test_where_the_map_lies_does_not_matter(landmarks, room, references, off_m):
+def test_where_the_map_lies_does_not_matter(landmarks, room, references):
     """At UTM coordinates float32 has steps of half a meter."""
-    off, seen = np.array([*off_m, 0.0]), room.keypoints(POSE, 0.5, 99)
+    off, seen = np.array([500_000.0, 5_400_000.0, 0.0]), room.keypoints(POSE, 0.5, 99)
     moved = Landmarks(built(room, references, KNOWN, off))
     assert moved.map.points - off == pytest.approx(landmarks.map.points, abs=1e-4)
     here, there = (sensor.propose(sensor.matched(seen)) for sensor in (landmarks, moved))
