@@ -123,8 +123,10 @@ class Scale:
         Rerun's 2D views have y pointing down and cannot be flipped; this is the only place that knows.
         """
         steps = self.units.per_m / self.units.fine
-        whole = np.asarray(xy_m, np.float64)[..., :2] - self.origin_m
-        whole *= (steps, -steps)
+        from_origin = np.asarray(xy_m, np.float64)[..., :2]
+        if self.origin_m != (0.0, 0.0):
+            from_origin = from_origin - self.origin_m
+        whole = from_origin * (steps, -steps)
         np.rint(whole, out=whole)
         whole *= self.units.fine
         return whole.astype(np.float32)

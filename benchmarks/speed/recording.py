@@ -1,11 +1,13 @@
 """What drawing adds to an update: milliseconds of CPU and kilobytes, of all panels and of each alone.
 
 A drive is localized first, then drawn from memory. It is drawn twice: the first time reads the pictures of
-references, the second time, which counts, has them, as a long session would.
+references, the second time, which counts, has them, as a long session would. Python's collector runs as
+seldom as in a command.
 """
 
 from __future__ import annotations
 
+import gc
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,6 +21,7 @@ from maurice_datasets.demos import demo_paths
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.values.records import StepRecord
 from maurice_mcl.values.session import Moment, SessionInfo
+from maurice_viz.cli.main import COLLECT_AFTER
 from maurice_viz.layouts.registry import runs_blueprint
 from maurice_viz.panels.panel import Panel
 from maurice_viz.running.observer import RerunObserver
@@ -58,6 +61,7 @@ def drive_of(updates: int) -> Drive:
 
 def recordings(quick: bool) -> Table:
     """Measure every detail, into a file and live."""
+    gc.set_threshold(*COLLECT_AFTER)
     drive, rows = drive_of(20 if quick else UPDATES), []
     for detail in Detail:
         for way in ("file", "live"):
@@ -73,6 +77,7 @@ def recordings(quick: bool) -> Table:
 
 def panels(quick: bool) -> Table:
     """Measure each panel alone, into a file, with what sending its rows costs."""
+    gc.set_threshold(*COLLECT_AFTER)
     drive = drive_of(20 if quick else UPDATES)
     costs: dict[str, list[Cost]] = {name: [] for name in (BARE, *_names(drive))}
     for detail in (Detail.FULL, Detail.LIGHT):

@@ -59,9 +59,9 @@ class Rows:
             column.extend([None] * (count - len(column)))
         return [ComponentLists(*column) for column in self.columns.items()]
 
-    def places(self) -> set[tuple[str, Any]]:
-        """Return all timelines with the times of rows."""
-        return {place for _, *times in self.ats for place in zip(self.timelines, times, strict=True)}
+    def times(self) -> list[tuple[str, tuple[Any, ...]]]:
+        """Return every timeline with the times of all rows."""
+        return list(zip(self.timelines, list(zip(*self.ats, strict=True))[1:], strict=True))
 
     def single(self, number: int) -> Rows:
         """Return one of the rows."""
@@ -72,8 +72,13 @@ class Rows:
 
 def in_order(blocks: list[Rows]) -> list[Rows]:
     """Return rows of an entity so that of two at one time the later one is later, also on other timelines."""
-    places = [rows.places() for rows in blocks] if len(blocks) > 1 else []
-    if sum(map(len, places)) == len(set().union(*places)):
+    seen: dict[str, set[Any]] = {}
+    for timeline, times in chain.from_iterable(rows.times() for rows in blocks[1:] and blocks):
+        others = seen.setdefault(timeline, set())
+        if not others.isdisjoint(times):
+            break
+        others.update(times)
+    else:
         return blocks
     alone = [rows.single(number) for rows in blocks for number in range(len(rows.ats))]
     return sorted(alone, key=lambda rows: rows.ats[0][0])
@@ -172,8 +177,7 @@ class BlockRecording(rr.RecordingStream):
         sent = 0
         for entity in dict.fromkeys(chain.from_iterable(self._rows.values())):
             for rows in in_order([blocks[entity] for blocks in self._rows.values() if entity in blocks]):
-                _, *ats = zip(*rows.ats, strict=True)
-                times = [self._time_column(*column) for column in zip(rows.timelines, ats, strict=True)]
+                times = [self._time_column(timeline, at) for timeline, at in rows.times()]
                 self.send_columns(entity, times, rows.filled())
                 sent += rows.size
             if sent > BYTES_AT_ONCE:
