@@ -234,12 +234,14 @@ def _levels_and_costs(image: U8, text: float) -> tuple[U8, U8]:
 def draw_levels(image: U8, sample: F32, reference: F32, span: tuple[float, float]) -> None:
     """Draw a descriptor (D,) filled, and another one as a line over it."""
     height, width = image.shape
-    rows, columns = _numbers(height), _numbers(width)
-    both = np.stack([_by_pixel(values, width) for values in (reference, sample)])
-    filled, line = _row(both, *span, height)
-    zero = _row(np.zeros(1), *span, height)
-    fill(image, (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero)), REFERENCE_INK)
-    points = np.column_stack([columns[:, 0], np.minimum(line, height - 1)]).astype(np.int32)
+    rows = _numbers(height)
+    filled, line = _row(_by_pixel(np.array([reference, sample]), width), *span, height)
+    if span[0] < 0:
+        zero = _row(np.zeros(1), *span, height)
+        fill(image, (rows >= np.minimum(filled, zero)) & (rows < np.maximum(filled, zero)), REFERENCE_INK)
+    else:  # zero is below the last row
+        fill(image, rows >= filled, REFERENCE_INK)
+    points = np.column_stack([_numbers(width), np.minimum(line, height - 1)]).astype(np.int32)
     cv2.polylines(image, [points], False, SAMPLE_INK, max(2, round(width / 110)))
 
 
@@ -272,11 +274,11 @@ def _draw_costs(image: U8, nats: F32, most: float) -> None:
 
 
 def _by_pixel(values: F32, width: int) -> F64:
-    """Return for each column of pixels (W,) its element, or the largest of its elements."""
-    count = len(values)
+    """Return for each column of pixels (..., W) its element of (..., D), or the largest of its elements."""
+    count = values.shape[-1]
     if count <= width:
-        return np.asarray(values[_elements(count, width)], np.float64)
-    return np.asarray(np.maximum.reduceat(values, _elements(count, width)), np.float64)
+        return np.asarray(values.take(_elements(count, width), axis=-1), np.float64)
+    return np.asarray(np.maximum.reduceat(values, _elements(count, width), axis=-1), np.float64)
 
 
 @lru_cache(maxsize=64)

@@ -277,9 +277,9 @@ def where_lost(mine: ChannelExplanation, best: ChannelExplanation, planes: int) 
     """
     more = np.asarray(mine.nats - best.nats, np.float64)
     runs = [
-        (plane, *_largest_run(row - more.mean()))
+        (plane, *_largest_run(row))
         for side in (mine.sample > mine.reference, mine.sample < mine.reference)
-        for plane, row in enumerate(np.where(side, more, 0.0).reshape(planes, -1))
+        for plane, row in enumerate((np.where(side, more, 0.0) - more.mean()).reshape(planes, -1).tolist())
     ]
     plane, first, last, _ = max(runs, key=lambda run: run[3])
     begin = plane * (len(more) // planes)
@@ -290,10 +290,10 @@ def where_lost(mine: ChannelExplanation, best: ChannelExplanation, planes: int) 
     return LostRun(plane, first, last, nats, float(mine.sample[at].mean()), float(mine.reference[at].mean()))
 
 
-def _largest_run(values: F64) -> tuple[int, int, float]:
+def _largest_run(values: list[float]) -> tuple[int, int, float]:
     """Return the first and last element of the run with the largest sum, and that sum (Kadane)."""
     most, ends, total, first = -np.inf, (0, 0), 0.0, 0
-    for k, value in enumerate(values.tolist()):
+    for k, value in enumerate(values):
         if total <= 0:
             total, first = 0.0, k
         total += value
