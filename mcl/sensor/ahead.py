@@ -71,16 +71,16 @@ def compared(
     """Compare a frame by each sensor model; what several use is measured and read once."""
     names = [name for sensor in sensors for name in sensor.weights]
     descriptors, took_s = measured(frame.image, names, known)
-    readings: dict[int, _Reading] = {}
+    readings: dict[int, tuple[Any, float]] = {}  # and how long each took
     results = []
     for sensor in sensors:
         shared = 0.0
         for pose_sensor in sensor.sensors.values():
             if id(pose_sensor) not in readings:
-                readings[id(pose_sensor)] = _Reading.of(pose_sensor, frame, known)
-            shared += readings[id(pose_sensor)].took_s
+                readings[id(pose_sensor)] = _read(pose_sensor, frame, known)
+            shared += readings[id(pose_sensor)][1]
         began = perf_counter()
-        read = {name: readings[id(used)].value for name, used in sensor.sensors.items()}
+        read = {name: readings[id(used)][0] for name, used in sensor.sensors.items()}
         comparison = sensor.compare(
             {name: descriptors[name] for name in sensor.weights},
             {name: value for name, value in read.items() if value is not None},
@@ -91,20 +91,11 @@ def compared(
     return tuple(results)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Reading:
-    """What a pose sensor read, and how long that took."""
-
-    value: Any
-    took_s: float
-
-    @classmethod
-    def of(cls, sensor: PoseSensor, frame: Frame, known: KnownDescriptors | None) -> _Reading:
-        """Read a frame."""
-        began = perf_counter()
-        kept = known is not None and hasattr(sensor, "of_numbers")
-        value = known.reading(sensor, frame) if known is not None and kept else sensor.read(frame)
-        return cls(value, perf_counter() - began)
+def _read(sensor: PoseSensor, frame: Frame, known: KnownDescriptors | None) -> tuple[Any, float]:
+    """Return what a pose sensor reads, and how long that took."""
+    began, keeps = perf_counter(), hasattr(sensor, "of_numbers")
+    reading = known.reading(sensor, frame) if known is not None and keeps else sensor.read(frame)
+    return reading, perf_counter() - began
 
 
 def compared_ahead(

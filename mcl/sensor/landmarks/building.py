@@ -29,7 +29,6 @@ from .records import Records, records_of
 from .sensor import Landmarks
 
 ROUNDS_PX = (15.0, 6.0, 4.0)  # observations that are further off are dropped, round by round
-ADJUSTMENTS = 1 + len(ROUNDS_PX)
 LEAST_REFERENCES = 8
 MOST_REFERENCES = 1500  # the adjustment takes the cube of them
 CHANCE_SHARE = 0.2  # of matches seen from two sides: 0.3 to 0.5 agree with right poses, 0.08 to 0.25 else
@@ -54,7 +53,6 @@ class _Matched:
     edges: NDArray[np.intp]  # (E, 4) reference and keypoint, twice
     distances: F32  # (E,)
     pixels: tuple[F64, F64]  # (E, 2) in either picture
-    progress: NamedProgress
 
     @property
     def views(self) -> tuple[F64, NDArray[np.intp], tuple[F64, F64]]:
@@ -84,10 +82,11 @@ def build_landmarks(
     see nothing new.
     """
     used = spread_out(library.poses, MOST_REFERENCES)
-    progress = progress or _untold
+    progress = progress or (lambda done, total, what: None)
     keypoints, size = _keypoints(used, read, progress)
-    landmarks = landmarks_of(keypoints, size or (0, 0), library.poses[used], camera, progress)
-    progress(ADJUSTMENTS, ADJUSTMENTS, "landmarks adjusted")
+    progress(0, 1, "landmarks adjusted")
+    landmarks = landmarks_of(keypoints, size or (0, 0), library.poses[used], camera)
+    progress(1, 1, "landmarks adjusted")
     if isinstance(landmarks, NoLandmarks):
         return landmarks
     poses = library.poses.astype(np.float64)
@@ -97,16 +96,8 @@ def build_landmarks(
     return Landmarks(replace(landmarks, poses=poses, view_of=view_of))
 
 
-def _untold(done: int, total: int, what: str) -> None:
-    pass
-
-
 def landmarks_of(
-    keypoints: Sequence[Keypoints],
-    size: tuple[int, int],
-    poses: F64,
-    camera: Camera | None,
-    progress: NamedProgress = _untold,
+    keypoints: Sequence[Keypoints], size: tuple[int, int], poses: F64, camera: Camera | None
 ) -> LandmarkSet | NoLandmarks:
     """Find landmarks from the keypoints of references at poses (L, 3), in pictures of a size (H, W)."""
     usable = sum(len(points.pixels) > 0 for points in keypoints)
@@ -114,8 +105,7 @@ def landmarks_of(
         wanted = f"expected {LEAST_REFERENCES} or more in pictures of one size"
         return NoLandmarks(f"found {usable} references with keypoints, {wanted}")
     nominal = nominal_camera(camera, size[1], size[0])
-    progress(0, ADJUSTMENTS, "landmarks adjusted")
-    matched = _matched(keypoints, poses, overlapping(poses, nominal.yaw_rad), progress)
+    matched = _matched(keypoints, poses, overlapping(poses, nominal.yaw_rad))
     if len(matched.edges) < LEAST_LANDMARKS:
         return NoLandmarks(
             f"found {len(matched.edges)} matches between references: their views do not overlap"
@@ -152,7 +142,7 @@ def _found(
         return _too_few(track.max(initial=-1) + 1)
     stated = replace(nominal, tilt_rad=start.tilt_rad) if is_focal_known(camera) else start
     bundle = Bundle(stated, matched.poses, np.zeros((0, 3)))
-    return _adjusted(matched, track, start, bundle, tolerance_of(camera))
+    return _adjusted(matched.keypoints, track, start, bundle, tolerance_of(camera))
 
 
 def _too_few(count: int) -> NoLandmarks:
@@ -181,38 +171,34 @@ def _keypoints(
     return [points if each == size else none for points, each in pictures], size
 
 
-def _matched(
-    keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp], progress: NamedProgress
-) -> _Matched:
+def _matched(keypoints: Sequence[Keypoints], poses: F64, pairs: NDArray[np.intp]) -> _Matched:
     edges, distances = pairwise(keypoints, pairs)
     start = np.cumsum([0, *(len(points.pixels) for points in keypoints)])
     pixels = np.concatenate([points.pixels for points in keypoints]).astype(np.float64)
     ends = pixels[start[edges[:, 0]] + edges[:, 1]], pixels[start[edges[:, 2]] + edges[:, 3]]
-    return _Matched(keypoints, poses, edges, distances, ends, progress)
+    return _Matched(keypoints, poses, edges, distances, ends)
 
 
 def _adjusted(
-    matched: _Matched,
+    keypoints: Sequence[Keypoints],
     track: NDArray[np.intp],
     start: PinholeCamera,
     nominal: Bundle,
     tolerance: Tolerance,
 ) -> LandmarkSet | NoLandmarks:
     """Triangulate the tracks of all keypoints and adjust them, dropping what does not agree."""
-    keypoints = matched.keypoints
     owner = np.repeat(np.arange(len(keypoints)), [len(points.pixels) for points in keypoints])
     pixels = np.concatenate([points.pixels for points in keypoints]).astype(np.float64)
     descriptors = np.concatenate([points.descriptors for points in keypoints])
     at = np.flatnonzero(track >= 0)
     views = Views(owner[at], track[at], pixels[at])
     points = triangulate(start, nominal.poses, views, int(track.max()) + 1)
-    bundle, covariance = adjust(Bundle(start, nominal.poses, points), views, nominal, tolerance, 3)
-    for done, limit_px in enumerate(ROUNDS_PX, 1):
-        matched.progress(done, ADJUSTMENTS, "landmarks adjusted")
+    bundle, covariance = adjust(Bundle(start, nominal.poses, points), views, nominal, tolerance)
+    for limit_px in ROUNDS_PX:
         bundle, views, at = _pruned(bundle, views, at, limit_px)
         if len(bundle.points) < LEAST_LANDMARKS:
             return _too_few(len(bundle.points))
-        bundle, covariance = adjust(bundle, views, nominal, tolerance, 3)
+        bundle, covariance = adjust(bundle, views, nominal, tolerance)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0))
     fit = CameraFit(bundle.camera, sd, tolerance.camera[0] <= FOCAL_SD_KNOWN)
     return _landmark_set(bundle, views, records_of(bundle, views, descriptors[at]), fit)

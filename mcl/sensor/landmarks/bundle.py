@@ -16,7 +16,7 @@ from scipy import sparse
 from ...values import F64, Bool
 from .camera import Linearized, PinholeCamera, directions, linearize
 
-ADJUSTMENT_STEPS = 6
+STEPS = 3  # of Gauss and Newton, each round
 SOFT_PX = 1.5  # residuals beyond it count less and less (Cauchy)
 DAMPING = 1e-5
 FARTHEST_STEP_M = 1.0
@@ -79,15 +79,13 @@ def triangulate(camera: PinholeCamera, poses: F64, views: Views, count: int) -> 
     return np.column_stack([places, height + camera.height_m])
 
 
-def adjust(
-    bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance, steps: int = ADJUSTMENT_STEPS
-) -> tuple[Bundle, F64]:
+def adjust(bundle: Bundle, views: Views, nominal: Bundle, tolerance: Tolerance) -> tuple[Bundle, F64]:
     """Adjust points, poses and camera until views agree; return them with the camera's covariance (3, 3).
 
     `nominal` holds the poses and the camera as they were stated.
     """
     covariance = np.zeros((3, 3))
-    for _ in range(steps):
+    for _ in range(STEPS):
         bundle, covariance = _step(bundle, views, nominal, tolerance)
     return bundle, covariance
 

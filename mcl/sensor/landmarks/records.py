@@ -28,15 +28,6 @@ class Records:
     nearest_m: F32  # (P,)
     farthest_m: F32  # (P,)
 
-    def within_reach(self, place: F64, points: F64) -> NDArray[np.intp]:
-        """Return the numbers of the points (P, 3) that might be seen from a place (2,)."""
-        x, y = (place - points[:, :2]).T
-        range_m = np.hypot(x, y)
-        near = (range_m > SOUGHT_NEARER * self.nearest_m) & (range_m < SOUGHT_FARTHER * self.farthest_m)
-        numbers: NDArray[np.intp] = np.flatnonzero(near)
-        turned = np.abs(wrap(np.arctan2(y[numbers], x[numbers]) - self.facing_rad[numbers]))
-        return np.compress(turned < self.spread_rad[numbers] + SOUGHT_ASIDE_RAD, numbers)
-
 
 def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
     """Return the records of points; `descriptors` (O, 128) are those of the views."""
@@ -63,7 +54,12 @@ def records_of(bundle: Bundle, views: Views, descriptors: F32) -> Records:
 
 def _sought(bundle: Bundle, records: Records, pose: F64) -> NDArray[np.intp]:
     """Return the numbers (S,) of the points that a reference at a pose (3,) could see."""
-    may = records.within_reach(pose[:2], bundle.points)
+    x, y = (pose[:2] - bundle.points[:, :2]).T
+    range_m = np.hypot(x, y)
+    near = (range_m > SOUGHT_NEARER * records.nearest_m) & (range_m < SOUGHT_FARTHER * records.farthest_m)
+    may = np.flatnonzero(near)
+    turned = np.abs(wrap(np.arctan2(y[may], x[may]) - records.facing_rad[may]))
+    may = may[turned < records.spread_rad[may] + SOUGHT_ASIDE_RAD]
     shifted = (bundle.points[may] - [*pose[:2], 0.0]).astype(np.float32)
     pixels, _ = project(bundle.camera, np.array([[0.0, 0.0, pose[2]]], np.float32), shifted)
     u, v = pixels[0, 0], pixels[1, 0]
