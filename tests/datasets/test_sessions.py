@@ -1,13 +1,15 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.studies.planted.drives import pack, unpack
-from maurice_datasets import demos, sessions
+from maurice_datasets import demos, sessions, simulation
 from maurice_datasets.demos import demo_paths
 from maurice_datasets.folders import SimulationPaths
 from maurice_datasets.robot.segments import crossings
@@ -15,6 +17,7 @@ from maurice_datasets.sessions import demo_plan, write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.trials.drives import RenderedSession
+from maurice_datasets.worlds.build import load_world
 from maurice_datasets.worlds.world import floor_at
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
@@ -24,6 +27,7 @@ from maurice_mcl.values.geometry import INCH_M
 from maurice_mcl.values.session import Frame, Moment
 
 QUICK = Surveyor(headings=1, covered=2)
+WORLD = cache(load_world)  # the same one, so that it is lit once
 UPDATES = 6
 
 
@@ -34,6 +38,13 @@ def write_demo(
     folder: Path, seed: int = 0, updates: int = UPDATES, progress: NamedProgress | None = None
 ) -> SimulationPaths:
     return write_simulation(folder, demo_plan(seed, updates), surveyor=QUICK, progress=progress)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_world() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulation, "load_world", WORLD)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 import maurice_viz as mv
+from helpers.small_room import write_small_room
 from maurice_datasets import simulation, surveys
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.worlds.build import load_world
@@ -18,13 +19,15 @@ from maurice_viz.entities import CAMERA, VERDICT
 from maurice_viz.errors import OptionError
 
 pytestmark = pytest.mark.filterwarnings("ignore:RRD file has no footer")  # live ones have none on purpose
-QUICK = {"world": "two-rooms", "particles": 300}
+QUICK = {"particles": 300}
 WORLD = cache(load_world)  # the same one, so that it is lit once
 
 
 @pytest.fixture(scope="module")
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return str(tmp_path_factory.mktemp("cache"))  # not that of other tests: its surveys have few headings
+    folder = tmp_path_factory.mktemp("cache")  # not that of other tests: its surveys have few headings
+    QUICK["world"] = str(write_small_room(folder))
+    return str(folder)
 
 
 @pytest.fixture(autouse=True)

@@ -251,7 +251,7 @@ def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):
     """As `simulate`, `demo`, `convert` and `record` write it."""
     (tmp_path / "drive" / "pictures").mkdir(parents=True)
     write_small_survey(tmp_path)
-    log = write_small_session(tmp_path).rename(tmp_path / "drive" / "session.log")
+    log = write_small_session(tmp_path, updates=12).rename(tmp_path / "drive" / "session.log")
     log.write_text(log.read_text().replace("survey.log", "../survey.log", 1))
     for picture in (tmp_path / "pictures").glob("session*"):
         picture.rename(tmp_path / "drive" / "pictures" / picture.name)
