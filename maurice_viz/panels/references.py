@@ -256,9 +256,9 @@ class LikelihoodMaps:
         place = np.zeros(library.size, np.int32)  # of each entry
         for number, row in enumerate(nearest.entry_of[:-1]):
             place[np.unique(row)] = number
-        self.entries = np.argsort(place, kind="stable").astype(np.int32)  # (L,) sorted by place
-        starts = np.searchsorted(place[self.entries], np.arange(len(nearest.places)))
-        self.first = starts.astype(np.int32)  # (P,) where each place's entries begin
+        self.entries = np.argsort(place, kind="stable")  # (L,) sorted by place
+        # (P,) where each place's entries begin
+        self.first = np.searchsorted(place[self.entries], np.arange(len(nearest.places)))
         size_m = step * grid.cell_m
         corner_m = np.array([[corner[0], corner[1] + len(cells) * size_m]])
         self.left_top: list[float] = scale.screen(corner_m)[0].tolist()  # of the first pixel, as drawn
@@ -266,7 +266,7 @@ class LikelihoodMaps:
 
     def encoded(self, log_likelihood: F32) -> bytes:
         """Draw log-likelihoods (L,) as a PNG: bright where likely, nothing where a robot cannot be."""
-        best = np.maximum.reduceat(log_likelihood[self.entries], self.first)
+        best = np.maximum.reduceat(log_likelihood.take(self.entries), self.first)
         share = 1 + (best - best.max()) / DEEPEST
         if not tells_apart(log_likelihood):
             share = np.zeros_like(best)  # all alike: dark, and not all bright
