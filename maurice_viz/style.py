@@ -126,10 +126,8 @@ class Scale:
         from_origin = np.asarray(xy_m, np.float64)[..., :2]
         if self.origin_m != (0.0, 0.0):
             from_origin = from_origin - self.origin_m
-        whole = from_origin * (steps, -steps)
-        np.rint(whole, out=whole)
-        whole *= self.units.fine
-        return whole.astype(np.float32)
+        whole = np.rint(from_origin * (steps, -steps))
+        return (whole * self.units.fine).astype(np.float32)
 
     def length(self, length_m: float) -> float:
         """Return a length in display units."""

@@ -74,11 +74,6 @@ def name_of(event: RunEvent) -> str:
     return first if event.kind == kinds.SESSION and first in LOG_WORDS else event.kind
 
 
-def line_names(texts: tuple[str, ...]) -> list[str]:
-    """Return the names of what a log says at an update."""
-    return [name_of(RunEvent(0, 0.0, kind, text)) for kind, text in kinds.logged(texts)]
-
-
 @dataclass(slots=True)
 class EventLines:
     """Remembers when events were, and draws them as vertical lines into plots at the end of a run."""
