@@ -59,7 +59,7 @@ GUIDED = "guided"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 KNOWN_SHARE = 0.5  # share of the weight that references have to speak for before recovery decides
-PAST = 5  # updates that are kept: those by which proposals are checked
+PAST = 40  # updates that are kept: those by which proposals are checked
 NO_OUTLIERS = MotionOutliers()
 USUALLY_GUIDED = GuidedMotionParameters()
 

@@ -9,45 +9,61 @@ import numpy as np
 from ...values import F32, F64, Bool, Earlier, PoseProposal, rotated
 from .models import LaserMap, calibrated, in_unknown_space
 
-# Chosen on two CARMEN logs (aces, intel) with maps of their halves, tried on a third (freiburg-079) and on
-# maps of thirds.
-LEAST_NATS = 10.0  # by which the earlier scans together speak for the place rather than for unknown space
+# Chosen on three CARMEN logs (aces, intel, freiburg-079) with maps of their halves, tried on maps of thirds.
+LEAST_NATS = 10.0  # by which the scans together speak for the place rather than for unknown space
 MOST_AGAINST = -20.0  # nats of one scan: it may show what the map does not have
-SURE_SHARE = 0.97  # of the proposal's mass: a place that others nearly equal may be none of them
+SURE_SHARE = 0.97  # of all mass: a place that others nearly equal may be none of them
 SAME_PLACE_M = 1.0
+HERE = np.diag([0.3**2, 0.3**2, 0.1**2])  # covariance of where the filter thinks to be
+# by how many nats scans must speak for having been carried off: on the map, and off it, where nothing is seen
+CARRIED_NATS, CARRIED_OFF_MAP_NATS = 80.0, 140.0
 SCANS_WORTH = 0.5  # of a scan's nats: scans of one wall share their errors
 SAMPLES = 100  # of each place
 # standard deviations of a movement in m and rad: at least, per meter of it, and of a heading per radian
 LEAST, PER_M, PER_RAD = 0.02, 0.05, 0.1
 
 
-def agreeing(there: LaserMap, proposal: PoseProposal, earlier: Sequence[Earlier]) -> Bool:
-    """Return at which place (J,) of a proposal the robot surely is, by the earlier scans, the latest first.
+def agreeing(
+    there: LaserMap,
+    proposal: PoseProposal,
+    here: F64,
+    scans: Sequence[Earlier],
+    unexplained: int,
+    *,
+    off_map: bool,
+) -> Bool:
+    """Return at which places (J,) of a proposal the robot may be, by scans: this one, then earlier ones.
 
-    A robot off the map may be in a corridor that looks like one of the map, and then it looks like several
-    places of it: only one that no other equals is believed. Without an earlier scan all are.
+    They are compared with `here` (3,), where the filter thinks to be. Of the scans before this one the last
+    `unexplained` were not explained by the estimates: a place has to explain those, and either all before, or
+    those so much better that the robot was carried off. A robot off the map may be in a corridor that looks
+    like one of the map, and then it looks like several places of it: only one that no other equals is believed.
     """
-    if all(before.reading is None for before in earlier):
-        return np.ones(len(proposal.poses), np.bool_)
-    nats = _nats(there, proposal, earlier)
-    mass = np.log(proposal.weights) + SCANS_WORTH * nats
-    share = np.exp(mass - mass.max())
-    x, y = proposal.poses[:, :2].T
+    poses = np.vstack([proposal.poses, here])
+    totals = _nats(there, poses, np.concatenate([proposal.covariances, HERE[None]]), scans)
+    nats = totals[:, unexplained]
+    carried = nats > nats[-1] + CARRIED_NATS
+    if off_map:
+        stayed, before = totals[:, -1], totals[-1, -1] - nats[-1]
+        nats = np.maximum(stayed, nats + before - CARRIED_OFF_MAP_NATS)
+    share = np.exp(SCANS_WORTH * (nats - nats.max()))
+    x, y = poses[:, :2].T
     same = np.hypot(x[:, None] - x, y[:, None] - y) < SAME_PLACE_M
-    return np.asarray((nats > LEAST_NATS) & (same @ share > SURE_SHARE * share.sum()))
+    sure = same @ share > SURE_SHARE * share.sum()
+    return np.asarray((nats > LEAST_NATS) & (sure if off_map else sure | carried))[:-1]
 
 
-def _nats(there: LaserMap, proposal: PoseProposal, earlier: Sequence[Earlier]) -> F64:
-    """Return the nats (J,) by which earlier scans speak for the places rather than for unknown space.
+def _nats(there: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier]) -> F64:
+    """Return the nats (J, S) by which the first one to S scans speak for poses (J, 3), not for unknown space.
 
     A particle filter runs backward from each place: where the robot was is as uncertain as its odometry.
     """
-    rng, count = np.random.default_rng(0), len(proposal.poses)
-    spread = np.linalg.cholesky(proposal.covariances + 1e-6 * np.eye(3))
+    rng, count = np.random.default_rng(0), len(poses)
+    spread = np.linalg.cholesky(covariances + 1e-6 * np.eye(3))
     drawn = np.einsum("jab,jsb->jsa", spread, rng.standard_normal((count, SAMPLES, 3)))
-    poses, total = proposal.poses[:, None] + drawn, np.zeros(count)
+    poses, total = poses[:, None] + drawn, np.zeros((count, len(scans)))
     middles = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    for before in earlier:
+    for number, before in enumerate(scans):
         poses = _back(poses, before.motions, rng)
         if before.reading is None:
             continue
@@ -56,11 +72,11 @@ def _nats(there: LaserMap, proposal: PoseProposal, earlier: Sequence[Earlier]) -
         local: F32 = (flat - [*origin, 0.0]).astype(np.float32)
         nats = calibrated(there, before.reading, local, origin, 0.0) - in_unknown_space(before.reading)
         weights = np.exp(np.maximum(nats.astype(np.float64), MOST_AGAINST)).reshape(count, SAMPLES)
-        total += np.log(weights.mean(axis=1))
+        total[:, number] = np.log(weights.mean(axis=1))
         shares = weights.cumsum(axis=1) / weights.sum(axis=1, keepdims=True)
         parents = np.minimum((shares[:, None] < middles[:, None]).sum(axis=2), SAMPLES - 1)
         poses = np.take_along_axis(poses, parents[:, :, None], axis=1)
-    return total
+    return total.cumsum(axis=1)
 
 
 def _back(poses: F64, motions: F64, rng: np.random.Generator) -> F64:

@@ -182,7 +182,8 @@ class Matcher:
                 part = slice(start, start + BLOCK_BOXES)
                 cells = ends[turns[part]]
                 cells += place[part, None]
-                total[part] += layer.worth.take(cells, mode="clip") @ ones
+                with np.errstate(invalid="ignore"):  # a BLAS may flag what it pads with
+                    total[part] += layer.worth.take(cells, mode="clip") @ ones
         nats = np.empty_like(total)
         nats[order] = total
         return nats

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from itertools import takewhile
 from typing import ClassVar
 
@@ -24,6 +24,7 @@ from ...values import (
     PoseProposal,
     PoseSpread,
     Shown,
+    compose,
 )
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
@@ -82,16 +83,22 @@ class Laser:
     def confirmed(
         self, reading: LaserReading, proposal: PoseProposal, earlier: Sequence[Earlier]
     ) -> PoseProposal | None:
-        """Return the place of a proposal that alone fits the scans since the estimates left the map.
+        """Return the places of a proposal that explain the scans better than where the filter thinks to be.
 
-        Off the map a robot may see what looks like a place of it: then one scan is not enough. One that was
-        carried off has been there since the estimates stopped to explain the scans.
+        A robot that was carried off has been there since the estimates stopped to explain the scans. Off the
+        map it may see what looks like a place of the map: then all scans that are kept are asked.
         """
+        if not earlier:
+            return proposal
+        here = reduce(compose, earlier[0].motions, earlier[0].estimate)
         fits = [None if was.reading is None else self.fits(was.reading, was.estimate) for was in earlier]
         unexplained = list(takewhile(lambda fit: fit is None or fit < EXPLAINED_NATS, fits))
-        if None not in unexplained:
-            return proposal
-        return _part(proposal, agreeing(self._map, proposal, earlier[: len(unexplained)]))
+        off_map = None in unexplained
+        scans = [
+            Earlier(np.zeros((0, 3)), reading, here),
+            *(earlier if off_map else earlier[: len(unexplained)]),
+        ]
+        return _part(proposal, agreeing(self._map, proposal, here, scans, len(unexplained), off_map=off_map))
 
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
         """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
