@@ -37,7 +37,7 @@ def agreeing(
     They are compared with `here` (3,), where the filter thinks to be. Of the scans before this one the last
     `unexplained` were not explained by the estimates: a place has to explain those, and either all before, or
     those so much better that the robot was carried off. A robot off the map may be in a corridor that looks
-    like one of the map, and then it looks like several places of it: only one that no other equals is believed.
+    like one of the map, and then like several places of it: only one that no other equals is believed.
     """
     poses = np.vstack([proposal.poses, here])
     totals = _nats(there, poses, np.concatenate([proposal.covariances, HERE[None]]), scans)

@@ -381,9 +381,9 @@ def test_a_place_is_confirmed_by_the_scans_that_the_estimate_did_not_explain(gri
     kept = laser.confirmed(here, proposal, [Earlier(motion[None], reading, lost)])
     np.testing.assert_array_equal(kept.poses, places[:1])
     assert kept.weights == 1
-    assert laser.confirmed(here, proposal, [Earlier(motion[None], reading, before)]) is proposal
-    for unread in ([], [Earlier(motion[None], None, lost)]):
-        assert len(laser.confirmed(here, proposal, unread).weights) == 3
+    kept = laser.confirmed(here, proposal, [Earlier(motion[None], reading, before)])
+    np.testing.assert_array_equal(kept.poses, places[:1])  # where the filter thinks to be
+    assert laser.confirmed(here, proposal, []) is proposal
     wrong = PoseProposal(places[1:], proposal.covariances[1:], np.full(2, 0.5))
     assert laser.confirmed(here, wrong, [Earlier(motion[None], reading, lost)]) is None
 
@@ -428,3 +428,25 @@ def test_distances_are_the_roots_of_whole_squares_in_every_process():
     blocked = np.random.default_rng(5).random((150, 217)) < 0.002
     squares = np.rint(distance_transform_edt(~blocked) ** 2).astype(np.float32)
     np.testing.assert_array_equal(laser_field.cell_distances(blocked), np.sqrt(squares))
+
+
+def test_a_place_off_the_map_has_to_explain_what_was_explained_before(grid):
+    """Unless scans speak so much for it that the robot was carried off."""
+    laser, motion = Laser(grid), np.array([0.05, 0.0, 0.0])
+    elsewhere = np.array([4.5, 1.0, -2.0])
+    off = np.array([20.0, 20.0, 0.0])
+    proposal = PoseProposal(elsewhere[None], np.diag([0.01, 0.01, 0.003])[None], np.ones(1))
+
+    def seen(pose: np.ndarray, estimate: np.ndarray) -> Earlier:
+        return Earlier(motion[None], reading_of(laser, scan_at(grid, pose)), estimate)
+
+    def back(pose: np.ndarray, steps: int) -> list[np.ndarray]:
+        return [pose, *back(compose(pose, inverse(motion)), steps - 1)] if steps else []
+
+    here = reading_of(laser, scan_at(grid, elsewhere))
+    explained = [seen(pose, pose) for pose in back(TRUTH, 20)]
+    for since, believed in ((1, False), (12, True)):
+        unexplained = [seen(pose, off) for pose in back(elsewhere, since + 1)[1:]]
+        assert (laser.confirmed(here, proposal, [*unexplained, *explained]) is not None) == believed
+    unexplained = [seen(pose, off) for pose in back(elsewhere, 2)[1:]]
+    assert laser.confirmed(here, proposal, unexplained) is not None  # nothing was explained before
