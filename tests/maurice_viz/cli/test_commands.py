@@ -258,6 +258,7 @@ def test_a_folder_stands_for_the_session_in_it(words, tmp_path, monkeypatch):
     outputs = []
     for path in ("drive/session.log", "drive"):
         done = run(*words.format(path).split(), expect=None)
-        outputs.append((done.exit_code, re.sub(r'"(filter_)?steps_per_s": [\d.]+', "", done.stdout)))
+        said = re.sub(r'"(filter_)?steps_per_s": [\d.]+', "", done.stdout)
+        outputs.append((done.exit_code, said or done.stderr))  # this drive is too short for some
     assert outputs[0] == outputs[1]
     assert outputs[0][0] in (0, 1)
