@@ -28,6 +28,9 @@ UPDATES_AROUND = 2  # updates before and after an event that are drawn in full
 # bytes of a recording, by benchmarks/speed/recording.py on two drives; fixed, per particle, per channel
 FULL_BYTES = (58_500, 6.7, 3_200)
 LIGHT_BYTES = (14_200, 0.0, 0)
+WHOLE = {Detail.FULL: 1.0, Detail.EVENTS: 0.25, Detail.LIGHT: 0.0}  # share of the steps that is drawn in full
+# milliseconds a step: drawn in full, light; the filter with what it reads, and for each particle
+FULL_MS, LIGHT_MS, FILTER_MS = 13.0, 3.0, (3.5, 0.0005)
 
 
 @dataclass(slots=True)
@@ -63,12 +66,17 @@ class DetailFilter:
 
 
 def expected_bytes(detail: Detail, steps: int, particles: int, channels: int) -> int:
-    """Estimate the size of one run's recording; with the detail "events" a quarter of the steps are full."""
-    whole = {Detail.FULL: 1.0, Detail.EVENTS: 0.25, Detail.LIGHT: 0.0}[detail]
+    """Estimate the size of one run's recording."""
     full, light = (
         fixed + particles * each + channels * channel for fixed, each, channel in (FULL_BYTES, LIGHT_BYTES)
     )
-    return round(steps * (whole * full + (1 - whole) * light))
+    return round(steps * (light + WHOLE[detail] * (full - light)))
+
+
+def expected_seconds(detail: Detail, steps: int, particles: int) -> float:
+    """Estimate how long one run takes to filter and to draw into a file."""
+    fixed, each = FILTER_MS
+    return steps * (fixed + each * particles + LIGHT_MS + WHOLE[detail] * (FULL_MS - LIGHT_MS)) / 1e3
 
 
 class RerunObserver:

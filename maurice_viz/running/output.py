@@ -56,7 +56,8 @@ NEXT_KEYS_HINT = "Keys in the viewer: Ctrl or Cmd + arrow goes to the next data"
 KEYS_HINT = f"{NEXT_KEYS_HINT}; choose the timeline `phase` to walk through one step."
 
 LONGEST_STEM = 80  # characters of a recording's name
-LARGE_BYTES = 50_000_000  # bytes of a recording whose size is remarked beforehand
+LARGE_BYTES = 50_000_000  # bytes of a recording whose size and time are remarked beforehand
+SOME_MINUTES_S = 120.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -380,13 +381,15 @@ def _of_verdict(path: Path, column: str) -> list[Any]:
 def _remark_size(
     runs: Sequence[RunView], scene: Scene, detail: Detail, listener: Listener, path: Path
 ) -> None:
-    """Report how large the file will be, approximately, where that is known and it is large."""
-    from .observer import expected_bytes
+    """Report how large the file will be and how long it takes, where that is known and it is large."""
+    from .observer import expected_bytes, expected_seconds
 
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
     if (total := sum(parts)) >= LARGE_BYTES:
-        smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it smaller"
-        listener.remark(f"{path} will be about {total / 1e6:.0f} MB{smaller}")
+        smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it less"
+        seconds = sum(expected_seconds(detail, scene.updates, run.particles) for run in runs)
+        takes = f"{seconds / 60:.0f} minutes" if seconds >= SOME_MINUTES_S else f"{seconds:.0f} seconds"
+        listener.remark(f"{path} will be about {total / 1e6:.0f} MB, in some {takes}{smaller}")
 
 
 def _command(name: str) -> str:

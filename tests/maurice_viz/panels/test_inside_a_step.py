@@ -32,7 +32,7 @@ from maurice_viz.panels.traces import (
     round_top,
     top_path,
 )
-from maurice_viz.running.observer import UPDATES_AROUND, DetailFilter, expected_bytes
+from maurice_viz.running.observer import UPDATES_AROUND, DetailFilter, expected_bytes, expected_seconds
 from maurice_viz.scene import Detail
 
 RUN = RunPaths("blended")
@@ -81,6 +81,10 @@ def test_detail_needs_room():
     light, some, full = (expected_bytes(d, 100, 5000, 2) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL))
     assert light < some < full
     assert expected_bytes(Detail.FULL, 100, 10_000, 2) > full
+    light_s, some_s, full_s = (
+        expected_seconds(d, 100, 5000) for d in (Detail.LIGHT, Detail.EVENTS, Detail.FULL)
+    )
+    assert light_s < some_s < full_s < expected_seconds(Detail.FULL, 100, 10_000)
     lines = evidence_lines(tuple(CHANNELS))
     assert len({color for _, color, _ in lines}) == len(lines) == 1 + len(CHANNELS)
     assert map_names(("color",)) == ("all",)
