@@ -140,13 +140,8 @@ class BlockRecording(rr.RecordingStream):
         self._now = None
 
     def log(self, entity_path: Any, entity: Any, *extra: Any, static: bool = False, **how: Any) -> None:
-        """Log as any recording does. What is static, or clears an entity, goes out at once.
-
-        What is static is seen at all times, whenever it is logged, and so no block ends for it.
-        """
-        if type(entity) is rr.Clear:
-            self.send_rows()
-        if static or not self._times or type(entity) is rr.Clear:
+        """Log as any recording does. What is static, and seen at all times, goes out at once."""
+        if static or not self._times:
             self._log_now(entity_path, entity, *extra, static=static, **how)
             return
         blocks, timelines, at = self._now or self._begin()
