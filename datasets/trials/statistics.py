@@ -22,7 +22,7 @@ EQUAL = 1e-12  # of the largest value: a smaller standard error is a rounding er
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A figure and its interval, of 95 percent where nothing else is said; NaN: too few drives for one."""
+    """A figure and its interval, 95 percent unless stated otherwise; NaN: too few drives for one."""
 
     value: float
     low: float

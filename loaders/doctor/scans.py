@@ -39,7 +39,8 @@ FITS_OFF, CHANCE = 0.1, 0.8  # share of the beams that disagree where a scan fit
 SCALES = (0.5, 0.8, 1.25, 2.0)  # of a map, that are tried
 NEAR_M, FITS_AT_TRUTH, AGREE_AT_TRUTH = 0.5, 0.6, 0.5
 CHANGED_SHARE = 0.15  # of the beams that end before or behind the map's walls
-PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1  # of a laser on the robot, along each axis; told from
+# of a laser on the robot: offsets that are tried along each axis, and the least that is reported as wrong
+PLACES_M, LEAST_PLACE_M = np.arange(-4, 5) * 0.1, 0.1
 
 
 C128 = NDArray[np.complex128]

@@ -115,7 +115,7 @@ class TableSink:
 def table_sink(file: Path, channels: Sequence[str], *, force: bool = False) -> Iterator[TableSink]:
     """Open a CSV file (RFC 4180, UTF-8, a header line), or Parquet by its ending. InputError as `filling`."""
     with filling(file, force=force) as part:
-        part.touch()  # now, not at the end, is said that it cannot be written
+        part.touch()  # one that cannot be written fails now, not at the end
         sink = TableSink(channels)
         yield sink
         if file.suffix == ".parquet":

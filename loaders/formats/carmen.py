@@ -307,7 +307,7 @@ def _parsed(file: Path, row: Row, words: list[str]) -> _Line | None:
 
 
 def _scan(file: Path, row: Row, words: list[str], begin: int, end: int) -> LaserScan:
-    """Read ranges, which CARMEN spreads over half a turn where nothing else is said."""
+    """Read ranges, which CARMEN spreads over half a turn unless the line says otherwise."""
     if len(words) < end:
         text = f"found {len(words) - begin} of {end - begin} ranges; was the line cut?"
         raise InputError(file, text, row.number)

@@ -12,20 +12,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from maurice_mcl.sensor.ahead import on_all_cores
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe
 from maurice_mcl.sensor.map_places import map_library
-from maurice_mcl.values import (
-    F32,
-    F64,
-    U8,
-    Arena,
-    Camera,
-    ChannelIndex,
-    Library,
-    Progress,
-    on_all_cores,
-    open_arena,
-)
+from maurice_mcl.values import F32, F64, U8, Arena, Camera, ChannelIndex, Library, Progress, open_arena
 
 from ..bags.containers import looks_like_bag
 from ..errors import FieldError, InputError, ReadingNotes

@@ -73,9 +73,8 @@ class MatchCircles:
     """One circle per entry, off its node along its heading; made once from the library."""
 
     def __init__(self, library: Library, scale: Scale) -> None:
-        spacing_m = max(
-            spacing(distinct_places(library.poses[:, :2])[0]), LEAST_SPACING * max(library.arena.size_m)
-        )
+        places, _ = distinct_places(library.poses[:, :2])
+        spacing_m = max(spacing(places), LEAST_SPACING * max(library.arena.size_m))
         heading = library.poses[:, 2]
         along = np.stack([np.cos(heading), np.sin(heading)], axis=1)
         self.centers = scale.screen(library.poses[:, :2] + CIRCLE_OFFSET * spacing_m * along)  # (L, 2) drawn
@@ -123,7 +122,7 @@ class MatchCircles:
 
 
 def log_words(rec: rr.RecordingStream, paths: RunPaths, words: str) -> None:
-    """Log what is said where places are hardly told apart; where on the map it stands is logged by step."""
+    """Log the warning that a picture hardly tells places apart; its place on the map is logged by step."""
     radius = rr.components.Radius.ui_points(0.0)
     points = rr.Points2D.from_fields(
         colors=[TRUTH], radii=radius, labels=[words], show_labels=True, draw_order=80.0

@@ -386,10 +386,10 @@ def _remark_size(
 
     parts = [expected_bytes(detail, scene.updates, run.particles, len(run.channels)) for run in runs]
     if (total := sum(parts)) >= LARGE_BYTES:
-        smaller = "" if detail is Detail.LIGHT else "; --detail events or light makes it less"
+        smaller = "" if detail is Detail.LIGHT else "; --detail events or light takes less of both"
         seconds = sum(expected_seconds(detail, scene.updates, run.particles) for run in runs)
         takes = f"{seconds / 60:.0f} minutes" if seconds >= SOME_MINUTES_S else f"{seconds:.0f} seconds"
-        listener.remark(f"{path} will be about {total / 1e6:.0f} MB, in some {takes}{smaller}")
+        listener.remark(f"{path} will be about {total / 1e6:.0f} MB and take about {takes}{smaller}")
 
 
 def _command(name: str) -> str:

@@ -26,7 +26,7 @@ from .phases import of_scans
 from .verdict import NOTHING_YET, off_at
 
 TWO_LINES = 210  # letters
-MOSTLY = 0.5  # share of the steps from which a run is said to have done so
+MOSTLY = 0.5  # share of the steps at which the dots were together: from here on a run kept them so
 FEW = 5  # steps, below which nothing can be said of a run but where it is
 NO_TRUTH = " No truth is known to judge by."
 

@@ -194,7 +194,7 @@ class _Answers(BaseHTTPRequestHandler):
 
 
 def _viewer_files() -> dict[str, bytes]:
-    """Return the web viewer that the viewer carries in itself, and serves to whoever asks. SinkError."""
+    """Return the files of the web viewer, which the installed viewer contains and can serve. SinkError."""
     page, data = free_port(), free_port()
     try:
         server = Tied(start_viewer(data, ["--serve-web", "--web-viewer-port", str(page)]))

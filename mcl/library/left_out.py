@@ -1,7 +1,7 @@
 """The leave-one-out table: a library's own pictures, each compared with the entries at all other places.
 
-Such a picture stands for one that a robot takes where nothing was surveyed. All that is said of a library by
-its own pictures is read from this table: whether its places can be told apart (`score_places`), what looks
+Such a picture stands for one that a robot takes where nothing was surveyed. Whatever a library's own pictures
+tell about it comes from this table: whether its places can be told apart (`score_places`), what looks
 alike (`quality`, `advice`), and scales and weights of channels that are fitted to it (`fitting.sensor`).
 
 The log score of a picture is the log of the probability that it alone assigns to its stand-in, the entry of

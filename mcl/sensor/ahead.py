@@ -1,23 +1,29 @@
-"""Frames measured, read and compared ahead of the filter: none of it depends on the particles.
+"""What other threads do ahead, as OpenCV and numpy let them run at once: the numbers are those of one thread.
 
-A separate thread measures, reads and compares the next few frames while the filter works on this one;
-OpenCV and numpy let both run at once. Every frame is compared alone: the numbers are those without it.
+A separate thread measures, reads and compares the next few frames while the filter works on this one: none of
+it depends on the particles. What is done once with every picture of a library is done on all cores.
 """
 
 from __future__ import annotations
 
+import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from ..values import F32, U8, Comparison, Frame, Moment, PoseSensor
 from .descriptors.registry import CHANNELS
 from .model import SensorModel
 
 PICTURES_AHEAD = 8
+ITEMS_AHEAD = 4  # a core
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,3 +129,16 @@ def compared_ahead(
         worker.shutdown(cancel_futures=True)
         if known is not None:
             known.flush()
+
+
+def on_all_cores(call: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Yield the result of each item, in order. Items are taken by the caller's thread, a few ahead."""
+    cores, source = os.cpu_count() or 1, iter(items)
+    pool = ThreadPoolExecutor(cores)
+    try:
+        waiting = deque(pool.submit(call, item) for item in islice(source, ITEMS_AHEAD * cores))
+        while waiting:
+            yield waiting.popleft().result()
+            waiting.extend(pool.submit(call, item) for item in islice(source, 1))
+    finally:
+        pool.shutdown(cancel_futures=True)  # after Ctrl-C nobody waits for the others

@@ -9,7 +9,6 @@ All of it is imported from this page: `from maurice_mcl.values import F64, Libra
 - `nearest`: which places are nearest, and where tables of that are kept
 - `pose_sensor`: the seam for sensors of other packages
 - `records`: the values of one step
-- `workers`: calls side by side, on all cores
 """
 
 from __future__ import annotations
@@ -25,4 +24,3 @@ from .randomness import *
 from .records import *
 from .session import *
 from .setting_rules import *
-from .workers import *

@@ -13,7 +13,7 @@ from .arrays import F64, I32
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
 
-# Of what it is, what it depends on (arrays, numbers), and what makes it: the tables, made now or before.
+# Called with a name, what tables depend on (arrays, numbers) and what makes them; returns them, new or kept.
 Tables: TypeAlias = tuple[NDArray[Any], ...]
 Keep: TypeAlias = Callable[[str, Sequence[Any], Callable[[], Tables]], Tables]
 
@@ -23,7 +23,7 @@ def made_anew(what: str, of: Sequence[Any], make: Callable[[], Tables]) -> Table
     return make()
 
 
-SAME_PLACE_M = 0.001
+SAME_PLACE_M = 0.001  # nearer positions are one
 
 
 def distinct_places(xy: F64) -> tuple[F64, I32]:

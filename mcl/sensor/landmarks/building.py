@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress, on_all_cores
+from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress
+from ..ahead import on_all_cores
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
 from .calibration import (
     AGREE_PX,

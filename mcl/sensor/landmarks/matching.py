@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...values import F32, F64, Bool, on_all_cores, spacing, wrap
+from ...values import F32, F64, Bool, spacing, wrap
+from ..ahead import on_all_cores
 from .camera import PinholeCamera, directions
 from .features import Keypoints
 

@@ -91,13 +91,11 @@ class Laser:
         if not earlier:
             return proposal
         here = reduce(compose, earlier[0].motions, earlier[0].estimate)
-        fits = [None if was.reading is None else self.fits(was.reading, was.estimate) for was in earlier]
+        fits = (None if was.reading is None else self.fits(was.reading, was.estimate) for was in earlier)
         unexplained = list(takewhile(lambda fit: fit is None or fit < EXPLAINED_NATS, fits))
         off_map = None in unexplained
-        scans = [
-            Earlier(np.zeros((0, 3)), reading, here),
-            *(earlier if off_map else earlier[: len(unexplained)]),
-        ]
+        since = earlier if off_map else earlier[: len(unexplained)]
+        scans = [Earlier(np.zeros((0, 3)), reading, here), *since]
         return _part(proposal, agreeing(self._map, proposal, here, scans, len(unexplained), off_map=off_map))
 
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:

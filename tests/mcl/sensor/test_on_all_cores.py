@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from maurice_mcl.values.workers import AHEAD, on_all_cores
+from maurice_mcl.sensor.ahead import ITEMS_AHEAD, on_all_cores
 
 
 @pytest.mark.parametrize("count", [0, 1, 50])
@@ -24,7 +24,7 @@ def test_few_items_are_taken_ahead():
     results = on_all_cores(abs, (taken.append(number) or number for number in range(1000)))
     for done in range(1, 10):
         next(results)
-        assert len(taken) <= done + AHEAD * (os.cpu_count() or 1)
+        assert len(taken) <= done + ITEMS_AHEAD * (os.cpu_count() or 1)
     results.close()
     assert len(taken) < 1000
 
