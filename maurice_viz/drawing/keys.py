@@ -38,6 +38,7 @@ ROW_HEIGHT = 2.2  # height of a row, in heights of capitals
 LEFT_PX = 60
 # heights of capitals, of a key WIDTH_PX wide: at least 8 px on a screen of 1280 x 800
 BELIEF_PX, LIKELIHOOD_PX = 26.0, 38.0
+LARGEST = 2.0  # times that, above a narrow map
 
 
 def _strip(width: int) -> U8:
@@ -157,19 +158,19 @@ class Item:
         return widths.get(self.mark, 2 * DISK_PX)
 
 
-def keys_of(has_truth: bool, color: RGB, is_recorded: bool) -> dict[str, U8]:
+def keys_of(has_truth: bool, color: RGB, is_recorded: bool, arena: Arena) -> dict[str, U8]:
     """Draw the keys of one run's maps, by name; another localizer's run has one map."""
-    belief = belief_key(has_truth, color)
+    belief = belief_key(has_truth, color, arena)
     if is_recorded:
         return {WEIGHTS: belief}
-    likelihood = _wrapped(likelihood_items(has_truth, color), LIKELIHOOD_PX)
+    likelihood = _wrapped(likelihood_items(has_truth, color), LIKELIHOOD_PX, arena)
     return {WEIGHTS: belief, MATCHES: circle_key(), LIKELIHOOD: likelihood}
 
 
-def belief_key(has_truth: bool, color: RGB) -> U8:
+def belief_key(has_truth: bool, color: RGB, arena: Arena) -> U8:
     """Draw the key of the map of a run's cloud."""
     items = [*_truth(has_truth), *_estimate(color), Item("weight, 1/8 to 8 x average", mark=KeyMark.SCALE)]
-    return _wrapped(items, BELIEF_PX)
+    return _wrapped(items, BELIEF_PX, arena)
 
 
 def likelihood_items(has_truth: bool, color: RGB) -> list[Item]:
@@ -201,9 +202,15 @@ def extent_with(key: U8, arena: Arena, scale: Scale) -> Extent:
     return Extent(extent.left, extent.right, top, extent.bottom)
 
 
-def _wrapped(items: Sequence[Item], text: float) -> U8:
-    """Set items one after the other, in a new row where one would not fit."""
-    return _drawn(tuple(items), text)
+def _wrapped(items: Sequence[Item], text: float, arena: Arena) -> U8:
+    """Set items one after the other, in a new row where one would not fit.
+
+    A key is as wide as its map, which is narrow where the arena is tall: its letters are then larger.
+    """
+    width_m, depth_m = arena.size_m
+    fits = (WIDTH_PX - LEFT_PX) / max(_width(item, 100.0) for item in items) * 100
+    larger = text * float(np.clip(depth_m / width_m, 1, LARGEST))
+    return _drawn(tuple(items), max(min(larger, fits), text))
 
 
 @lru_cache

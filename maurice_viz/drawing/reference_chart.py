@@ -138,7 +138,7 @@ def _write_name(part: U8, name: str, text: float) -> None:
     """Write the name of a channel below its chart, after a square of its color, in place."""
     height, width = part.shape
     square = round(text)
-    room = width - 1.5 * text
+    room = width - 1.9 * text  # a text's width is not quite in proportion to its height
     small = min(text, text * room / max(text_size(name, text)[0], 1))
     left = max((room - text_size(name, small)[0]) / 2, 0)
     low = round(height - 0.45 * text)

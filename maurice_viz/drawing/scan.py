@@ -13,7 +13,7 @@ import numpy as np
 
 from maurice_mcl.sensor.laser.beams import JUDGMENTS, BeamJudgment
 from maurice_mcl.sensor.laser.reading import LaserReading
-from maurice_mcl.values import F64, I32, OCCUPIED, U8, UNKNOWN, LaserScan, OccupancyMap
+from maurice_mcl.values import F64, I32, OCCUPIED, U8, UNKNOWN, LaserScan, OccupancyMap, wrap
 
 from .. import style
 from ..style import RGB, Scale
@@ -103,15 +103,16 @@ def draw_ranges(judgment: BeamJudgment, reading: LaserReading, color: RGB, scale
     Measured: dots, in the colors of a scan on the map; by the map: a line. Bars from above: nats lost.
     """
     image, reach_m = _blank(), float(max(judgment.measured_m.max(), judgment.expected_m.max(), 1e-3))
-    order = np.argsort(reading.angles_rad)
-    across = WIDTH_PX * (0.5 - 0.48 * reading.angles_rad / max(np.abs(reading.angles_rad).max(), 1e-3))
+    angles = wrap(reading.angles_rad.astype(np.float64))  # a laser that sees all around may begin anywhere
+    order, edge_rad = np.argsort(angles), max(float(np.abs(angles).max()), 1e-3)
+    across = WIDTH_PX * (0.5 - 0.48 * angles / edge_rad)
     expected, measured = (
         np.rint(np.column_stack([across, HEIGHT_PX - 8 - (HEIGHT_PX - 70) * reach / reach_m])).astype(
             np.int32
         )
         for reach in (judgment.expected_m, judgment.measured_m)
     )
-    pale, edge_deg = _INKS[style.PALE], np.degrees(max(np.abs(reading.angles_rad).max(), 1e-3))
+    pale, edge_deg = _INKS[style.PALE], np.degrees(edge_rad)
     for y in (HEIGHT_PX - 8, 62):  # no range, and the longest
         image[y, ::4] = _MISS
     write(image, scale.say(reach_m), 2, 60, TEXT_PX, pale)

@@ -76,7 +76,7 @@ def explain(run: RunView, scene: Scene) -> rrb.Vertical:
     whose = why.columns_of(scene.has_truth)
     cards = rrb.Horizontal(why.camera_card_view(run, scene), *(why.card_view(paths, who) for who in whose))
     charts = rrb.Horizontal(*(why.chart_view(paths, who) for who in (why.CAMERA_CARD, *whose)))
-    right = rrb.Vertical(why.sentence_view(paths), cards, charts, row_shares=[160, 278, 175])
+    right = rrb.Vertical(why.sentence_view(paths), cards, charts, row_shares=[176, 270, 167])
     body = rrb.Horizontal(left, right, column_shares=[MAP_PERCENT, 100 - MAP_PERCENT])
     return untitled(over_events(body, [run], noticed=True))
 

@@ -373,9 +373,9 @@ def bar_for(room: float, unit: str) -> float:
     return next((length for length in reversed(lengths) if length <= room), lengths[0])
 
 
-def run_key(name: str, has_truth: bool) -> U8:
+def run_key(name: str, scene: Scene) -> U8:
     """Return the key of a map, in any run's color."""
-    return keys_of(has_truth, RUN_COLORS[0], False)[name]
+    return keys_of(scene.has_truth, RUN_COLORS[0], False, scene.arena)[name]
 
 
 def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
@@ -383,7 +383,7 @@ def belief_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     contents = [*MAP, entities.NODES, paths.key(WEIGHTS), f"{paths.at('belief')}/**"]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     name = f"Belief: particles by weight, rings: modes ({scene.scale.units.name})"
-    return map_view(name, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
+    return map_view(name, contents, scene, key=run_key(WEIGHTS, scene))
 
 
 def closeup_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:

@@ -288,7 +288,7 @@ def map_names(channels: tuple[str, ...]) -> tuple[str, ...]:
 def circles_view(paths: RunPaths, scene: Scene) -> rrb.Spatial2DView:
     """Show the match circles with the cloud in white over them."""
     contents = [*BARE_MAP, paths.key(MATCHES), *_circles_of(paths)]
-    return map_view("Match circles", contents, scene, paths.particles, run_key(MATCHES, scene.has_truth))
+    return map_view("Match circles", contents, scene, paths.particles, run_key(MATCHES, scene))
 
 
 def _circles_of(paths: RunPaths) -> list[str]:
@@ -323,5 +323,5 @@ def likelihood_views(
         contents += [] if views else [paths.says_nothing]
         contents += [f"{paths.estimate}/**", *([f"{entities.TRUTH}/**"] if scene.has_truth else [])]
         title = channel if views else "Likelihood"  # of all channels together
-        views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene.has_truth)))
+        views.append(map_view(title, contents, scene, paths.particles, run_key(LIKELIHOOD, scene)))
     return views

@@ -255,7 +255,7 @@ def sensor_map_view(paths: RunPaths, scene: Scene, names: tuple[str, ...]) -> rr
     contents += [f"{paths.sensor(name, ON_MAP)}/**" for name in names]
     contents += [f"{entities.TRUTH}/**"] if scene.has_truth else []
     title = f"Map with marks ({scene.scale.units.name})"
-    return map_view(title, contents, scene, key=run_key(WEIGHTS, scene.has_truth))
+    return map_view(title, contents, scene, key=run_key(WEIGHTS, scene))
 
 
 def scan_on_map(run: RunView) -> list[str]:

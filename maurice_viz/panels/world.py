@@ -33,7 +33,7 @@ class KeysPanel(Panel):
 
     def prepare(self, rec: rr.RecordingStream) -> None:
         run, arena, scale, has_truth = self._run, self._library.arena, self._scale, self._scene.has_truth
-        drawn = keys.keys_of(has_truth, run.color, run.is_recorded)
+        drawn = keys.keys_of(has_truth, run.color, run.is_recorded, arena)
         if not run.is_recorded:
             drawn[keys.EXPLAINED] = keys.explain_key(has_truth, run.color)
         for name, key in drawn.items():

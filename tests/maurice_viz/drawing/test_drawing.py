@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
 
 from helpers import viz_fakes as fakes
-from maurice_mcl.values.laser import OCCUPIED, UNKNOWN, OccupancyMap
+from maurice_mcl.sensor.laser.rays import cast
+from maurice_mcl.sensor.laser.sensor import Laser
+from maurice_mcl.values.laser import FREE, OCCUPIED, UNKNOWN, LaserScan, OccupancyMap
 from maurice_mcl.values.map import Arena
 from maurice_viz.drawing import keys
 from maurice_viz.drawing.canvas import (
@@ -27,6 +31,7 @@ from maurice_viz.drawing.canvas import (
 )
 from maurice_viz.drawing.indexed import INK_LEVELS, IndexedColors, write
 from maurice_viz.drawing.reference_chart import TEXT_SHARE
+from maurice_viz.drawing.scan import draw_ranges
 from maurice_viz.style import (
     GROUND,
     OBSTACLE,
@@ -78,22 +83,33 @@ def test_any_shape_of_arena_can_be_drawn(bounds):
     assert max(image.shape) == LONG_SIDE_PX
 
 
+WIDE, TALL = (Arena((0.0, 0.0, *size), np.zeros((0, 4))) for size in ((8.0, 4.0), (4.0, 10.0)))
+
+
 def has_color(image, color) -> bool:
     return bool((image == np.array(color, np.uint8)).all(axis=2).any())
 
 
 @pytest.mark.parametrize("color", RUN_COLORS)
 def test_keys_show_the_estimate_in_its_runs_color(color):
-    drawn = keys.keys_of(True, color, is_recorded=False)
+    drawn = keys.keys_of(True, color, is_recorded=False, arena=WIDE)
     assert has_color(keys.explain_key(True, color), color)
     assert all(has_color(key, color) for name, key in drawn.items() if name != keys.MATCHES)
-    (recorded,) = keys.keys_of(True, color, is_recorded=True).values()
+    (recorded,) = keys.keys_of(True, color, is_recorded=True, arena=WIDE).values()
     assert has_color(recorded, color)
+
+
+def test_letters_of_a_key_are_larger_where_the_map_is_narrow():
+    """A key is as wide as its map; nothing of it is cut off."""
+    wide, tall = (keys.keys_of(True, RUN_COLORS[0], is_recorded=False, arena=arena) for arena in (WIDE, TALL))
+    for name in (keys.WEIGHTS, keys.LIKELIHOOD):
+        assert len(tall[name]) > 1.3 * len(wide[name])
+        assert (tall[name][:, -4:] == np.array(GROUND, np.uint8)).all()
 
 
 def test_a_key_is_drawn_once_and_stays_as_it_was():
     """Every layout of every run asks for all of them."""
-    first, again = (keys.keys_of(True, RUN_COLORS[0], is_recorded=False) for _ in range(2))
+    first, again = (keys.keys_of(True, RUN_COLORS[0], is_recorded=False, arena=WIDE) for _ in range(2))
     for name, key in first.items():
         assert key is again[name]
         with pytest.raises(ValueError, match="read-only"):
@@ -162,3 +178,24 @@ def test_of_a_large_grid_the_part_is_shown_that_is_known():
     assert known_part(nothing) is nothing
     bare = Arena((0.0, 0.0, 3.0, 2.0), np.zeros((0, 4)))
     assert shown_bounds(bare) == bare.bounds
+
+
+def test_ranges_are_drawn_from_left_to_right_wherever_the_laser_begins():
+    """A laser that sees all around may count its beams from any of them."""
+    cells = np.full((80, 80), FREE, np.uint8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[50:60, 60:70] = OCCUPIED
+    laser, pose, step = (
+        Laser(OccupancyMap(cells, 0.1, np.zeros(2))),
+        np.array([3.0, 3.0, 0.4]),
+        2 * np.pi / 60,
+    )
+    angles = step * np.arange(60)
+    ranges = cast(laser.occupancy, pose, angles, 8.0)[0]
+    pictures = []
+    for first in (0, 17, 43):
+        scan = LaserScan(np.roll(ranges, -first), float(angles[first]) + 1e-9, step, 0.05, 8.0)
+        reading = laser.read(SimpleNamespace(scan=scan))
+        pictures.append(
+            draw_ranges(laser.judged(reading, pose), reading, RUN_COLORS[0], scale_for("m", WIDE))
+        )
+    assert pictures[0] == pictures[1] == pictures[2]
