@@ -79,9 +79,7 @@ def elsewhere(proposals: Sequence[PoseProposal], predicted: Belief, reach_m: flo
         if together and proposal.of_one_thing is not None:
             kept &= ~proposal.of_one_thing
         if kept.any():
-            parts.append(
-                PoseProposal(proposal.poses[kept], proposal.covariances[kept], proposal.weights[kept])
-            )
+            parts.append(proposal.only(kept))
     return parts
 
 

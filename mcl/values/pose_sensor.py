@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -98,6 +98,18 @@ class PoseProposal:
     covariances: F64  # (J, 3, 3)
     weights: F64  # (J,) sum to one
     of_one_thing: Bool | None = None  # (J,) one thing alone speaks for it, that may have been moved
+    believed: float = 0.0  # probability, by earlier readings, that the robot is at one of the places
+
+    def only(self, kept: Bool) -> PoseProposal:
+        """Return the modes that a flag (J,) keeps, at least one of them."""
+        weights = self.weights[kept]
+        return replace(
+            self,
+            poses=self.poses[kept],
+            covariances=self.covariances[kept],
+            weights=weights / weights.sum(),
+            of_one_thing=None,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,6 +14,7 @@ LEAST_NATS = 10.0  # by which the scans together speak for the place rather than
 MOST_AGAINST = -20.0  # nats of one scan: it may show what the map does not have
 SURE_SHARE = 0.97  # of all mass: a place that others nearly equal may be none of them
 SAME_PLACE_M = 1.0
+BELIEVED = 0.1  # probability of the places that agree: most are right, and the scan at hand decides
 HERE = np.diag([0.3**2, 0.3**2, 0.1**2])  # covariance of where the filter thinks to be
 # by how many nats scans must speak for having been carried off: on the map, and off it, where nothing is seen
 CARRIED_NATS, CARRIED_OFF_MAP_NATS = 80.0, 140.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, reduce
 from itertools import takewhile
 from typing import ClassVar
@@ -17,7 +17,6 @@ from ...values import (
     EXACT,
     F32,
     F64,
-    Bool,
     Earlier,
     Frame,
     OccupancyMap,
@@ -28,7 +27,7 @@ from ...values import (
 )
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
-from .history import agreeing
+from .history import BELIEVED, agreeing
 from .matching import Matcher
 from .models import EXPLAINED_NATS, MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, worth_at
 from .parameters import LaserParameters
@@ -78,7 +77,10 @@ class Laser:
     def propose(self, reading: LaserReading) -> PoseProposal | None:
         """Return where on the map the scan fits well; None where it does so nowhere."""
         proposal = self._matcher.propose(reading.ends, reading.scan.mount)
-        return None if proposal is None else _part(proposal, fitting(self._map, reading, proposal.poses))
+        if proposal is None:
+            return None
+        kept = fitting(self._map, reading, proposal.poses)
+        return proposal.only(kept) if kept.any() else None
 
     def confirmed(
         self, reading: LaserReading, proposal: PoseProposal, earlier: Sequence[Earlier]
@@ -96,7 +98,8 @@ class Laser:
         off_map = None in unexplained
         since = earlier if off_map else earlier[: len(unexplained)]
         scans = [Earlier(np.zeros((0, 3)), reading, here), *since]
-        return _part(proposal, agreeing(self._map, proposal, here, scans, len(unexplained), off_map=off_map))
+        kept = agreeing(self._map, proposal, here, scans, len(unexplained), off_map=off_map)
+        return replace(proposal.only(kept), believed=BELIEVED) if kept.any() else None
 
     def explains(self, reading: LaserReading, poses: F32, weights: F64, origin: F64) -> bool:
         """Return whether a cloud (N, 3) explains the scan, so that the map is not searched."""
@@ -138,14 +141,6 @@ class Laser:
     @cached_property
     def _map(self) -> LaserMap:
         return LaserMap(self.occupancy, self.parameters)
-
-
-def _part(proposal: PoseProposal, kept: Bool) -> PoseProposal | None:
-    """Return the places (J,) of a proposal that are kept; None for none."""
-    weights = proposal.weights[kept]
-    if not len(weights):
-        return None
-    return PoseProposal(proposal.poses[kept], proposal.covariances[kept], weights / weights.sum())
 
 
 LASER = Laser.name

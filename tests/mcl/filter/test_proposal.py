@@ -248,13 +248,19 @@ def test_corrections_are_densities():
 
 
 @pytest.mark.parametrize("teleport", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("sensors", [False, True])
-def test_corrected_means_are_those_of_the_prediction(teleport, sensors):
-    """Mean over the mixture of p / mixture times anything known by entry is the mean over the prediction."""
+@pytest.mark.parametrize("believed", [None, 0.0, 0.2])
+def test_corrected_means_are_those_of_the_prediction(teleport, believed):
+    """Mean over the mixture of p / mixture times anything known by entry is the mean over the prediction.
+
+    Where a sensor proposes poses that earlier readings speak for, the robot is elsewhere as probably as they
+    say.
+    """
     value = np.append(np.random.default_rng(3).normal(size=16), 0.0)  # outside: 0
     even = WHERE.sizes() / WHERE.sizes().sum()
     parameters = MixtureParameters(0.3, teleport)
-    proposed = PoseProposal(np.array([[1.5, 1.5, 0.5]]), np.diag([0.3, 0.3, 0.5])[None], np.ones(1))
+    proposed = PoseProposal(
+        np.array([[1.5, 1.5, 0.5]]), np.diag([0.3, 0.3, 0.5])[None], np.ones(1), believed=believed or 0.0
+    )
     logs = np.where(np.arange(16) < 6, np.arange(16) / 4, -90.0).astype(
         np.float32
     )  # six entries have particles
@@ -263,9 +269,12 @@ def test_corrected_means_are_those_of_the_prediction(teleport, sensors):
         rng = stream(9, seed)
         poses = likely_poses(logs, NEAREST.grid, WHERE, 500, MIXTURE_MIDDLE, rng)
         belief = Belief(poses, normalize(np.zeros(500))[0], MIXTURE_MIDDLE)
-        mixed = mixture_proposal(belief, LOGS, NEAREST, WHERE, parameters, rng, [proposed] if sensors else ())
+        mixed = mixture_proposal(
+            belief, LOGS, NEAREST, WHERE, parameters, rng, () if believed is None else [proposed]
+        )
         known, found = (value[NEAREST.entries(b.poses, MIXTURE_MIDDLE)] for b in (belief, mixed.belief))
-        expected = (1 - teleport) * known.mean() + teleport * even @ value[:16]
+        carried = max(teleport, believed or 0.0)
+        expected = (1 - carried) * known.mean() + carried * even @ value[:16]
         off.append(np.mean(np.exp(mixed.correction) * found) - expected)
     assert abs(np.mean(off)) < 4 * np.std(off) / np.sqrt(len(off))
 

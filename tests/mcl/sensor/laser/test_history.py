@@ -36,6 +36,7 @@ def test_a_place_is_confirmed_by_the_scans_that_the_estimate_did_not_explain(gri
     kept = laser.confirmed(here, proposal, [Earlier(motion[None], reading, lost)])
     np.testing.assert_array_equal(kept.poses, places[:1])
     assert kept.weights == 1
+    assert kept.believed > 0
     kept = laser.confirmed(here, proposal, [Earlier(motion[None], reading, before)])
     np.testing.assert_array_equal(kept.poses, places[:1])  # where the filter thinks to be
     assert laser.confirmed(here, proposal, []) is proposal
