@@ -291,9 +291,10 @@ def examine(
         without += ["the map: none was given"] if there is None else []
     if not len(drive.picture_t_s):
         without += [] if gathered.scans.size else ["pictures: there are none"]
-    elif library is None or drive.truth.size < 2:
-        lacking = "library was given" if library is None else "truth tells where they are from"
-        without.append(f"pictures: no {lacking}")
+    elif library is None or library.is_map:
+        without.append("pictures: no library was given")
+    elif drive.truth.size < 2:
+        without.append("pictures: no truth tells where they are from")
     elif any(finding.code in WRONG_TRUTH for finding in known):
         without.append("pictures: the truth has to be put right first")
     else:

@@ -46,7 +46,8 @@ def _high(amounts: F64, passed_s: F64) -> float:
     moves = (amounts > 0) & (passed_s > 0)
     if moves.sum() < FEWEST:
         return 0.0
-    return float(np.percentile(amounts[moves] / passed_s[moves], 95))
+    least_s = np.percentile(passed_s[moves], 75)  # stamps may come in pairs, and hardly apart
+    return float(np.percentile(amounts[moves] / np.maximum(passed_s[moves], least_s), 95))
 
 
 def time_unit(drive: RecordedDrive) -> tuple[float, list[Finding]]:

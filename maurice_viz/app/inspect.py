@@ -12,8 +12,9 @@ from maurice_loaders.doctor.examination import Examination, examine
 from maurice_loaders.doctor.inspection import Inspection, inspect_file
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent
-from maurice_loaders.formats.registry import chosen, open_recording
+from maurice_loaders.formats.registry import chosen
 from maurice_loaders.formats.registry import formats as all_formats
+from maurice_loaders.formats.registry import open_session as open_any
 from maurice_loaders.libraries.store import open_library
 from maurice_loaders.reading.options import ReadingOptions, write_reading
 from maurice_loaders.runs.store import SavedRun, open_runs
@@ -24,7 +25,7 @@ from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values import Library, Moment, StepRecord
 
 from ..errors import SILENT, Listener, OptionError, progress_of
-from ..running.open import library_at
+from ..running.open import library_at, library_of
 from ..running.saved_steps import Pictures, Restored, restored_together
 from ..style import Scale, units_named
 from ..text.causes import with_failures
@@ -80,9 +81,9 @@ def inspect(session: str | Path, *, reading: ReadingOptions | None = None) -> In
     """
     path, options = Path(session), replace(reading or ReadingOptions(), keep_going=True)
     form, contents = chosen(path, options), inspect_file(path, options)
-    return InspectedRecording(
-        form.name, replace(contents, warnings=(*_about_places(path, contents), *contents.warnings))
-    )
+    has_map = contents.has_map or (bool(contents.scans) and library_of(open_any(path, options), None) == path)
+    warnings = (*_about_places(path, contents), *contents.warnings)
+    return InspectedRecording(form.name, replace(contents, warnings=warnings, has_map=has_map))
 
 
 def _about_places(path: Path, inspection: Inspection) -> list[str]:
@@ -132,9 +133,9 @@ def doctor(
 def _library(
     session: Path, library: str | Path | None, options: ReadingOptions, listener: Listener
 ) -> Library | None:
-    """Open the library that was asked for; the one that the header names only where it is there."""
-    path = Path(library) if library else open_recording(session, options).info.survey
-    if path is None or (library is None and not path.exists()):
+    """Open the library that was asked for; else the header's or the bag's map, if it is there."""
+    path = Path(library) if library else library_of(open_any(session, options), None)
+    if not isinstance(path, Path) or (library is None and not path.exists()):
         return None
     if not path.exists():
         raise InputError(path, "found no such library or survey; name it with --library")

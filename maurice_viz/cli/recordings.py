@@ -15,6 +15,7 @@ from rich.text import Text
 
 from maurice_loaders.doctor.examination import Examination, fixed_options, odometry_advice
 from maurice_loaders.doctor.inspection import Inspection
+from maurice_loaders.files.ros_maps import ENDINGS
 from maurice_loaders.runs.manifest import is_saved
 from maurice_mcl.scoring.events import KINDS, RunEvent
 
@@ -216,7 +217,8 @@ def doctor(
     if json_output:
         print_json(_json(examination, options))
     else:
-        beside = [] if library is None else ["--library", str(library)]
+        given = "--map" if library is not None and library.suffix.lower() in ENDINGS else "--library"
+        beside = [] if library is None else [given, str(library)]
         results.say("\n".join(_lines(examination, options, beside)))
     if output is not None and examination.fixed != read_by:
         words = shlex.join([str(session), "--reading", str(output)])

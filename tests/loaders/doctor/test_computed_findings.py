@@ -82,6 +82,15 @@ def test_noisy_odometry_is_healthy(poses, seed):
     assert clocks_apart(drive) == truth_apart(drive) == []
 
 
+def test_stamps_that_come_in_pairs_make_no_robot_too_fast() -> None:
+    drive = dense_drive(poses=True)
+    t_s = drive.odometry.t_s.copy()
+    t_s[1::2] = t_s[::2] + 0.001
+    paired = replace(drive, odometry=replace(drive.odometry, t_s=t_s))
+    assert odometry_doubts(paired) == []
+    assert time_unit(paired) == (1.0, [])
+
+
 @pytest.mark.parametrize(
     ("code", "factors"),
     [

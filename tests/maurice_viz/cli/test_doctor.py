@@ -192,3 +192,26 @@ def test_bad_spacing_is_a_usage_error(every, small_session, tmp_path):
     done = run("library", "build", small_session, "-o", tmp_path / "x", "--every", every, expect=2)
     assert "--every" in done.stderr
     assert not (tmp_path / "x").exists()
+
+
+def test_a_bags_own_map_is_what_its_scans_are_compared_with(tmp_path):
+    pytest.importorskip("rosbags", reason="the extra ros is not installed")
+    from helpers import bags
+
+    bag = bags.write_ros2(tmp_path / "bag", bags.laser_amcl_drive(bags.Ros(2)))
+    assert "8 scans against the map" in run("doctor", bag).stdout
+    assert json.loads(run("inspect", bag, "--json").stdout)["has_map"] is True
+    bare = bags.write_ros2(tmp_path / "bare", bags.laser_drive(bags.Ros(2)))
+    assert "the map: none was given" in run("doctor", bare).stdout
+    assert json.loads(run("inspect", bare, "--json").stdout)["has_map"] is False
+
+
+def test_a_fix_names_the_map_as_it_was_typed(tmp_path, small_session):
+    occupancy = tmp_path / "map.yaml"
+    cv2.imwrite(str(tmp_path / "map.pgm"), np.pad(np.full((38, 38), 254, np.uint8), 1))
+    occupancy.write_text(
+        "image: map.pgm\nresolution: 0.1\norigin: [-2, -2, 0]\nnegate: 0\n"
+        "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    done = run("doctor", in_millimeters(small_session), "--map", occupancy)
+    assert f"odometry_scale=0.001 --map {occupancy}\n" in done.stdout
