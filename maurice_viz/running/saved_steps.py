@@ -103,11 +103,14 @@ def restored_together(
 
 
 def nothing_seen(particles: int) -> Sighting:
-    """Make a sighting without any reference, for when comparisons cannot be made again."""
+    """Make a sighting without any reference, for when comparisons cannot be made again.
+
+    Which particles are in a wall is unknown, so that all count as in free space.
+    """
     none, table = np.zeros(0, np.float32), np.zeros((0, 0), np.float32)
     comparison = Comparison((), {}, table, table, none, table, none, none)
     unknown = np.full(particles, np.nan, np.float32)
-    return Sighting(comparison, np.full(particles, -1, np.int32), unknown)
+    return Sighting(comparison, np.zeros(particles, np.int32), unknown)
 
 
 def without_heirs(belief: Belief) -> Belief:

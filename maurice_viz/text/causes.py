@@ -253,7 +253,7 @@ def _resampling(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
 
 
 def _impoverished(failure: Failure, e: Mapping[str, Any], scale: Scale) -> str:
-    nearest = f"the nearest of {e['particles']} was {scale.say(e['nearest_m'])} away"
+    nearest = f"the nearest of {e['particles']:.0f} was {scale.say(e['nearest_m'])} away"
     if e["ever"] == "no":
         return f"no particle with any weight was ever at the true place ({nearest})"
     if e["ever"] == "late":

@@ -188,7 +188,7 @@ class EvidenceFinder:
         moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
         evidence = replace(evidence, near=near_truth(record, truth), moved_m=moved_m)
         surroundings = self.surroundings
-        if surroundings is None or evidence.broken:
+        if evidence.broken or (surroundings is None and self.scans is None):
             return evidence
         surprising = None if last is None else self._surprise(last, truth, moment.frame.motions)
         if self.scans is not None:
@@ -196,6 +196,7 @@ class EvidenceFinder:
             together = before is None and sd_m < record.estimate.radii.cluster_m
             scan = self._scan(evidence, record, truth)
             return replace(evidence, surprise=surprising, scan=scan, began_together=together)
+        assert surroundings is not None
         return replace(
             evidence,
             outside=surroundings.is_outside(truth),

@@ -20,6 +20,7 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import open_run
 from maurice_loaders.runs.writer import rows_of
+from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
 from maurice_viz.app.check.check import check
 from maurice_viz.app.convert import export
 from maurice_viz.app.diagnose import diagnose, draw
@@ -91,6 +92,18 @@ def test_other_bags_are_saved_as_well(kind: str, tmp_path: Path) -> None:
     verdict = diagnose(tmp_path / "run").text
     assert ("was carried" in verdict) == (kind != "no truth")
     assert not CAMERA.search(verdict.replace(str(tmp_path), ""))
+
+
+def test_particles_and_scans_at_the_true_place_are_known(bag: Path) -> None:
+    (recorded,) = open_recorded(bag, ReadingOptions())
+    builder = DiagnosisBuilder(occupancy=recorded.overview.arena.occupancy)
+    for step in together([recorded]):
+        builder.add(*step["particle_cloud"])
+    (story,) = builder.stories()
+    shares = [update.share_near for update in story.updates]
+    assert min(shares[:12]) > 0.9
+    assert max(shares[12:]) == 0
+    assert all(update.scan is not None for update in story.updates)
 
 
 def test_nothing_speaks_of_cameras(saved: Path, tmp_path: Path) -> None:
