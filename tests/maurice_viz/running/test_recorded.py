@@ -103,7 +103,7 @@ def test_particles_and_scans_at_the_true_place_are_known(bag: Path) -> None:
     shares = [update.share_near for update in story.updates]
     assert min(shares[:12]) > 0.9
     assert max(shares[12:]) == 0
-    assert all(update.scan is not None for update in story.updates)
+    assert all(update.scan is not None for update in story.updates[:-1])  # no truth follows the last
 
 
 def test_nothing_speaks_of_cameras(saved: Path, tmp_path: Path) -> None:
