@@ -81,6 +81,7 @@ _ROS1_DEFAULTS: Mapping[str, Any] = {
     "z_rand": 0.05,
 }
 _MODELS = ("beam", "likelihood_field", "likelihood_field_prob")
+_DOTTED = "initial_pose."
 _POSE = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
 _OTHERS = ("laser_model_type", "robot_model_type", "initial_pose", "set_initial_pose", *_POSE)
 _OFFLINE = [
@@ -125,7 +126,14 @@ def _parameters(file: Path) -> Mapping[str, Any]:
     if _known(best) < 3:
         expected = "expected laser_model_type, max_beams, alpha1 and the like, as in Nav2's nav2_params.yaml"
         raise InputError(file, f"found no parameters of AMCL, {expected}")
-    return best
+    return _nested(best)
+
+
+def _nested(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Put initial_pose.x and the like, which ROS 2 takes as well, into a mapping of their own."""
+    pose = {name[len(_DOTTED) :]: value for name, value in given.items() if str(name).startswith(_DOTTED)}
+    rest = {name: value for name, value in given.items() if not str(name).startswith(_DOTTED)}
+    return rest | {"initial_pose": pose} if pose else given
 
 
 def _known(mapping: Mapping[Any, Any]) -> int:
@@ -194,6 +202,9 @@ def _meaning(given: Mapping[str, Any], written: Mapping[str, Any]) -> AmclParame
     if start is None or "initial_pose" not in given:  # Nav2's own initial pose has no spread
         settings["start.sd_m"] = math.sqrt(max(size("initial_cov_xx"), 0.0))
         settings["start.heading_sd_rad"] = math.sqrt(max(size("initial_cov_aa"), 0.0))
+    elif (pose := given["initial_pose"]).keys() & {"covariance_x", "covariance_yaw"}:  # Beluga's has one
+        for name, key in (("covariance_x", "start.sd_m"), ("covariance_yaw", "start.heading_sd_rad")):
+            settings[key] = math.sqrt(max(number(pose.get(name, 0.0), f"initial_pose.{name}"), 0.0))
     remarks = []
     if offline := [name for name in written if name in _OFFLINE]:
         remarks.append(f"AMCL's parameters that mean nothing in a replay: {', '.join(offline)}")

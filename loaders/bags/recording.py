@@ -124,6 +124,7 @@ class BagRecording:
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
+            own |= {topic.name for topic in _start_topics(bag) if given}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
         self._guessed = "; ".join(text for text in (self.chosen.guess, looking, mounted, given) if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
@@ -266,17 +267,20 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
 START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
 
 
+def _start_topics(bag: BagSource) -> list[Topic]:
+    return [topic for topic in readable(bag.topics, {POSE_WITH_COVARIANCE}) if "initialpose" in topic.name]
+
+
 def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
     """Return the pose (3,) that somebody gave AMCL at the beginning, and a remark on it; None: nobody did."""
-    topics = [t.name for t in readable(bag.topics, {POSE_WITH_COVARIANCE}) if "initialpose" in t.name]
     first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), None) if seen else None
     if first_ns is None:
         return None, ""
-    for topic in topics:
-        for message, content in first_messages(bag, topic, 1):
+    for topic in _start_topics(bag):
+        for message, content in first_messages(bag, topic.name, 1):
             with suppress(*MESSAGE_ERRORS):
                 x_m, y_m, turn = pose = pose_of(content)
-                words = f"{topic} is at {x_m:.2f}, {y_m:.2f} m, {math.degrees(turn):.0f} deg"
+                words = f"{topic.name} is at {x_m:.2f}, {y_m:.2f} m, {math.degrees(turn):.0f} deg"
                 after_s = (message.log_ns - first_ns) / 1e9
                 if after_s <= START_WITHIN_S:
                     return pose, f"the drive starts where {words}"

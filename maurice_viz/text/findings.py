@@ -283,8 +283,8 @@ EVIDENCE: Mapping[str, Text] = {
     "scans-pictures": "pictures make the steps, each with the scan nearest to it",
     "scans-odometry": "a scan is used at its place by the odometry",
     "fit-anywhere": (
-        "where each of {scans} scans fits best {off:.0%} of its beams disagree, "
-        "and as many of mirrored ones, by chance: {chance:.0%}"
+        "where each of {scans} scans fits best {off:.0%} of its beams disagree; "
+        "of mirrored scans, which fit by chance alone, {chance:.0%} do"
     ),
     "slow": lambda v: (
         f"the robot would go at {_speed(v, v['m_s'])} and turn at {v['rad_s']:.2g} rad/s; in {v['unit']} "

@@ -183,6 +183,19 @@ def test_ros_1s_uncorrected_models_are_named(tmp_path):
     assert "variances as standard deviations" in remark
 
 
+@pytest.mark.parametrize("dotted", [True, False])
+def test_belugas_initial_pose_has_a_spread_and_may_be_dotted(dotted, tmp_path):
+    pose = {"x": 1.5, "y": -2.0, "yaw": 0.25, "covariance_x": 0.16, "covariance_yaw": 0.04}
+    given = {f"initial_pose.{name}": value for name, value in pose.items()}
+    if not dotted:
+        given = {"initial_pose": "{" + ", ".join(f"{name}: {value}" for name, value in pose.items()) + "}"}
+    read = read_amcl(_file(tmp_path, _nav2(set_initial_pose="true", **given)))
+    np.testing.assert_allclose(read.start, [1.5, -2.0, 0.25])
+    assert read.settings["start.sd_m"] == pytest.approx(0.4)
+    assert read.settings["start.heading_sd_rad"] == pytest.approx(0.2)
+    assert not any("initial_pose" in text for text in read.remarks)
+
+
 def test_nav2s_initial_pose_has_no_spread_and_one_from_elsewhere_has_rvizs(tmp_path):
     pose = "{x: 1.0, y: 2.0, z: 0.0, yaw: 0.5}"
     text = _nav2(set_initial_pose="true", initial_pose=pose)

@@ -261,5 +261,6 @@ def test_a_pose_given_by_hand_at_the_beginning_is_where_the_drive_starts(
     assert (recording.info.start is None) == (start is None)
     if start is not None:
         np.testing.assert_allclose(recording.info.start, start)
+    assert "/initialpose" not in recording.not_read
     assert any("/initialpose is at 1.00, 2.00 m, 29 deg" in note for note in recording.info.notes)
     assert not any(isinstance(record, TruthPose) for record in recording.records(ReadingNotes(False)))
