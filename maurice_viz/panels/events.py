@@ -172,6 +172,7 @@ class Lanes:
         """Take what stands left of each lane, its name in its color; two lanes may have the same name."""
         self._path, self._heads = path, {f"{number} {head.word}": head for number, head in enumerate(heads)}
         self._changes: list[list[_Change]] = [[] for _ in heads]
+        self._times_s: dict[int, float] = {}  # of all steps
         self._looks: dict[str, Look] = {}  # of the names that are logged
 
     def prepare(self, rec: rr.RecordingStream) -> None:
@@ -180,6 +181,7 @@ class Lanes:
 
     def draw(self, rec: rr.RecordingStream, step: int, time_s: float, looks: Sequence[Look]) -> None:
         """Begin what each lane shows from this step on, where it is another than before."""
+        self._times_s[step] = time_s
         before = [changes[-1] if changes else _Change(step, "", NOTHING) for changes in self._changes]
         is_first = not any(self._changes)
         for changes, last, look in zip(self._changes, before, looks, strict=True):
@@ -194,11 +196,31 @@ class Lanes:
                 rec.log(names_of(self._path), rr.StateChange(state=[font_safe(name) for name in self._heads]))
             rec.log(self._path, rr.StateChange(state=[font_safe(change.name) for change in now]))
 
-    def explain(self, lane: int, first: int, last: int, old: Sequence[Look], new: Look) -> None:
-        """Give what begins between two steps another look."""
-        for change in self._changes[lane]:
+    def explain(
+        self, rec: rr.RecordingStream, lane: int, first: int, last: int, old: Sequence[Look], new: Look
+    ) -> None:
+        """Give what is shown between two steps another look, also where it began before them."""
+        changes = self._changes[lane]
+        for change in changes:
             if first <= change.step <= last and change.look in old:
                 change.look = new
+        earlier = [change for change in changes if change.step <= first]
+        if not earlier or earlier[-1].step == first or earlier[-1].look not in old:
+            return
+        own = changes[len(earlier)].step if len(earlier) < len(changes) else last + 2
+        after = min(last + 1, own)
+        later = {change.step for some in self._changes for change in some if first < change.step <= after}
+        begins = [first, *sorted(later - {after})]  # the viewer parts a lane wherever another changes again
+        widest = max(range(len(begins)), key=lambda k: [*begins, after][k + 1] - begins[k])
+        looks = [new if k == widest else replace(new, word="") for k in range(len(begins))]
+        if after in self._times_s and after < own:
+            begins, looks = [*begins, after], [*looks, earlier[-1].look]
+        more = [_Change(step, self._name(rec, look), look) for step, look in zip(begins, looks, strict=True)]
+        changes[len(earlier) : len(earlier)] = more
+        for step in begins:
+            now = [[change.name for change in some if change.step <= step][-1:] for some in self._changes]
+            set_place(rec, step, self._times_s[step], Phase.PREDICT)
+            rec.log(self._path, rr.StateChange(state=[font_safe("".join(name)) for name in now]))
 
     def finish(self, rec: rr.RecordingStream, steps: int) -> None:
         """Tell what names mean, with words only where there is room for them in a run of so many steps."""
@@ -294,8 +316,8 @@ class LanesDrawing:
                     continue
                 first, last = failure.episode.first, failure.episode.last
                 old, cause = [*lost, together], look_of_state(kinds.LOST, failure)
-                self._shared.explain(1 + number, first, last, old, cause)
-                self._own[number].explain(1, first, last, old, cause)
+                self._shared.explain(self._rec, 1 + number, first, last, old, cause)
+                self._own[number].explain(self._rec, 1, first, last, old, cause)
         for lanes in (self._shared, *self._own, *self._closer):
             lanes.finish(self._rec, self._steps)
 

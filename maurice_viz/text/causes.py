@@ -321,4 +321,4 @@ def say_state(state: str, failure: Failure | None = None) -> str:
     """Return a localization status; of a lost run with its cause, where that is known: "lost: too dark"."""
     if failure is None or failure.kind == kinds.UNKNOWN:
         return STATE_WORDS.get(state, state)
-    return f"{LOST}: {failure.title}"
+    return f"{LOST if failure.truth_known else STATE_WORDS[PROBABLY_LOST]}: {failure.title}"

@@ -139,6 +139,29 @@ def test_where_a_run_was_lost_its_lane_says_why(tmp_path):
     assert dict(lane_of(path, 2, SHARED))[4] == "lost"  # the other run has no known cause
 
 
+@pytest.mark.parametrize("last", [30, 60])
+def test_a_run_that_is_doubted_only_at_the_end_is_lost_in_its_lane_from_that_step_on(tmp_path, last):
+    steps: list[Step] = [("converged", []) for _ in range(60)]
+    doubt = Failure(LIGHTING, 20, Episode("probably-lost", 20, last, 20, noticed=20), truth_known=False)
+    path = drawn(tmp_path / "a.rrd", steps, failures=[doubt])
+    after = [] if last == 60 else [(31, "dots together")]
+    why = [(1, "dots together"), (20, "probably lost: the light changed"), *after]
+    assert lane_of(path, STATUS) == lane_of(path, 1, SHARED) == why
+
+
+def test_a_lane_that_another_parts_has_its_word_where_most_room_is(tmp_path):
+    steps: list[Step] = [("converged", []) for _ in range(60)]
+    steps[24] = ("converged", [("reseeded", "a")])
+    doubt = Failure(LIGHTING, 20, Episode("probably-lost", 20, 60, 20, noticed=20), truth_known=False)
+    path = drawn(tmp_path / "a.rrd", steps, failures=[doubt])
+    latest = dict(lane_of(path, STATUS))
+    why = {1: "dots together", 20: " ", 25: " ", 26: "probably lost: the light changed"}
+    assert latest == why
+    style = recordings.static(path, OWN)
+    colors = dict(zip(style["StateConfiguration:labels"], style["StateConfiguration:colors"], strict=True))
+    assert colors[why[26]] == packed(STATE_COLORS["lost"])
+
+
 def test_the_log_says_how_far_a_robot_was_carried(tmp_path):
     steps: list[Step] = [("localized", []), ("localized", [("kidnapped", "the robot was carried away")])]
     steps += [("localized", [])] + [("localized", [("session", "bump")])] * 3
