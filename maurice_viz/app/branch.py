@@ -16,7 +16,7 @@ from maurice_mcl.filter.branch import branched
 from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.verdict import RunVerdict, VerdictBuilder
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, FEATURES
-from maurice_mcl.values import Belief, FilterState, Library, Moment, StepRecord
+from maurice_mcl.values import Belief, FilterState, Library, Moment, Past, StepRecord
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.run_spec import check_name, combined
@@ -203,19 +203,27 @@ class BranchPoint:
         return ()
 
     def begin(
-        self, localizer: Localizer, step: int, belief: Belief | None, past: Past, *, anywhere: bool = False
+        self,
+        localizer: Localizer,
+        step: int,
+        belief: Belief | None,
+        evidences: Sequence[float],
+        past: Sequence[Past] = (),
+        *,
+        anywhere: bool = False,
     ) -> FilterState:
-        """Return the state in which a filter goes on after a step; without a belief, at the run's start."""
+        """Return the state in which a filter goes on after a step; without a belief, at the run's start.
+
+        `evidences` are what recovery was told until then, update by update; `past` are the last updates, the
+        latest first, as the filter's own sensors read them.
+        """
         if belief is None:
             return localizer.initialize(None if anywhere else self.restored.start)
-        evidences = past if localizer.sensor is self.localizer.sensor else ()
+        evidences = evidences if localizer.sensor is self.localizer.sensor else ()
         if anywhere:
             return branched(localizer, step, localizer.initialize(None).belief, evidences)
         resized = localizer.particles != self.localizer.particles
-        return branched(localizer, step, belief, evidences, localizer.particles if resized else None)
-
-
-Past = Sequence[float]  # what recovery was told until the branch, update by update
+        return branched(localizer, step, belief, evidences, localizer.particles if resized else None, past)
 
 
 def open_branch(run: str | Path, listener: Listener = SILENT) -> BranchPoint:

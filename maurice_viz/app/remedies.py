@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -16,14 +17,15 @@ from maurice_mcl.config.build import equipped
 from maurice_mcl.config.parameters import ALPHAS, PRECISE, PRESETS, FilterParameters
 from maurice_mcl.filter.batch import run_batch
 from maurice_mcl.filter.branch import recovery_evidence
-from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.localizer import PAST, Localizer
+from maurice_mcl.filter.sensor_proposal import can_propose
 from maurice_mcl.scoring import metrics
 from maurice_mcl.scoring.metrics import DrivenPath
 from maurice_mcl.sensor.ahead import compared
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
-from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Moment
+from maurice_mcl.values import F64, MOVABLE, Belief, Bool, Comparison, Frame, Moment, Past
 
 from ..errors import SILENT, Listener
 from ..running.saved_steps import NO_PICTURE, Pictures, Restored, restored_together
@@ -183,6 +185,7 @@ class _Past:
     sensors: Sequence[SensorModel]
     belief: Belief | None = None
     evidences: list[float] = field(default_factory=list)
+    updates: list[Sequence[Past]] = field(default_factory=list)  # the last, for each sensor model
     moments: list[Moment] = field(default_factory=list)  # after the branch, without pictures
     comparisons: list[list[Comparison]] = field(default_factory=list)  # of each sensor model, by moment
 
@@ -191,15 +194,18 @@ class _Past:
         """Go through the run once and measure every picture after the branch once. InputError."""
         past, label = cls(point, step, sensors), point.run.manifest.label
         seen = restored_together([Restored(point.run, None)], Pictures(point.session, point.refuse))
+        last = deque[tuple[Frame, F64]](maxlen=PAST)  # the latest first
         for moment, records in seen:
             if len(past.moments) == MOST_UPDATES:
                 break
             if moment.frame.step <= step:
                 past.evidences.append(recovery_evidence(records[label]))
                 past.belief = records[label].belief
+                last.appendleft((moment.frame, records[label].estimate.pose))
             else:
                 past.comparisons.append([model.comparison for model in compared(sensors, moment.frame)])
                 past.moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
+        past.updates = [_updates_read(sensor, last) for sensor in sensors]
         known = sum(moment.truth is not None for moment in past.moments)
         if known < metrics.RIGHT_AT_END[1]:
             needed = f"expected at least {metrics.RIGHT_AT_END[1]} to judge remedies by; name an earlier step"
@@ -219,7 +225,7 @@ class _Past:
             comparisons = [seen[position] for seen in self.comparisons]
             for number, (remedy, localizer) in enumerate(zip(remedies, filters, strict=True)):
                 if localizer.sensor is sensor:
-                    found[number] = self._runs(remedy, localizer, seeds, comparisons)
+                    found[number] = self._runs(remedy, localizer, seeds, comparisons, self.updates[position])
                     listener.progress(len(found), len(filters), "remedies")
         return [found[number] for number in range(len(filters))]
 
@@ -229,12 +235,10 @@ class _Past:
         localizer: Localizer,
         seeds: Sequence[int],
         comparisons: Sequence[Comparison],
+        updates: Sequence[Past],
     ) -> SeedResults:
-        begin, past, anywhere = self.point.begin, self.evidences, remedy.change.anywhere
-        begun = [
-            begin(replace(localizer, seed=seed), self.step, self.belief, past, anywhere=anywhere)
-            for seed in seeds
-        ]
+        known, anywhere = (self.step, self.belief, self.evidences, updates), remedy.change.anywhere
+        begun = [self.point.begin(replace(localizer, seed=seed), *known, anywhere=anywhere) for seed in seeds]
         traces = run_batch(localizer, self.moments, seeds, comparisons=comparisons, states=begun)
         path = DrivenPath.of(self.moments)
         scores = [metrics.score_trace(trace, path) for trace in traces]
@@ -242,6 +246,13 @@ class _Past:
         at_end = np.array([metrics.mostly_at_end(flags) is True for flags in localized], bool)
         errors_m = np.array([score.position_error_mean_m for score in scores], np.float64)
         return SeedResults(at_end, errors_m)
+
+
+def _updates_read(sensor: SensorModel, last: Iterable[tuple[Frame, F64]]) -> list[Past]:
+    """Return updates as a sensor model reads them, where it proposes poses, which are checked by them."""
+    if not can_propose(sensor.sensors.values()):
+        return []
+    return [Past(frame.motions, sensor.see(frame).sensed, pose) for frame, pose in last]
 
 
 def least_seeds(remedies: int) -> int:

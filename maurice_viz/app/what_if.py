@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,13 +15,13 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.runs.store import RunDifference, first_difference
 from maurice_loaders.runs.writer import PARTS, StepRows, rows_of
 from maurice_mcl.filter.branch import recovery_evidence
-from maurice_mcl.filter.localizer import Localizer
+from maurice_mcl.filter.localizer import PAST, Localizer
 from maurice_mcl.reasons.second_opinion import SecondOpinion
 from maurice_mcl.scoring.comparison import RunComparison, Step
 from maurice_mcl.scoring.events import PARTED
 from maurice_mcl.scoring.metrics import RunErrors, Scorer, mostly_at_end
 from maurice_mcl.sensor.ahead import Compared
-from maurice_mcl.values import FilterState, Moment, StepRecord
+from maurice_mcl.values import FilterState, Moment, Past, StepRecord
 
 from ..errors import SILENT, Listener, OptionError
 from ..layouts import DETAILS
@@ -189,18 +190,22 @@ class _Pair:
 
     def updates(self) -> Iterator[Mapping[str, Step]]:
         """Go through both: up to the branch they share their steps."""
-        names, past = (self.point.run.manifest.label, self.label), list[float]()
+        names, evidences = (self.point.run.manifest.label, self.label), list[float]()
+        past = deque[Past](maxlen=PAST)  # the latest first
         anywhere, second = self.change.anywhere, SecondOpinion.beside(self.localizer)
         state = None
         if not self.from_step:
-            state = self.point.begin(self.localizer, 0, None, past, anywhere=anywhere)
+            state = self.point.begin(self.localizer, 0, None, evidences, anywhere=anywhere)
         for moment, record in self.point.steps():
             step, branch = moment.frame.step, record
             if state is None:
-                past.append(recovery_evidence(record))
+                evidences.append(recovery_evidence(record))
                 branch = self._looked_at(moment, record)
+                sensed = branch.sighting.comparison.sensed
+                past.appendleft(Past(moment.frame.motions, sensed, record.estimate.pose))
                 if step == self.from_step:
-                    state = self.point.begin(self.localizer, step, record.belief, past, anywhere=anywhere)
+                    known = (record.belief, evidences, past)
+                    state = self.point.begin(self.localizer, step, *known, anywhere=anywhere)
             else:
                 state, branch = self._stepped(state, moment, record)
             self.last = step

@@ -6,12 +6,20 @@ numbers at every later step, and one that changes nothing is the run itself, bit
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ..values.randomness import Domain, Purpose, stream
-from ..values.records import NO_HISTORY, Belief, FilterState, RecoveryState, StepRecord, uniform_log_weights
+from ..values.records import (
+    NO_HISTORY,
+    Belief,
+    FilterState,
+    Past,
+    RecoveryState,
+    StepRecord,
+    uniform_log_weights,
+)
 from .localizer import LEFT_MAP, Localizer, usable_evidence
 from .recovery import RecoveryStrategy
 from .resampling import systematic
@@ -31,18 +39,24 @@ def recovery_after(strategy: RecoveryStrategy, evidences: Iterable[float]) -> Re
 
 
 def branched(
-    localizer: Localizer, step: int, belief: Belief, evidences: Iterable[float], size: int | None = None
+    localizer: Localizer,
+    step: int,
+    belief: Belief,
+    evidences: Iterable[float],
+    size: int | None = None,
+    past: Sequence[Past] = (),
 ) -> FilterState:
     """Return the state in which a filter goes on from a belief that another one had after a step.
 
     `evidences` are what recovery was told until then (`recovery_evidence`); none of them where they are
-    those of another sensor model. With a `size` other than the belief's, it is resampled to that many.
+    those of another sensor model. With a `size` other than the belief's, it is resampled to that many. By the
+    updates of the `past`, the latest first, its sensors check what they propose.
     """
     if size is not None and size != belief.size:
         belief = resized(belief, size, localizer.seed, step)
     columns = np.asfortranarray(belief.poses)  # as the filter holds them: its sums and sines round alike
     same = Belief(columns, belief.log_weights, belief.origin)
-    return FilterState(step, same, recovery_after(localizer.recovery.strategy, evidences))
+    return FilterState(step, same, recovery_after(localizer.recovery.strategy, evidences), tuple(past))
 
 
 def resized(belief: Belief, size: int, seed: int, step: int) -> Belief:

@@ -15,6 +15,9 @@ import maurice_viz as mv
 from helpers import expect_facts
 from helpers.commands import failure, maurice, run
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_datasets.sessions import write_simulation
+from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.tasks import TASKS
 from maurice_datasets.trials.statistics import rate
 from maurice_loaders import InputError
 from maurice_viz.app.branch import BranchChange, open_branch
@@ -48,6 +51,15 @@ def test_a_branch_that_changes_nothing_is_the_run(folder, step):
     expect_facts(found.line, "Nothing changed", "bit for bit", "step 24")
     assert found.before == found.after
     assert found.parted_at is None
+
+
+def test_a_branch_of_a_laser_checks_places_by_the_scans_before_it(tmp_path):
+    plan = SimulationPlan(TASKS["kidnapped"], world="office", arena_seed=2, seed=3, updates=24, laser=True)
+    written = write_simulation(tmp_path / "off", plan)
+    mv.replay(written.session, preset="laser", save_run=tmp_path / "run")
+    carried = next(event.step for event in mv.events(tmp_path / "run", kinds=["kidnapped"]).runs[0].events)
+    for step in range(carried - 1, carried + 3):
+        assert mv.what_if(tmp_path / "run", step).same
 
 
 def test_the_same_settings_given_again_change_nothing(folder):
