@@ -1,17 +1,21 @@
-"""Path planning: free space on a raster, and the next point on the path to a goal."""
+"""Path planning: free space on a raster, and the next point on the path to a goal.
+
+SciPy is imported where it is used: trials over a recorded session and a demo from the cache plan no path.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
 
 from maurice_mcl.values import F64, I32, INCH_M, Arena, Bool, wrap
 
 from ..worlds.world import clearance
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 CELL_M = 3.0 * INCH_M  # of the raster
 KEEP_M = 6.0 * INCH_M  # planned ways keep this from the robot's middle to anything solid
@@ -45,6 +49,8 @@ class Raster:
 
     def way_to(self, goal: F64) -> I32:
         """Return for every free cell (K,) the next one on the path to a goal (2,), negative at the goal."""
+        from scipy.sparse.csgraph import dijkstra
+
         goals = np.array([self.nearest(goal)])
         onward = dijkstra(self.steps, directed=False, indices=goals, return_predecessors=True)[1]
         return np.asarray(onward[0], np.int32)
@@ -81,6 +87,10 @@ class Placement:
 
 def raster(arena: Arena) -> Raster | None:
     """Cut the arena into cells, keep the connected ones with enough room; None if there are none."""
+    from scipy.sparse import coo_array, csr_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     x_min, y_min, x_max, y_max = arena.bounds
     x = np.arange(x_min + CELL_M / 2, x_max, CELL_M)
     y = np.arange(y_min + CELL_M / 2, y_max, CELL_M)

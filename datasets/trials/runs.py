@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -18,10 +19,12 @@ from maurice_loaders.errors import InputError
 from maurice_loaders.libraries.measured import known_descriptors
 from maurice_mcl.config.parameters import FilterParameters
 from maurice_mcl.filter.batch_step import can_batch
-from maurice_mcl.filter.localizer import Localizer, run
+from maurice_mcl.filter.localizer import Localizer
 from maurice_mcl.reasons.causes import UNKNOWN
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
-from maurice_mcl.sensor.ahead import compared_ahead
+from maurice_mcl.reasons.surroundings import Surroundings
+from maurice_mcl.sensor.ahead import Compared, compared_ahead
+from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import Moment
 
 from .drives import Drive, filter_for, open_drive, oracle_m
@@ -31,7 +34,7 @@ from .tally import RunTally, TruthRanks, mapped_shares
 Row = dict[str, Any]
 Key = tuple[str, str, int, int]  # part, session, variant and seed of a run
 RUNS_A_JOB = 256
-SEEDS_A_JOB = 64  # of a recorded session: these are stepped as one array
+FEWEST_SEEDS, MOST_SEEDS = 8, 64  # of a job over a recorded session, first and later: stepped as one array
 NO_PICTURE = np.zeros((0, 0, 3), np.uint8)
 
 
@@ -101,6 +104,7 @@ def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int
             again += stepper.numbers
             continue
         rows |= {number: _failed(job.asked[number], job.spec, why) for number in stepper.numbers}
+    lost: dict[int, tuple[Localizer, bool]] = {}
     oracle = oracle_m(drive.bench.library, [moment.truth for moment in moments])
     mapped = mapped_shares(drive.bench.library.occupancy, moments)
     for stepper in steppers:
@@ -112,18 +116,45 @@ def _rows(job: Job, drive: Drive, numbers: Sequence[int] = ()) -> tuple[dict[int
             about = _about(asked, job.spec) | {"arena": drive.arena, "oracle_m": oracle}
             rows[number] = about | figures.row() | about_runs
             if figures.failed:
-                localizer = replace(stepper.localizer, seed=asked.seed)
-                rows[number]["failure"] = _cause(drive, localizer, first=figures.tracks)
+                lost[number] = replace(stepper.localizer, seed=asked.seed), figures.tracks
+    for number, cause in _causes(drive, lost):
+        rows[number]["failure"] = cause
     return rows, again
 
 
-def _cause(drive: Drive, localizer: Localizer, *, first: bool) -> str:
-    """Make a run that failed once more; return why it was lost `first`, or else last, as `diagnose` says."""
-    builder = DiagnosisBuilder(localizer)
-    for moment, record in run(localizer, drive.session, drive.start):
-        builder.add(moment, record)
-    failures = builder.result()
-    return failures[0 if first else -1].kind if failures else UNKNOWN
+def _causes(drive: Drive, lost: Mapping[int, tuple[Localizer, bool]]) -> Iterator[tuple[int, str]]:
+    """Make runs that failed once more, side by side; yield why each was lost, as `diagnose` says.
+
+    Each comes with whether it tracks: then that is why it was lost first, else last. Every picture is
+    compared once for all of them.
+    """
+    sensors = {id(localizer.sensor): localizer.sensor for localizer, _ in lost.values()}
+    around = {
+        (id(each.sensor), each.radii): Surroundings(each.sensor, each.radii.lost_m)
+        for each, _ in lost.values()
+    }
+    builders = {
+        number: DiagnosisBuilder(each, surroundings=around[id(each.sensor), each.radii])
+        for number, (each, _) in lost.items()
+    }
+    states = {number: localizer.initialize(drive.start) for number, (localizer, _) in lost.items()}
+    for moment, pictures in _compared(drive, sensors) if lost else ():
+        for number, (localizer, _) in lost.items():
+            picture = pictures[id(localizer.sensor)]
+            states[number], record = localizer.step(states[number], moment.frame, picture)
+            builders[number].add(moment, record)
+    for number, builder in builders.items():
+        failures = builder.result()
+        yield number, failures[0 if lost[number][1] else -1].kind if failures else UNKNOWN
+
+
+def _compared(
+    drive: Drive, sensors: Mapping[int, SensorModel]
+) -> Iterator[tuple[Moment, Mapping[int, Compared]]]:
+    """Yield every moment of a drive with its picture compared by each sensor model, by their keys."""
+    known = None if drive.is_simulated else known_descriptors()  # drawn anew, pictures are never the same
+    for moment, pictures in compared_ahead(list(sensors.values()), drive.session.moments(), known):
+        yield moment, dict(zip(sensors, pictures, strict=True))
 
 
 def _begun(
@@ -158,16 +189,13 @@ def _stepped(
     A recording that cannot be read on fails all of them.
     """
     left = list(steppers)
-    sensors = truths.sensors
     try:
-        known = None if drive.is_simulated else known_descriptors()  # drawn anew, pictures are never the same
-        for moment, pictures in compared_ahead(list(sensors.values()), drive.session.moments(), known):
+        for moment, pictures in _compared(drive, truths.sensors):
             moments.append(replace(moment, frame=replace(moment.frame, image=NO_PICTURE)))
             truths.add(moment, pictures)
-            picture_of = dict(zip(sensors, pictures, strict=True))
             for stepper in list(left):
                 try:
-                    stepper.step(moment, picture_of[id(stepper.localizer.sensor)])
+                    stepper.step(moment, pictures[id(stepper.localizer.sensor)])
                 except Exception as problem:
                     left.remove(stepper)
                     yield stepper, problem
@@ -241,7 +269,7 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
     for part in plan.parts:
         for spec in part.sessions:
             users.setdefault(spec.drive, []).append((part, spec.label))
-    for spec, seeds in _drives(users):
+    for spec, seeds in _drives(users, done):
         waiting: list[TrialRun] = []
         for asked in (trial for trial in _asked(users[spec], seeds) if trial.key not in done):
             waiting.append(asked)
@@ -253,15 +281,21 @@ def jobs_of(plan: Plan, done: set[Key], most: int = RUNS_A_JOB) -> Iterator[Job]
 
 
 def _drives(
-    users: Mapping[SessionSpec, Sequence[tuple[Part, str]]],
+    users: Mapping[SessionSpec, Sequence[tuple[Part, str]]], done: set[Key]
 ) -> Iterator[tuple[SessionSpec, Sequence[int]]]:
-    """Yield every drive with the seeds of its runs: a simulated one and a stretch have one seed."""
+    """Yield every drive with the seeds of its runs: a simulated one and a stretch have one seed.
+
+    Over a recorded one a few first, then more and more: progress shows early, and a stop loses little.
+    """
     count = {spec: max(part.seeds for part, _ in parts) for spec, parts in users.items()}
     for spec in users:
         if spec.path:
-            alike = 1 if spec.stretch else SEEDS_A_JOB  # runs over one drive
-            for first in range(0, count[spec], alike):
-                yield spec, range(first, min(first + alike, count[spec]))
+            asked = ((seed, _asked(users[spec], (seed,))) for seed in range(count[spec]))
+            left = deque(seed for seed, runs in asked if any(run.key not in done for run in runs))
+            alike = 1 if spec.stretch else FEWEST_SEEDS  # runs over one drive
+            while left:
+                yield spec, [left.popleft() for _ in range(min(alike, len(left)))]
+                alike = 1 if spec.stretch else min(2 * alike, MOST_SEEDS)
     simulated = [spec for spec in users if not spec.path]
     places = sorted({(spec.world, spec.tier, k) for spec in simulated for k in range(spec.arenas)})
     for world, tier, arena in places:

@@ -170,10 +170,10 @@ class TruthRanks:
     sensors: Mapping[int, SensorModel]  # by their id
     ranks: dict[int, list[float]] = field(default_factory=dict)
 
-    def add(self, moment: Moment, pictures: Sequence[Compared]) -> None:
+    def add(self, moment: Moment, pictures: Mapping[int, Compared]) -> None:
         """Process the next moment, compared with each sensor model's library."""
-        for (key, sensor), picture in zip(self.sensors.items(), pictures, strict=True):
-            self.ranks.setdefault(key, []).append(rank_of_truth(sensor, picture.comparison, moment))
+        for key, sensor in self.sensors.items():
+            self.ranks.setdefault(key, []).append(rank_of_truth(sensor, pictures[key].comparison, moment))
 
     def columns(self, sensor: SensorModel, moments: Sequence[Moment]) -> dict[str, Any]:
         """Return what a row tells of the truth, update by update."""

@@ -167,11 +167,13 @@ class KeptPictures:
 class DiagnosisBuilder:
     """Follows one run update by update; keeps a few numbers an update, and no cloud.
 
-    With the run's `localizer` it also looks at references, motion and map.
+    With the run's `localizer` it also looks at references, motion and map; runs of one sensor model and
+    radii may share their `surroundings`.
     """
 
     localizer: Localizer | None = None
     occupancy: OccupancyMap | None = None  # that scans of a run without a localizer are laid on
+    surroundings: Surroundings | None = None
     episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
     _finder: EvidenceFinder = field(init=False)
     _pictures: KeptPictures = field(default_factory=lambda: KeptPictures([]))
@@ -181,7 +183,7 @@ class DiagnosisBuilder:
         scans = None
         if self.occupancy is not None and self.occupancy.free.any():
             scans = ScanFits(self.occupancy, map_library(self.occupancy, "map").poses)
-        self._finder = EvidenceFinder(self.localizer, scans=scans)
+        self._finder = EvidenceFinder(self.localizer, self.surroundings, scans)
 
     def add(self, moment: Moment, record: StepRecord) -> None:
         """Process the next update."""

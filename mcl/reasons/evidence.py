@@ -132,7 +132,7 @@ class EvidenceFinder:
     """Follows one run; keeps the update before."""
 
     localizer: Localizer | None = None
-    surroundings: Surroundings | None = None
+    surroundings: Surroundings | None = None  # made at the first update, unless runs over a drive share them
     scans: ScanFits | None = None  # over a map in place of references
     _before: Moment | None = None
     _floor: str = ""  # that the log told last
@@ -141,9 +141,9 @@ class EvidenceFinder:
     def see(self, moment: Moment, record: StepRecord, episodes: EpisodeFinder) -> UpdateEvidence:
         """Return the evidence of the next update, which `episodes` have seen."""
         before, self._before = self._before, moment
-        if self.localizer is not None and self.surroundings is None:
-            self.surroundings = Surroundings(self.localizer.sensor, record.estimate.radii.lost_m)
-            library = self.localizer.library
+        if self.localizer is not None and before is None:
+            lost_m, library = record.estimate.radii.lost_m, self.localizer.library
+            self.surroundings = self.surroundings or Surroundings(self.localizer.sensor, lost_m)
             if library.is_map and library.occupancy is not None:
                 self.scans = ScanFits(library.occupancy, library.poses)
         frame, truth = moment.frame, moment.truth

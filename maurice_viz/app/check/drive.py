@@ -19,7 +19,7 @@ from maurice_loaders.reading.session import RecordedSession
 from maurice_loaders.runs.manifest import is_saved
 from maurice_loaders.runs.store import SavedRun
 from maurice_loaders.session_log.header import drive_name
-from maurice_mcl.filter.batch import compared_once, run_batch
+from maurice_mcl.filter.batch import SteppedRuns, compared_once
 from maurice_mcl.scoring.demands import (
     ERROR,
     Demands,
@@ -189,9 +189,11 @@ def _run_all(
     comparisons = compared_once(run.localizer.sensor, seen(), known_descriptors())
     remark_skipped(session, listener)
     _expect_long_enough(session.path, moments, asked.demands)
-    traces = run_batch(run.localizer, moments, range(asked.seeds), run.start, comparisons)
-    path = DrivenPath.of(moments)
-    return moments, tuple(RunTrack.of(trace.seed, trace, path) for trace in traces)
+    runs, path = SteppedRuns.begin(run.localizer, range(asked.seeds), run.start), DrivenPath.of(moments)
+    for number, (moment, comparison) in enumerate(zip(moments, comparisons, strict=True), 1):
+        runs.advance(moment.frame, comparison)
+        listener.progress(number, total, f"step {asked.seeds:,} runs")
+    return moments, tuple(RunTrack.of(trace.seed, trace, path) for trace in runs.traces())
 
 
 def _check_recorded(

@@ -50,6 +50,15 @@ def test_every_run_is_in_one_job_and_done_ones_in_none(tmp_path: Path) -> None:
     assert sorted(left + keys[:7]) == sorted(keys)
 
 
+def test_jobs_over_a_recording_begin_small_and_grow_also_after_a_stop(tmp_path: Path) -> None:
+    (tmp_path / "session.log").touch()
+    plan = read_plan(plan_of(tmp_path, 'seeds = 200\n[[sessions]]\npath = "session.log"\n'))
+    jobs = list(jobs_of(plan, set()))
+    assert [len(job.asked) for job in jobs] == [8, 16, 32, 64, 64, 16]
+    done = {asked.key for job in jobs[1:4] for asked in job.asked}
+    assert [len(job.asked) for job in jobs_of(plan, done)] == [8, 16, 32, 32]
+
+
 def test_parts_with_the_same_drives_share_their_jobs() -> None:
     plan = read_plan("thesis").only(["edges", "blended"]).with_seeds(2)
     jobs = list(jobs_of(plan, set()))

@@ -26,7 +26,7 @@ from maurice_datasets.trials.plan import Plan, read_plan
 from maurice_datasets.trials.rows import KEY, MEASURED, MOST, RowStore, read_plan_of, read_rows
 from maurice_datasets.trials.runs import Job, Row, TrialRun, jobs_of, run_job
 from maurice_datasets.trials.table import grouped, load_trials, paired
-from maurice_datasets.trials.tally import RunTally
+from maurice_datasets.trials.tally import RunFigures, RunTally
 from maurice_loaders.errors import InputError
 from maurice_mcl.filter.batch import SteppedRuns
 from maurice_mcl.filter.localizer import Localizer
@@ -180,6 +180,24 @@ def test_a_recording_that_ends_in_damage_fails_its_runs_once(
     monkeypatch.setattr("maurice_datasets.trials.runs.compared_ahead", damaged)
     assert {row["error"] for row in run_job(job)} == {"cut short"}
     assert len(read) == 1
+
+
+def test_why_runs_failed_is_sought_in_one_pass_over_the_drive(
+    job: Job, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[int] = []
+
+    def counted(*words: Any) -> Iterator[Any]:
+        read.append(1)
+        yield from compared_ahead(*words)
+
+    monkeypatch.setattr("maurice_datasets.trials.runs.compared_ahead", counted)
+    monkeypatch.setattr(RunFigures, "failed", property(lambda figures: figures.score.updates > 0))
+    together = run_job(job)
+    assert len(read) == 2
+    alone = [row for asked in job.asked for row in run_job(replace(job, asked=(asked,)))]
+    assert untimed(together) == untimed(alone)
+    assert all(row["failure"] for row in together)
 
 
 def test_workers_and_order_do_not_matter(ran: tuple[Plan, Path], tmp_path: Path) -> None:
