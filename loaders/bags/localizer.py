@@ -7,7 +7,7 @@ separate message at nearly the same time.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -38,7 +38,7 @@ from .messages import (
 from .readers import WINDOW_S, OneTopic, Timed, in_order, read_bag
 from .recording import BagRecording, peek
 from .source import BagSource, Message, OpenBag, Topic
-from .topics import PoseTopic, listed, named_topic, readable
+from .topics import PoseTopic, TopicRequest, choose, listed, named_topic, of_robot, readable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,8 +172,10 @@ class RecordedLocalizer:
         self.path = path
         self._options = options
         with open_bag(path) as bag:
-            self.pose = _pose_topic(bag.topics)
-            self.cloud = _cloud_topic(path, bag.topics, self.pose)  # or that of the poses, without a cloud
+            scan = choose(path, bag.topics, TopicRequest(scan=options.scan_topic)).scan
+            topics = of_robot(bag.topics, scan)
+            self.pose = _pose_topic(topics)
+            self.cloud = _cloud_topic(path, topics, self.pose)  # or that of the poses, without a cloud
             if topic is not None:
                 self.cloud = named_topic(path, bag.topics, topic, CLOUDS | POSES)
                 if known_type(self.cloud.type) in POSES:
@@ -317,7 +319,7 @@ def _no_image() -> U8:
     return np.zeros((1, 1, 3), np.uint8)
 
 
-def _cloud_topic(path: Path, topics: tuple[Topic, ...], pose: Topic | None) -> Topic:
+def _cloud_topic(path: Path, topics: Sequence[Topic], pose: Topic | None) -> Topic:
     """Return the cloud with the most messages, weighted ones first; without a cloud the localizer's poses."""
     clouds = readable(topics, CLOUDS)
     if not clouds and pose is not None:
@@ -328,7 +330,7 @@ def _cloud_topic(path: Path, topics: tuple[Topic, ...], pose: Topic | None) -> T
     return min(clouds, key=lambda t: ("ParticleCloud" not in t.type, -t.count, t.name))
 
 
-def _pose_topic(topics: tuple[Topic, ...]) -> Topic | None:
+def _pose_topic(topics: Sequence[Topic]) -> Topic | None:
     poses = [t for t in readable(topics, {POSE_WITH_COVARIANCE}) if "initial" not in t.name]
     return min(poses, key=lambda t: ("amcl" not in t.name, -t.count, t.name), default=None)
 

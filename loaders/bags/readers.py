@@ -39,7 +39,7 @@ from .messages import (
     stamp_ns,
 )
 from .source import BagSource, Message, OpenBag
-from .topics import PoseTopic, readable
+from .topics import PoseTopic, of_robot, readable
 from .video import VideoStream, codec_of
 
 # Our own MCAP files hold what ROS has no message for (a start pose, motion parameters, a survey, numbers by
@@ -67,8 +67,9 @@ def read_bag(
     if not names:
         return
     with open_bag(path) as bag:
-        if any(reader.transforms for reader in readers):
-            names |= {t.name for t in readable(bag.topics, TRANSFORMS)}
+        for reader in readers:
+            if isinstance(reader, PoseReader) and reader.transforms:
+                names |= {t.name for t in readable(of_robot(bag.topics, reader.route.topic), TRANSFORMS)}
         number = dict.fromkeys(names, 0)
         for message in bag.messages(names):
             number[message.topic] += 1

@@ -72,6 +72,7 @@ from .topics import (
     not_read,
     nothing_to_read,
     number_topics,
+    of_robot,
     readable,
 )
 
@@ -124,7 +125,7 @@ class BagRecording:
             if truth is not None and header is None and is_estimate(bag.topics, truth):
                 self._doubt = f"{truth} {ESTIMATE}"
             own = {*self.chosen.topics, *self._numbers.values(), self._events, *(beside or ())}
-            own |= {topic.name for topic in _start_topics(bag) if given}
+            own |= {topic.name for topic in _start_topics(bag, self.chosen.scan) if given}
             self.not_read = not_read(bag.topics, own | _supporting(bag.topics, self.chosen))
         self._guessed = "; ".join(text for text in (self.chosen.guess, looking, mounted, given) if text)
         notes = tuple(text for text in (self._guessed, self._doubt) if text)
@@ -210,7 +211,8 @@ class BagRecording:
     def _in_space(self, route: PoseTopic) -> Iterator[Pose]:
         reader = PoseReader(route, OdometryPose, 0.0)
         with suppress(InputError), self.open_bag(self.path) as bag:  # damage is reported when it is read
-            names = {route.topic, *(t.name for t in readable(bag.topics, TRANSFORMS) if reader.transforms)}
+            frames = readable(of_robot(bag.topics, route.topic), TRANSFORMS) if reader.transforms else []
+            names = {route.topic, *(topic.name for topic in frames)}
             for message in bag.messages(names):
                 with suppress(InputError, *MESSAGE_ERRORS):
                     for matrix in reader.matrices(message):
@@ -267,8 +269,9 @@ def _edges(bag: BagSource) -> Collection[tuple[str, str]]:
 START_WITHIN_S = 30.0  # of the first scan or picture; later the robot may have moved
 
 
-def _start_topics(bag: BagSource) -> list[Topic]:
-    return [topic for topic in readable(bag.topics, {POSE_WITH_COVARIANCE}) if "initialpose" in topic.name]
+def _start_topics(bag: BagSource, seen: str | None) -> list[Topic]:
+    poses = readable(of_robot(bag.topics, seen), {POSE_WITH_COVARIANCE})
+    return [topic for topic in poses if "initialpose" in topic.name]
 
 
 def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
@@ -276,7 +279,7 @@ def start_in(bag: BagSource, seen: str | None) -> tuple[F64 | None, str]:
     first_ns = next((message.log_ns for message, _ in first_messages(bag, seen, 1)), None) if seen else None
     if first_ns is None:
         return None, ""
-    for topic in _start_topics(bag):
+    for topic in _start_topics(bag, seen):
         for message, content in first_messages(bag, topic.name, 1):
             with suppress(*MESSAGE_ERRORS):
                 x_m, y_m, turn = pose = pose_of(content)

@@ -20,7 +20,7 @@ from ..reading.recording import Scan, scan_fault
 from .messages import MESSAGE_ERRORS, SCANS, TRANSFORMS, FrameTree, MessageError, links_of, matrix_of
 from .readers import OneTopic, Timed, first_messages, time_s
 from .source import BagSource, Message
-from .topics import PoseTopic, readable
+from .topics import PoseTopic, of_robot, readable
 
 BASES = ("base_link", "base_footprint")
 TILTED_RAD = math.radians(5)  # a laser that is tilted by less is called level
@@ -95,7 +95,7 @@ def laser_of(bag: BagSource, topic: str, odometry: PoseTopic | None) -> tuple[F6
         (MOST_MOVING, False),
         (MOST_STATIC, True),
     ):  # the latter last: they are to be trusted
-        for entry in readable(bag.topics, TRANSFORMS):
+        for entry in readable(of_robot(bag.topics, topic), TRANSFORMS):
             if ("static" in entry.name) is static:
                 add_links(tree, bag, entry.name, most)
     return placed(tree, frame, _robot_frame(bag, odometry))

@@ -86,13 +86,22 @@ def choose(
     path: Path, topics: Sequence[Topic], wishes: TopicRequest, edges: Collection[tuple[str, str]] = ()
 ) -> TopicChoice:
     """Choose the topics; `edges` are the transforms' parents and children. InputError for a wrong topic."""
-    image = _image(path, topics, wishes.image)
-    truth = _route(path, topics, wishes.truth, _guess_truth(topics))
+    image, scan = _image(path, topics, wishes.image), _scan(path, topics, wishes.scan)
+    own, robot = of_robot(topics, scan or image), (scan or image or "").strip("/").partition("/")[0]
+    truth = _route(path, topics, wishes.truth, _guess_truth(own))
     taken = truth.topic if truth is not None and truth.frames is None else None
-    odometry = _route(path, topics, wishes.odometry, _guess_odometry(topics, edges, taken))
-    choice = TopicChoice(image, odometry, truth, _scan(path, topics, wishes.scan))
+    odometry = _route(path, topics, wishes.odometry, _guess_odometry(own, edges, taken, robot))
+    choice = TopicChoice(image, odometry, truth, scan)
     guess, others = _guess_in_words(topics, wishes, choice)
     return replace(choice, guess=guess, others=others)
+
+
+def of_robot(topics: Sequence[Topic], seen: str | None) -> list[Topic]:
+    """Return the topics that are of no other robot than a topic: beside /a/scan and /b/scan not /b/odom."""
+    robot, _, rest = (seen or "").strip("/").partition("/")
+    words = [topic.name.strip("/").split("/") for topic in topics]
+    others = {first for first, *more in words if rest and "/".join(more) == rest} - {robot}
+    return [topic for topic, parts in zip(topics, words, strict=True) if not others & set(parts[:-1])]
 
 
 def is_estimate(topics: Sequence[Topic], truth: PoseTopic) -> bool:
@@ -246,7 +255,7 @@ def _guess_truth(topics: Sequence[Topic]) -> PoseTopic | None:
 
 
 def _guess_odometry(
-    topics: Sequence[Topic], edges: Collection[tuple[str, str]], taken: str | None
+    topics: Sequence[Topic], edges: Collection[tuple[str, str]], taken: str | None, robot: str
 ) -> PoseTopic | None:
     """Prefer Odometry, then the transform from odom to the base, then any other poses."""
     poses = [t for t in readable(topics, POSES) if t.name != taken and not TRUE.search(t.name)]
@@ -255,7 +264,7 @@ def _guess_odometry(
         return PoseTopic(
             min(odometry, key=lambda t: ("filtered" in t.name, -t.count, len(t.name), t.name)).name
         )
-    if edge := _odometry_edge(edges):
+    if edge := _odometry_edge(edges, robot):
         moving = [t for t in readable(topics, TRANSFORMS) if "static" not in t.name]
         if moving:
             return PoseTopic(moving[0].name, edge)
@@ -263,9 +272,14 @@ def _guess_odometry(
     return PoseTopic(min(others, key=lambda t: (-t.count, t.name)).name) if others else None
 
 
-def _odometry_edge(edges: Collection[tuple[str, str]]) -> tuple[str, str] | None:
+def _odometry_edge(edges: Collection[tuple[str, str]], robot: str) -> tuple[str, str] | None:
+    """Return the frames of the odometry, those in the robot's namespace before others."""
     fixed = [edge for edge in edges if FIXED.search(edge[0])]
-    return min(fixed, key=lambda edge: (edge[1].rpartition("/")[2] not in BASE, edge), default=None)
+
+    def order(edge: tuple[str, str]) -> tuple[bool, bool, tuple[str, str]]:
+        return robot not in edge[0].split("/")[:-1], edge[1].rpartition("/")[2] not in BASE, edge
+
+    return min(fixed, key=order, default=None)
 
 
 def _guess_in_words(

@@ -264,3 +264,37 @@ def test_a_pose_given_by_hand_at_the_beginning_is_where_the_drive_starts(
     assert "/initialpose" not in recording.not_read
     assert any("/initialpose is at 1.00, 2.00 m, 29 deg" in note for note in recording.info.notes)
     assert not any(isinstance(record, TruthPose) for record in recording.records(ReadingNotes(False)))
+
+
+@pytest.mark.parametrize("frames_alone", [True, False], ids=["odometry in tf", "odometry"])
+def test_two_robots_of_one_bag_are_kept_apart(frames_alone: bool, tmp_path: Path) -> None:
+    """As Nav2 has several robots: frames of the same names, each robot's on its own /tf."""
+    ros = Ros(2)
+    first = making.laser_drive(ros)
+    for number in range(10):
+        t_ns = BEGIN_NS + number * 10**8
+        first.append(making.link(ros, t_ns, "odom", "base_footprint", (0.1 * number, 0.0, 0.0)))
+    drive = [replace(said, topic=f"/a{said.topic}") for said in first]
+    drive.append(making.link(ros, BEGIN_NS, "base_link", "laser", (9.0, 9.0, 2.0), "/b/tf_static"))
+    for number in range(30):
+        t_ns, pose = BEGIN_NS + number * 3 * 10**7, (7.0, 0.5 * number, 1.0)
+        drive.append(making.link(ros, t_ns, "odom", "base_footprint", pose, "/b/tf"))
+        drive.append(Said("/b/odom", "nav_msgs/Odometry", t_ns, ros.odometry(t_ns, pose)))
+    drive.append(Said("/b/scan", "sensor_msgs/LaserScan", BEGIN_NS, ros.scan(BEGIN_NS, np.full(101, 5.0))))
+    if frames_alone:
+        drive = [said for said in drive if not said.topic.endswith("odom")]
+    both = records(making.write_ros2(tmp_path / "b", sorted(drive, key=lambda said: said.log_ns)))
+    poses = np.array([record.pose for record in both if isinstance(record, OdometryPose)])
+    np.testing.assert_allclose(poses, [[0.1 * number, 0, 0] for number in range(10)], atol=1e-9)
+    (mount,) = {tuple(record.scan.mount) for record in both if isinstance(record, Scan)}
+    np.testing.assert_allclose(mount, making.LASER_AT)
+
+
+def test_of_frames_with_names_of_robots_the_scans_own_are_taken(tmp_path: Path) -> None:
+    ros = Ros(2)
+    drive = [Said("/b/scan", "sensor_msgs/LaserScan", BEGIN_NS, ros.scan(BEGIN_NS, np.full(101, 5.0)))]
+    for robot, x_m in (("a", 1.0), ("b", 2.0)):
+        drive.append(making.link(ros, BEGIN_NS, f"{robot}/odom", f"{robot}/base_link", (x_m, 0.0, 0.0)))
+    both = records(making.write_ros2(tmp_path / "b", drive))
+    (pose,) = [record.pose for record in both if isinstance(record, OdometryPose)]
+    np.testing.assert_allclose(pose, [2.0, 0.0, 0.0])
