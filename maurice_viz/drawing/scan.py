@@ -6,7 +6,9 @@ pictures is the map. Under each stands how many beams are what, in their colors:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -159,19 +161,10 @@ def _seen_from(pose: F64, points: F64) -> F64:
 def _cut_out(there: OccupancyMap, pose: F64, reach_m: float) -> U8:
     """Return the map around a pose, turned so that the robot points up; walls are at least a pixel thick."""
     cell_px = there.cell_m / _meters_per_px(reach_m)
-    far = int(np.hypot(*MIDDLE) / cell_px) + 2
-    column, row = np.floor((pose[:2] - there.corner) / there.cell_m).astype(int).tolist()
-    left, low = max(column - far, 0), max(row - far, 0)
-    cells = there.cells[low : max(row + far, 0), left : max(column + far, 0)]
-    if not cells.size:
-        return np.full((HEIGHT_PX, WIDTH_PX), _GROUND, np.uint8)
-    if cell_px < 1:
-        kernel = np.ones([int(np.ceil(1 / cell_px))] * 2, np.uint8)
-        walls = cv2.dilate((cells == OCCUPIED).astype(np.uint8), kernel)
-        cells = np.where(walls > 0, np.uint8(OCCUPIED), cells)
+    cells = _with_thick_walls(there, math.ceil(1 / cell_px))
     c, s = np.cos(pose[2]) / cell_px, np.sin(pose[2]) / cell_px
     turn = np.array([[s, -c], [-c, -s]])
-    middle = (pose[:2] - there.corner) / there.cell_m - 0.5 - (left, low)
+    middle = (pose[:2] - there.corner) / there.cell_m - 0.5
     matrix = np.column_stack([turn, middle - turn @ MIDDLE])
     flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     size = WIDTH_PX, HEIGHT_PX
@@ -181,13 +174,21 @@ def _cut_out(there: OccupancyMap, pose: F64, reach_m: float) -> U8:
     )
 
 
+@lru_cache(maxsize=4)
+def _with_thick_walls(there: OccupancyMap, thickness: int) -> U8:
+    """Return the cells of a map, walls at least so many cells thick."""
+    if thickness <= 1:
+        return there.cells
+    walls = cv2.dilate(there.occupied.astype(np.uint8), np.ones((thickness, thickness), np.uint8))
+    return np.where(walls > 0, np.uint8(OCCUPIED), there.cells)
+
+
 def _dots(image: U8, places: I32, ink: int, radius: int) -> None:
     """Draw squares around pixels (K, 2); those out of the picture are left out."""
     far, size = radius - 1, np.array([WIDTH_PX, HEIGHT_PX])
     x, y = places[((places >= far) & (places < size - far)).all(axis=1)].T
-    for right in range(-far, radius):
-        for down in range(-far, radius):
-            image[y + down, x + right] = ink
+    across = np.arange(-far, radius)
+    image[y[:, None, None] + across[:, None], x[:, None, None] + across] = ink
 
 
 def _robot(image: U8, ink: int) -> None:

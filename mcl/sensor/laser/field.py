@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import reduce
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -28,15 +29,42 @@ def cell_distances(blocked: Bool) -> F32:
 
     The last bit of OpenCV's roots is not the same in every process, so they are drawn again.
     """
+    return np.asarray(np.sqrt(_squares(blocked)), np.float32)
+
+
+def _squares(blocked: Bool) -> F32:
+    """Return the squares (H, W), whole numbers, of the same."""
     apart = cv2.distanceTransform((~blocked).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     apart = np.minimum(apart, np.float32(MOST_CELLS_APART))
-    return np.asarray(np.sqrt(np.rint(apart * apart)), np.float32)
+    return np.asarray(np.rint(apart * apart), np.float32)
 
 
-def distances_m(occupancy: OccupancyMap, most_m: float) -> F32:
-    """Return meters from each cell (H, W) to the nearest occupied one, center to center: at most `most_m`."""
-    apart_m = cell_distances(occupancy.occupied) * np.float32(occupancy.cell_m)
-    return np.asarray(np.minimum(apart_m, np.float32(most_m)), np.float32)
+@dataclass(frozen=True, slots=True, eq=False)
+class Distances:
+    """How far each cell is from the nearest of some cells, center to center, up to a bound.
+
+    A map has few different distances: what depends on them is computed once for each.
+    """
+
+    numbers: NDArray[Any]  # (H, W) of each cell's distance
+    meters: F32  # (D,) the distances, ascending
+
+    @classmethod
+    def to(cls, blocked: Bool, cell_m: float, most_m: float) -> Distances:
+        """Measure from the middles of cells (H, W)."""
+        most = int(min(np.ceil((most_m / cell_m) ** 2), MOST_CELLS_APART**2))
+        squares = np.minimum(_squares(blocked), np.float32(most))
+        numbers = squares.astype(np.uint16 if most < 2**16 else np.uint32)
+        meters = np.sqrt(np.arange(most + 1, dtype=np.float32)) * np.float32(cell_m)
+        return cls(numbers, np.minimum(meters, np.float32(most_m)))
+
+
+Worth: TypeAlias = tuple[Distances, NDArray[Any]]  # of each of the distances (D,)
+
+
+def largest(worth: Sequence[Worth]) -> NDArray[Any]:
+    """Return the largest worth (H, W) of each cell by its distances from some kinds of cells."""
+    return reduce(np.maximum, (of_each.take(apart.numbers) for apart, of_each in worth))
 
 
 def look_up(values: F32 | U8, columns: F32, rows: F32, outside: float) -> NDArray[Any]:
@@ -57,15 +85,19 @@ class Field:
     corner: F64  # (2,) of the map
 
     @classmethod
-    def of(cls, worth: F32, outside: float, occupancy: OccupancyMap) -> Field:
-        """Keep the worth (H, W) of each cell: as it is, or on large maps in `LEVELS` steps."""
+    def of(cls, worth: Sequence[Worth], outside: float, occupancy: OccupancyMap) -> Field:
+        """Keep the largest worth of each cell: as it is, or on large maps in `LEVELS` steps."""
         cell_m, corner = occupancy.cell_m, occupancy.corner
-        if worth.size <= FINE_CELLS:
-            return cls(worth, 0.0, 1.0, outside, cell_m, corner)
-        low, high = min(float(worth.min()), outside), max(float(worth.max()), outside)
+        if occupancy.cells.size <= FINE_CELLS:
+            return cls(largest(worth), 0.0, 1.0, outside, cell_m, corner)
+        low = min(max(float(nats.min()) for _, nats in worth), outside)
+        high = max(*(float(nats.max()) for _, nats in worth), outside)
         step = max(high - low, 1e-9) / LEVELS
-        levels = np.rint((worth - np.float32(low)) / np.float32(step)).astype(np.uint8)
-        return cls(levels, low, step, round((outside - low) / step), cell_m, corner)
+        levels = [
+            (apart, np.rint((nats - np.float32(low)) / np.float32(step)).clip(0).astype(np.uint8))
+            for apart, nats in worth
+        ]
+        return cls(largest(levels), low, step, round((outside - low) / step), cell_m, corner)
 
     def sums(self, ends: F64, poses: F32, origin: F64) -> F32:
         """Return the worth (N,) of all beams that end at (K, 2) from poses (N, 3) off `origin`."""

@@ -9,9 +9,8 @@ import numpy as np
 
 from ...values import F32, F64, LaserScan, OccupancyMap, compose
 from .beams import JUDGMENTS, judge
-from .models import LaserMap, calibrated
+from .models import calibrated, laser_map
 from .parameters import LaserParameters
-from .rays import Rays
 from .reading import LaserReading, read_scan
 
 EVENLY = LaserParameters(model="likelihood_field_prob")  # chooses beams evenly, also those that hit nothing
@@ -71,8 +70,8 @@ class ScanFits:
     _mounted: int = 0  # scans whose mount was tried
 
     def __post_init__(self) -> None:
-        self._map = LaserMap(self.occupancy, LaserParameters())
-        self._rays = Rays.of(self.occupancy)
+        self._map = laser_map(self.occupancy, LaserParameters())
+        self._rays = self._map.open_rays
         self._typical = self.places[:: max(len(self.places) // TYPICAL_PLACES, 1)]
 
     def read(self, scan: LaserScan) -> LaserReading | None:

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...values import F32, F64, I64, UNKNOWN, Bool, OccupancyMap, PoseProposal, wrap_angle
-from .field import distances_m
-from .models import SIGMA_M, UNKNOWN_NATS, worth_of
-from .rays import Rays
+from .field import Distances, largest
+from .models import SIGMA_M, UNKNOWN_NATS, laser_map, worth_of
+from .parameters import LaserParameters
 from .reading import LEAST_HITS
 
 MOST_POINTS = 60  # of a scan that are compared, evenly chosen
@@ -196,7 +196,9 @@ class Matcher:
         lasers = poses + np.stack(
             [cos * mount[0] - sin * mount[1], sin * mount[0] + cos * mount[1], 0 * cos], axis=1
         )
-        expected_m = self._rays.cast(lasers, np.arctan2(beams[:, 1], beams[:, 0]), float(measured_m.max()))
+        expected_m = laser_map(self.occupancy, LaserParameters()).open_rays.cast(
+            lasers, np.arctan2(beams[:, 1], beams[:, 0]), float(measured_m.max())
+        )
         through: I64 = (measured_m > expected_m + THROUGH_M).sum(axis=1)
         return through
 
@@ -227,17 +229,14 @@ class Matcher:
         return self._free_boxes[level]
 
     @cached_property
-    def _rays(self) -> Rays:
-        return Rays.of(self.occupancy)
-
-    @cached_property
     def _layers(self) -> list[_Layer]:
         """The field, and the field pooled around every, every second, fourth, ... of its cells."""
         occupied = _any(self.occupancy.occupied, self._factor)
         known = occupied | _any(self.occupancy.free, self._factor)
         cells = np.where(known, occupied, UNKNOWN).astype(np.uint8)
         grid = OccupancyMap(cells, self._cell_m, self.occupancy.corner)
-        worth = worth_of(distances_m(grid, FAR_M), grid, SIGMA_M)
+        walls, edges = (Distances.to(cells, self._cell_m, FAR_M) for cells in (grid.occupied, grid.unknown))
+        worth = largest(worth_of(walls, edges, SIGMA_M))
         return [self._layer(worth, 1, 0), *(self._layer(worth, 2**power, POOLED) for power in range(POWERS))]
 
     def _layer(self, worth: F32, stride: int, pooled: int) -> _Layer:

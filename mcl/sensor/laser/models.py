@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
-from ...values import F32, F64, U8, Bool, OccupancyMap, compose
-from .field import Field, cell_distances, distances_m, sums_of
+from ...values import F32, F64, Bool, OccupancyMap, compose
+from .field import Distances, Field, Worth, sums_of
 from .parameters import LaserParameters
 from .rays import Rays
 from .reading import LaserReading
@@ -36,7 +36,7 @@ TOGETHER_M = 2.0  # standard deviation of a cloud's places
 SAMPLED = 200  # particles of a cloud
 
 CONVERGED_M = 0.5  # AMCL skips beams only where all particles are this near to their mean, along each axis
-MOST_FIELDS = 12  # that are kept
+MOST_FIELDS = 16  # that are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +48,21 @@ class LaserMap:
     fields: dict[tuple[str, float, float], Field] = field(default_factory=dict)
 
     @cached_property
+    def walls(self) -> Distances:
+        """How far each cell is from the nearest occupied one."""
+        most_m = self.parameters.laser_likelihood_max_dist
+        return Distances.to(self.occupancy.occupied, self.occupancy.cell_m, most_m)
+
+    @cached_property
+    def edges(self) -> Distances:
+        """How far each cell is from the nearest unknown one."""
+        most_m = self.parameters.laser_likelihood_max_dist
+        return Distances.to(self.occupancy.unknown, self.occupancy.cell_m, most_m)
+
+    @cached_property
     def distances(self) -> Field:
         """How far each cell is from the nearest occupied one, in meters."""
-        most_m, occupancy = self.parameters.laser_likelihood_max_dist, self.occupancy
-        return Field(distances_m(occupancy, most_m), 0.0, 1.0, most_m, occupancy.cell_m, occupancy.corner)
+        return Field.of([(self.walls, self.walls.meters)], float(self.walls.meters[-1]), self.occupancy)
 
     @cached_property
     def unknown(self) -> Field:
@@ -81,15 +92,14 @@ class LaserMap:
         if (known := self.fields.get(key)) is not None:
             return known
         if len(self.fields) >= MOST_FIELDS:
-            self.fields.clear()
+            del self.fields[next(iter(self.fields))]  # the one that was made first
         outside = self.parameters.laser_likelihood_max_dist
         if model == "calibrated":
-            worth = worth_of(self.distances.values, self.occupancy, sd_m)
-            made = Field.of(worth, UNKNOWN_NATS, self.occupancy)
+            made = Field.of(worth_of(self.walls, self.edges, sd_m), UNKNOWN_NATS, self.occupancy)
         else:
             value_of = _cubed if model == "likelihood_field" else np.log
-            worth = value_of(self.pz(self.distances.values, sd_m, max_m))
-            made = Field.of(worth, float(value_of(self.pz(outside, sd_m, max_m))), self.occupancy)
+            worth = self.walls, value_of(self.pz(self.walls.meters, sd_m, max_m))
+            made = Field.of([worth], float(value_of(self.pz(outside, sd_m, max_m))), self.occupancy)
         self.fields[key] = made
         return made
 
@@ -98,14 +108,19 @@ class LaserMap:
         return self.parameters.z_hit * _near(distance_m, sd_m) + self.parameters.z_rand / max_m
 
 
-def worth_of(apart_m: F32 | U8, occupancy: OccupancyMap, sd_m: float) -> F32:
-    """Return our nats (H, W), <= 0, of a beam by how far the cell where it ends is from what is occupied.
+@lru_cache(maxsize=4)
+def laser_map(occupancy: OccupancyMap, parameters: LaserParameters) -> LaserMap:
+    """Return what the models need of a map: the filter and those who judge it share it."""
+    return LaserMap(occupancy, parameters)
+
+
+def worth_of(walls: Distances, edges: Distances, sd_m: float) -> list[Worth]:
+    """Return our nats, <= 0, of a beam by how far from walls it ends, and from unknown cells.
 
     A beam that ends in a free cell beside unknown ones may be a wall's that was seen only from far away.
     """
-    unknown_m = cell_distances(occupancy.unknown) * np.float32(occupancy.cell_m)
-    near = np.maximum(_near(apart_m, sd_m), UNKNOWN_NEAR * _near(unknown_m, sd_m))
-    return np.asarray(np.log(near * (1 - OUTLIER) + OUTLIER), np.float32)
+    near = (walls, _near(walls.meters, sd_m)), (edges, UNKNOWN_NEAR * _near(edges.meters, sd_m))
+    return [(apart, np.log(like * (1 - OUTLIER) + OUTLIER)) for apart, like in near]
 
 
 def calibrated(there: LaserMap, reading: LaserReading, poses: F32, origin: F64, spread_m: float) -> F32:

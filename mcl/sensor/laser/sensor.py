@@ -29,7 +29,7 @@ from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
 from .history import BELIEVED, agreeing
 from .matching import Matcher
-from .models import EXPLAINED_NATS, MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, worth_at
+from .models import EXPLAINED_NATS, MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, laser_map, worth_at
 from .parameters import LaserParameters
 from .reading import LaserReading, read_scan
 
@@ -140,7 +140,7 @@ class Laser:
 
     @cached_property
     def _map(self) -> LaserMap:
-        return LaserMap(self.occupancy, self.parameters)
+        return laser_map(self.occupancy, self.parameters)
 
 
 LASER = Laser.name
