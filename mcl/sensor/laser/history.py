@@ -18,6 +18,8 @@ BELIEVED = 0.1  # probability of the places that agree: most are right, and the 
 HERE = np.diag([0.3**2, 0.3**2, 0.1**2])  # covariance of where the filter thinks to be
 # by how many nats scans must speak for having been carried off: on the map, and off it, where nothing is seen
 CARRIED_NATS, CARRIED_OFF_MAP_NATS = 80.0, 140.0
+# nats of the first scan that was not explained: a robot that drives off the map sees unknown space, worth 0
+AGAINST_NATS = -5.0
 SCANS_WORTH = 0.5  # of a scan's nats: scans of one wall share their errors
 SAMPLES = 100  # of each place
 # standard deviations of a movement in m and rad: at least, per meter of it, and of a heading per radian
@@ -52,6 +54,15 @@ def agreeing(
     same = np.hypot(x[:, None] - x, y[:, None] - y) < SAME_PLACE_M
     sure = same @ share > SURE_SHARE * share.sum()
     return np.asarray((nats > LEAST_NATS) & (sure if off_map else sure | carried))[:-1]
+
+
+def contradicts(there: LaserMap, before: Earlier) -> bool:
+    """Return whether a scan speaks against its estimate, more than a drive into unknown space would."""
+    if before.reading is None:
+        return False
+    pose = np.array([[0.0, 0.0, before.estimate[2]]], np.float32)
+    nats = calibrated(there, before.reading, pose, before.estimate[:2], 0.0)
+    return float(nats[0] - in_unknown_space(before.reading)) < AGAINST_NATS
 
 
 def _nats(there: LaserMap, poses: F64, covariances: F64, scans: Sequence[Earlier]) -> F64:

@@ -27,7 +27,7 @@ from ...values import (
 )
 from .beams import BeamJudgment, judge, shown
 from .field import MOST_CELLS
-from .history import BELIEVED, agreeing
+from .history import BELIEVED, agreeing, contradicts
 from .matching import Matcher
 from .models import EXPLAINED_NATS, MODELS, UNKNOWN_NATS, LaserMap, explained, fitting, laser_map, worth_at
 from .parameters import LaserParameters
@@ -87,15 +87,17 @@ class Laser:
     ) -> PoseProposal | None:
         """Return the places of a proposal that explain the scans better than where the filter thinks to be.
 
-        A robot that was carried off has been there since the estimates stopped to explain the scans. Off the
-        map it may see what looks like a place of the map: then all scans that are kept are asked.
+        A robot that was carried off has been there since the estimates stopped to explain the scans. One that
+        drove off the map may see what looks like a place of the map: then all scans that are kept are asked.
         """
         if not earlier:
             return proposal
         here = reduce(compose, earlier[0].motions, earlier[0].estimate)
         fits = (None if was.reading is None else self.fits(was.reading, was.estimate) for was in earlier)
         unexplained = list(takewhile(lambda fit: fit is None or fit < EXPLAINED_NATS, fits))
-        off_map = None in unexplained
+        first = earlier[len(unexplained) - 1] if unexplained else None
+        drove = first is not None and (len(unexplained) == len(earlier) or not contradicts(self._map, first))
+        off_map = None in unexplained and drove
         since = earlier if off_map else earlier[: len(unexplained)]
         scans = [Earlier(np.zeros((0, 3)), reading, here), *since]
         kept = agreeing(self._map, proposal, here, scans, len(unexplained), off_map=off_map)
