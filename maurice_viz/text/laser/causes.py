@@ -50,12 +50,13 @@ REMEDIES: Mapping[str, str] = {  # of failures of a robot with a laser
     LEFT_MAP: "map that part, too, and load the larger map.yaml",
     MOTION: "larger alpha1 to alpha4 (calibrate drive fits them); look at the wheels",
     NUMERIC: "likelihoods that are less sharp: a larger sigma_hit or z_rand, fewer max_beams",
-    MOUNT: "correct the transform from base_link to the laser; doctor gives the option",
+    MOUNT: "correct the transform from base_link to the laser; doctor says how",
     WRONG_MAP: "the map.yaml of this place; its resolution and origin",
     UNSEEN: "laser_max_range below what it sees, laser_model_type likelihood_field_prob with do_beamskip; "
     "draw glass walls into the map",
     VIEW: "laser_model_type likelihood_field_prob with do_beamskip, a larger z_rand, or a new map",
-    START: "set_initial_pose with the right initial_pose, or a global start and more max_particles",
+    START: "set_initial_pose with the right initial_pose, or a global start and more max_particles; "
+    "doctor with --map tells a wrong map",
     FLAT: "laser_model_type likelihood_field_prob, a smaller update_min_d, or smaller alpha1 to alpha4",
     AMBIGUITY: "a known initial_pose; in a corridor better odometry and a smaller alpha3",
     PROPOSAL: "more max_particles, a known initial_pose, or --preset laser, which asks the scan",
