@@ -275,6 +275,7 @@ CLAUSES: Mapping[str, Clause] = {
     kinds.AMBIGUITY: _ambiguity,
     kinds.RESAMPLING: _resampling,
     kinds.PROPOSAL: _impoverished,
+    kinds.START: laser_causes.CLAUSES[kinds.START],  # of which the truth tells, no scan
 }
 
 

@@ -193,7 +193,7 @@ class EvidenceFinder:
         surprising = None if last is None else self._surprise(last, truth, moment.frame.motions)
         if self.scans is not None:
             sd_m = float(np.hypot(*record.predicted.poses[:, :2].std(axis=0)))
-            together = before is None and sd_m < record.estimate.radii.cluster_m
+            together = before is None and sd_m < record.estimate.radii.lost_m  # RViz spreads by 0.5 m an axis
             scan = self._scan(evidence, record, truth)
             return replace(evidence, surprise=surprising, scan=scan, began_together=together)
         assert surroundings is not None

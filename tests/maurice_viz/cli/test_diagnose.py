@@ -6,14 +6,19 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import maurice_viz as mv
 from helpers.commands import run
 from helpers.small_session import write_small_session, write_small_survey
+from maurice_datasets.sessions import write_simulation
+from maurice_datasets.simulation import SimulationPlan
+from maurice_datasets.tasks import TASKS
 from maurice_datasets.trials.engine import run_plan
 from maurice_datasets.trials.plan import read_plan
 from maurice_datasets.trials.table import load_trials
+from maurice_loaders import open_library, open_session
 from maurice_loaders.runs.store import open_run
 from maurice_mcl.reasons import diagnosis
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
@@ -206,3 +211,20 @@ def test_rows_of_trials_name_the_same_cause(small_session, tmp_path):
         failed = row["right_at_end"] is False if start else row["lost"]
         kinds = [failure.kind for failure in failures] or ["unknown"]
         assert row["failure"] == (kinds[-1] if start else kinds[0]) if failed else row["failure"] is None
+
+
+def test_a_laser_begun_at_a_wrong_place_with_rvizs_spread_had_a_wrong_start(tmp_path):
+    plan = SimulationPlan(TASKS["tracking"], world="office", arena_seed=2, seed=3, updates=10, laser=True)
+    written = write_simulation(tmp_path / "s", plan)
+    truth = next(moment.truth for moment in open_session(written.session).moments())
+    places = open_library(written.survey).poses
+    away = np.hypot(*(places - truth)[:, :2].T)
+    wrong = places[np.argmin(np.abs(away - 3))]
+    settings = {
+        "start.sd_m": 0.5,
+        "start.heading_sd_rad": 0.26,
+        "sensor.laser.model": "likelihood_field_prob",
+    }
+    options = {"preset": "amcl", "start": wrong, "settings": settings}
+    mv.replay(written.session, **options, save_run=tmp_path / "run")
+    assert "the filter began" in diagnose(tmp_path / "run").text

@@ -85,7 +85,9 @@ def test_off_the_mapped_part_nothing_is_said_of_what_the_map_has_otherwise():
 
 def test_a_start_is_wrong_only_where_the_cloud_was_together_at_first():
     lost = {"score": OFF, "near": GONE}
-    assert failure_of(FITS, ALL, **lost, began_together=True).kind == "wrong_start"
+    wrong = failure_of(FITS, ALL, **lost, began_together=True)
+    assert wrong.kind == "wrong_start"
+    assert "the filter began" in say_cause(wrong, Scale(units_named("m")))
     assert failure_of(FITS, ALL, **lost).kind == "impoverished"
     assert failure_of(BAD, SINCE).title == "the map changed"  # nothing is said of a view
 
