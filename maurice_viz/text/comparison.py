@@ -9,6 +9,7 @@ import numpy as np
 
 from maurice_mcl.scoring.comparison import ErrorDifference, Step
 from maurice_mcl.scoring.modes import gains_by_channel, picture_gain
+from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.sensor.model import SensorModel
 from maurice_mcl.values import Moment, Radii, StepRecord
 
@@ -61,7 +62,7 @@ def step_words(
 
 def unweighed_words(step: int) -> str:
     """Return what is known of a step before its picture weighs the clouds."""
-    return f"Step {step}: the dots have moved by odometry; the picture has not weighed them yet."
+    return f"Step {step}: the dots have moved by odometry; what the robot sees has not weighed them yet."
 
 
 def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
@@ -83,7 +84,15 @@ def _who(steps: Mapping[str, Step], scale: Scale, radii: Radii) -> str:
 
 
 def _why(steps: Mapping[str, Step], scale: Scale, sensors: Mapping[str, SensorModel | None]) -> list[str]:
-    """Say what the picture did near the truth, within the smallest radius that holds dots of some run."""
+    """Say what picture or scan did near the truth, within the smallest radius that holds dots of some run.
+
+    Nothing of recorded localizers: what weighed their dots is not known.
+    """
+    if all(record.predicted is record.weighted for _, record in steps.values()):
+        return []
+    read = {part.name for _, record in steps.values() for part in record.sighting.comparison.sensed}
+    compared = any(record.sighting.comparison.channels for _, record in steps.values())
+    what = "scan" if LASER in read and not compared else "picture"
     told = list(errors_m(steps))[: 2 if len(steps) == 2 else 1]
     for share in NEAR_SHARES:
         gains: dict[str, float | None] = {}
@@ -102,7 +111,7 @@ def _why(steps: Mapping[str, Step], scale: Scale, sensors: Mapping[str, SensorMo
             none = [f"`{label}`" for label, gain in gains.items() if gain is None]
             rest = [f"{' and '.join(none)}: hardly a dot there."] if none else []
             return [
-                f"The picture made dots within {scale.say(radius_m)} of the truth {', '.join(made)}.",
+                f"The {what} made dots within {scale.say(radius_m)} of the truth {', '.join(made)}.",
                 *rest,
             ]
     return ["No run has dots near the truth."]

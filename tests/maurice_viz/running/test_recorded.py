@@ -21,6 +21,7 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_loaders.runs.store import open_run
 from maurice_loaders.runs.writer import rows_of
 from maurice_mcl.reasons.diagnosis import DiagnosisBuilder
+from maurice_mcl.values.library import Radii
 from maurice_viz.app.check.check import check
 from maurice_viz.app.convert import export
 from maurice_viz.app.diagnose import diagnose, draw
@@ -32,6 +33,8 @@ from maurice_viz.reports.make import report
 from maurice_viz.running.recorded import open_recorded, together
 from maurice_viz.running.saved import open_saved
 from maurice_viz.running.verify import verify
+from maurice_viz.style import Scale, units_named
+from maurice_viz.text.comparison import step_words
 
 CAMERA = re.compile(r"\b(camera|picture|image|reference|library|channel)", re.I)
 
@@ -104,6 +107,15 @@ def test_particles_and_scans_at_the_true_place_are_known(bag: Path) -> None:
     assert min(shares[:12]) > 0.9
     assert max(shares[12:]) == 0
     assert all(update.scan is not None for update in story.updates[:-1])  # no truth follows the last
+
+
+def test_beside_each_other_nothing_is_said_of_what_weighed_their_particles(bag: Path) -> None:
+    both = ReadingOptions(localizer_topic="/amcl_pose,/particle_cloud")
+    for steps in together(open_recorded(bag, both)):
+        text = step_words(steps, Scale(units_named("m")), Radii(), {})
+        assert "amcl_pose" in text
+        assert "dots within" not in text
+        assert not CAMERA.search(text)
 
 
 def test_nothing_speaks_of_cameras(saved: Path, tmp_path: Path) -> None:
