@@ -13,18 +13,19 @@ import os
 import shutil
 import zipfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, reduction
 from maurice_mcl.values import F32, F64, Camera, ChannelIndex, Library, PoseSensor
 
-from ..errors import FieldError, InputError
+from ..errors import FieldError, InputError, PictureError
 from ..files.maps import check_span
-from ..files.pictures import leads_outside
+from ..files.pictures import leads_outside, picture_file, picture_size
 from ..files.text import MOST, items, mapping, read_json, show, text, up_to
 from ..files.writing import FolderKind, new_folder
 from ..session_log.header import arena_from_json, arena_to_json, camera_from_json, camera_to_json
@@ -77,7 +78,19 @@ def load_library(folder: Path) -> Library:
         reason = f"is a damaged library ({problem}); build it again from its survey"
         raise InputError(folder, reason) from None
     check_span(folder, library.poses, library.arena)
+    if not manifest.get("reduced"):
+        _expect_small(folder, pictures)
     return library
+
+
+def _expect_small(folder: Path, pictures: Sequence[Path | None]) -> None:
+    """Raise InputError where large pictures were measured whole: a session's are reduced (`reduced`)."""
+    first = next((picture for picture in pictures if picture is not None), None)
+    with suppress(PictureError):  # one that cannot be read is told of by who shows it
+        size = (1, 1) if first is None else picture_size(picture_file(first))
+        if reduction(*size) > 1:
+            text = f"was measured in whole pictures of {size[0]} x {size[1]} pixels, and now they are reduced"
+            raise InputError(folder, f"{text}; build it again from its survey")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -142,6 +155,7 @@ def _manifest(
     return {
         "format": FORMAT,
         "version": VERSION,
+        "reduced": True,  # large pictures, before they were measured
         "name": library.name,
         "display_units": library.display_units,
         "entries": library.size,

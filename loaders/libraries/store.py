@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from maurice_mcl.sensor.ahead import on_all_cores
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, OUR_NAMES, Channel, describe, reduced
 from maurice_mcl.sensor.map_places import map_library
 from maurice_mcl.values import F32, F64, U8, Arena, Camera, ChannelIndex, Library, Progress, open_arena
 
@@ -100,9 +100,9 @@ class _Rows:
         return any(self._covered.values())
 
     def measured(self, picture: SurveyPicture) -> tuple[SurveyPicture, dict[str, F32]]:
-        """Measure a picture by our channels, on any thread."""
-        ours = OUR_NAMES.intersection(self._channels)
-        return picture, {name: CHANNELS[name].describe(picture.image) for name in ours}
+        """Reduce a picture and measure it by our channels, on any thread."""
+        ours, small = OUR_NAMES.intersection(self._channels), reduced(picture.image)
+        return replace(picture, image=small), {name: CHANNELS[name].describe(small) for name in ours}
 
     def add(self, picture: SurveyPicture, ours: Mapping[str, F32]) -> None:
         rows = self._covered if picture.pose is None else self._references

@@ -13,7 +13,7 @@ import rerun.blueprint as rrb
 
 from maurice_loaders.reading.recording import PLACEHOLDER, SimplifiedPath
 from maurice_mcl.sensor.descriptors.histograms import edge_image
-from maurice_mcl.sensor.descriptors.registry import CHANNELS
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, reduced
 from maurice_mcl.values.arrays import F32, F64
 from maurice_mcl.values.geometry import compose, compose_motions, inverse, motion_between, rotated
 from maurice_mcl.values.library import Library
@@ -206,8 +206,9 @@ class _Pen:
         self._truth_before = moment.truth
 
     def _draw_vectors(self, moment: Moment) -> None:
+        small = reduced(moment.frame.image)
         for channel in self.drive.channels:
-            planes = np.array_split(CHANNELS[channel].describe(moment.frame.image), len(PLANE_COLORS))
+            planes = np.array_split(CHANNELS[channel].describe(small), len(PLANE_COLORS))
             for number, (plane, color) in enumerate(zip(planes, PLANE_COLORS, strict=True)):
                 self.rec.log(f"{HISTOGRAM}/{channel}/{number}", _bars(plane, number, color))
 

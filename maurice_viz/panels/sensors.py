@@ -17,6 +17,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
+from maurice_mcl.sensor.descriptors.registry import reduced
 from maurice_mcl.sensor.laser.sensor import LASER
 from maurice_mcl.values import F32, F64, U8, Arena, Beside, PoseSensor, Shown, ShownMarks
 
@@ -205,8 +206,9 @@ class DrawnMarks:
 
 @lru_cache(maxsize=4)
 def _reference(path: Path) -> U8 | None:
-    """Return the picture of a reference: several updates in a row mostly have the same one beside."""
-    return read_picture(path)
+    """Return the reduced picture of a reference: several updates in a row mostly have the same one beside."""
+    picture = read_picture(path)
+    return None if picture is None else reduced(picture)
 
 
 def slug(name: str) -> str:

@@ -16,7 +16,7 @@ from time import perf_counter
 from typing import Any, Protocol, TypeVar
 
 from ..values import F32, U8, Comparison, Frame, Moment, PoseSensor
-from .descriptors.registry import CHANNELS
+from .descriptors.registry import CHANNELS, reduced
 from .model import SensorModel
 
 PICTURES_AHEAD = 8
@@ -59,6 +59,7 @@ def measured(
 ) -> tuple[dict[str, F32], dict[str, float]]:
     """Return what channels measure in a picture (H, W, 3) RGB, and the seconds that each took."""
     names, began = tuple(dict.fromkeys(channels)), perf_counter()
+    image = reduced(image)
     descriptors = {} if known is None else known.find(image, names)
     took_s = dict.fromkeys(names, (perf_counter() - began) / max(len(names), 1))
     missing = [name for name in names if name not in descriptors]

@@ -20,7 +20,7 @@ from ..values.pose_sensor import EXACT, POSE_SENSORS, PoseSensor, PoseSpread, Se
 from ..values.records import Comparison, Sighting
 from ..values.session import Frame
 from ..values.setting_rules import choice, number, texts
-from .descriptors.registry import CHANNELS, SCALES
+from .descriptors.registry import CHANNELS, SCALES, reduced
 from .distances import DISTANCES
 from .laser.parameters import LaserParameters
 from .references import ReferenceLookup
@@ -156,7 +156,8 @@ class SensorModel:
 
     def measure(self, image: U8) -> dict[str, F32]:
         """Return what every channel in use measures in a picture (H, W, 3) RGB: channel to (D,)."""
-        return {name: CHANNELS[name].describe(image) for name in self.weights}
+        small = reduced(image)
+        return {name: CHANNELS[name].describe(small) for name in self.weights}
 
     def read(self, frame: Frame) -> dict[str, Any]:
         """Return what every pose sensor reads in a frame; those with nothing to say are left out."""

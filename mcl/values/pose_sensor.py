@@ -136,7 +136,8 @@ class ShownMarks:
 class Beside:
     """A picture with that of a reference to its right, which is read when both are drawn.
 
-    Marks in the reference's picture are `right_px` to the right of where they are in it.
+    Marks in the reference's picture, which is reduced if it is large, are `right_px` to the right of where
+    they are in it.
     """
 
     image: U8  # (H, W, 3) RGB

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Protocol
 
+import cv2
 import numpy as np
 
 from ...values import F32, U8
@@ -23,6 +24,7 @@ from .hog import Hog
 from .tiny import Tiny
 
 GROUP = "maurice_replay.channels"
+LEAST_PX = 960  # of a picture's longer side after it is reduced: one of 1,920 is halved
 NAME = re.compile("[a-z][a-z0-9_]*")  # used on the command line, in TOML and in file names
 
 
@@ -100,8 +102,31 @@ def _load(point: EntryPoint) -> Channel:
     return channel
 
 
+def reduction(width: int, height: int) -> int:
+    """Return by how much a picture of a size in pixels is reduced before it is measured: 1, 2, 4, ..."""
+    return 1 << max((max(width, height) // LEAST_PX).bit_length() - 1, 0)
+
+
+def reduced(image: U8) -> U8:
+    """Return a picture (H, W, 3) as it is measured: a large one averaged over 2 x 2 pixels, 4 x 4, ...
+
+    Its longer side stays 960 pixels or more: nothing smaller than 1,920 is changed. What channels look for is
+    as large as in pictures of small cameras then, and measuring one of 3,840 x 2,160 takes a sixteenth.
+
+        >>> import numpy as np
+        >>> reduced(np.zeros((2160, 3840, 3), np.uint8)).shape
+        (540, 960, 3)
+    """
+    height, width = image.shape[:2]
+    factor = reduction(width, height)
+    if factor == 1:
+        return image
+    size = max(width // factor, 1), max(height // factor, 1)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
 def describe(channel: Channel, image: U8, size: int | None = None) -> F32:
-    """Measure a picture with a channel, maybe third-party. ValueError for an invalid result."""
+    """Measure a reduced picture with a channel, maybe third-party. ValueError for an invalid result."""
     try:
         descriptor = channel.describe(image)
     except Exception as problem:  # third-party code

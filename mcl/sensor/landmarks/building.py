@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...values import F32, F64, I32, U8, Camera, Library, NamedProgress
 from ..ahead import on_all_cores
+from ..descriptors.registry import reduced
 from .bundle import Bundle, Tolerance, Views, adjust, errors_px, triangulate
 from .calibration import (
     AGREE_PX,
@@ -160,7 +161,10 @@ def _keypoints(
 
     def look(number: int) -> tuple[Keypoints, tuple[int, int] | None]:
         image = read(number)
-        return (none, None) if image is None else (keypoints_of(image), (image.shape[0], image.shape[1]))
+        if image is None:
+            return none, None
+        small = reduced(image)
+        return keypoints_of(small), (small.shape[0], small.shape[1])
 
     none, pictures = keypoints_of(np.zeros((8, 8, 3), np.uint8)), []
     # glibc keeps twice as much as was freed at once; else OpenCV's memory is fetched anew for every picture

@@ -14,6 +14,7 @@ import polars as pl
 import pytest
 
 from maurice_loaders.errors import InputError
+from maurice_loaders.files.pictures import encode_picture
 from maurice_loaders.libraries.files import hash_file, load_library, save_library
 from maurice_loaders.libraries.store import build_library
 from maurice_mcl.values.library import Library
@@ -204,6 +205,18 @@ def test_poses_too_far_off_and_a_map_too_large(
 def test_no_library(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"found no manifest\.json in it, expected a library folder"):
         load_library(tmp_path)
+
+
+def test_large_pictures_that_were_measured_whole_are_refused(folder: Path) -> None:
+    file = folder / "manifest.json"
+    manifest = json.loads(file.read_text())
+    del manifest["reduced"]
+    file.write_text(json.dumps(manifest))
+    assert load_library(folder).size > 0
+    (first, *_) = sorted((folder / "pictures").iterdir())
+    first.write_bytes(encode_picture(np.zeros((1080, 1920, 3), np.uint8), "jpeg"))
+    with pytest.raises(InputError, match=r"measured in whole pictures of 1920 x 1080 .* build it again"):
+        load_library(folder)
 
 
 def test_folders_of_another_version_are_refused(folder: Path) -> None:

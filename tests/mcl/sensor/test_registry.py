@@ -6,10 +6,12 @@ import subprocess
 import sys
 from importlib.metadata import EntryPoint, entry_points
 
+import cv2
 import numpy as np
 import pytest
 
-from maurice_mcl.sensor.descriptors.registry import CHANNELS, GROUP, OURS, describe, load_channels
+from maurice_mcl.sensor.ahead import measured
+from maurice_mcl.sensor.descriptors.registry import CHANNELS, GROUP, OURS, describe, load_channels, reduced
 
 MEAN = """
 import numpy as np
@@ -50,6 +52,34 @@ def test_ours_have_names_of_their_own():
     assert len(set(names)) == len(names)
     assert set(names) <= set(CHANNELS)
     assert list(load_channels([]).channels) == [channel.name for channel in OURS]
+
+
+@pytest.mark.parametrize(
+    ("size", "expected"),
+    [
+        ((144, 176), (144, 176)),
+        ((300, 1919), (300, 1919)),
+        ((1080, 1920), (540, 960)),
+        ((1920, 1080), (960, 540)),
+        ((2160, 3840), (540, 960)),
+        ((1, 4000), (1, 1000)),
+    ],
+)
+def test_large_pictures_are_reduced_until_any_further_is_too_far(size, expected):
+    image = np.random.default_rng(1).integers(0, 256, (*size, 3), np.uint8)
+    small = reduced(image)
+    assert small.shape == (*expected, 3)
+    assert (small is image) == (size == expected)
+    assert reduced(small) is small
+    assert np.abs(small.mean(axis=(0, 1)) - image.mean(axis=(0, 1))).max() < 1
+
+
+def test_a_large_picture_measures_as_the_same_picture_of_a_smaller_camera():
+    small = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (540, 960, 3), np.uint8), (0, 0), 3)
+    large = np.repeat(np.repeat(small, 4, axis=0), 4, axis=1)
+    names = [channel.name for channel in OURS]
+    expected, found = (measured(image, names)[0] for image in (small, large))
+    assert all(np.array_equal(found[name], expected[name]) for name in names)
 
 
 def test_channels_are_found_once(tmp_path, monkeypatch):
