@@ -4,8 +4,7 @@ The mixture proposal is that of Thrun, Fox, Burgard and Dellaert (2001). All par
 of one mixture (the balance heuristic, Veach and Guibas 1995): w = likelihood * p / ((1 - share) k + share q),
 with p the predicted density, k that of the particles that are kept, and q that of the sampled poses.
 Densities are per library entry, over the poses nearest to it. So that sampled poses count where k is zero, p
-is k but for a small share, the robot's chance of having been carried anywhere, and for what earlier readings
-say of the poses that a sensor proposes.
+is k but for a small share, the robot's chance of having been carried anywhere.
 """
 
 from __future__ import annotations
@@ -182,7 +181,8 @@ def mixture_proposal(
         drawn = np.concatenate([drawn, draw_poses(proposals, sensors, predicted.origin, rng)])
     poses = np.concatenate([predicted.poses[kept], drawn])
     k, even = _kept_shares(predicted, nearest, where), where.sizes() / where.sizes().sum()
-    p = (1 - parameters.teleport) * k + parameters.teleport * even
+    teleport = max(parameters.teleport, *(proposal.believed for proposal in proposals), 0.0)
+    p = (1 - teleport) * k + teleport * even
     q = shares_of(log_likelihood, where)
     share = (count - sensors) / predicted.size
     mixture = (1 - count / predicted.size) * k + share * q
@@ -195,12 +195,10 @@ def mixture_proposal(
         # the densities of the table above are even within the poses nearest to an entry: per m^2 and rad here
         sizes = np.maximum(where.sizes(), 1)  # no pose is nearest to one of size 0
         per_pose = 1 / (sizes * nearest.grid.cell_m**2 * (2 * np.pi / HEADING_BINS))
-        proposed, believed = density(proposals, poses, predicted.origin), max(p.believed for p in proposals)
+        of_sensors = sensors / predicted.size * density(proposals, poses, predicted.origin)
         part = np.append(np.stack([p, mixture]) * per_pose, [[1.0], [1.0]], axis=1)[:, entries]
         with np.errstate(divide="ignore"):
-            there = np.log((1 - believed) * part[0] + believed * proposed)
-            drawn_there = np.log(part[1] + sensors / predicted.size * proposed)
-            correction = np.where(entries < 0, 0.0, there - drawn_there)
+            correction = np.where(entries < 0, 0.0, np.log(part[0]) - np.log(part[1] + of_sensors))
     belief = Belief(poses, uniform_log_weights(len(poses)), predicted.origin)
     return ProposedParticles(belief, np.asarray(correction))
 
