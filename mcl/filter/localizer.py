@@ -59,6 +59,7 @@ GUIDED = "guided"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 KNOWN_SHARE = 0.5  # share of the weight that references have to speak for before recovery decides
+TRACKED_M = 0.3  # from where a sensor puts the robot: a cloud that is so near tracks it, on a map
 PAST = 40  # updates that are kept: those by which proposals are checked
 NO_OUTLIERS = MotionOutliers()
 USUALLY_GUIDED = GuidedMotionParameters()
@@ -195,7 +196,7 @@ class Localizer:
         proposals = proposals_of(comparison, predicted, frame, past)
         if can_follow and not proposals:
             return ProposedParticles(predicted)
-        reach_m = self.reference.spacing_m
+        reach_m = TRACKED_M if self.library.is_map else self.reference.spacing_m
         there = elsewhere(proposals, predicted, reach_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)

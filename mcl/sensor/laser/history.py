@@ -14,6 +14,7 @@ LEAST_NATS = 10.0  # by which the scans together speak for the place rather than
 MOST_AGAINST = -20.0  # nats of one scan: it may show what the map does not have
 SURE_SHARE = 0.97  # of all mass: a place that others nearly equal may be none of them
 SAME_PLACE_M = 1.0
+SLIP_M = 3.0  # from where the filter thinks to be: so far wheels may slip in a few updates
 BELIEVED = 0.1  # probability of the places that agree: most are right, and the scan at hand decides
 HERE = np.diag([0.3**2, 0.3**2, 0.1**2])  # covariance of where the filter thinks to be
 # by how many nats scans must speak for having been carried off: on the map, and off it, where nothing is seen
@@ -39,8 +40,10 @@ def agreeing(
 
     They are compared with `here` (3,), where the filter thinks to be. Of the scans before this one the last
     `unexplained` were not explained by the estimates: a place has to explain those, and either all before, or
-    those so much better that the robot was carried off. A robot off the map may be in a corridor that looks
-    like one of the map, and then like several places of it: only one that no other equals is believed.
+    those so much better that the robot was carried off. Where wheels slip, or somebody pushes the robot, the
+    odometry does not lead back to the scans before: a place nearby needs this scan alone. A robot off the map
+    may be in a corridor that looks like one of the map, and then like several places of it: only one that no
+    other equals is believed.
     """
     poses = np.vstack([proposal.poses, here])
     totals = _nats(there, poses, np.concatenate([proposal.covariances, HERE[None]]), scans)
@@ -49,11 +52,20 @@ def agreeing(
     if off_map:
         stayed, before = totals[:, -1], totals[-1, -1] - nats[-1]
         nats = np.maximum(stayed, nats + before - CARRIED_OFF_MAP_NATS)
-    share = np.exp(SCANS_WORTH * (nats - nats.max()))
     x, y = poses[:, :2].T
-    same = np.hypot(x[:, None] - x, y[:, None] - y) < SAME_PLACE_M
-    sure = same @ share > SURE_SHARE * share.sum()
-    return np.asarray((nats > LEAST_NATS) & (sure if off_map else sure | carried))[:-1]
+    apart_m = np.hypot(x[:, None] - x, y[:, None] - y)
+    agree = _sure(nats, apart_m) & (nats > LEAST_NATS)
+    if not off_map:
+        now = totals[:, 0]
+        slipped = _sure(now, apart_m) & (now > LEAST_NATS) & (apart_m[-1] < SLIP_M)
+        agree |= slipped | carried & (nats > LEAST_NATS)
+    return np.asarray(agree[:-1])
+
+
+def _sure(nats: F64, apart_m: F64) -> Bool:
+    """Return which places (J,), and what is near them, have nearly all mass."""
+    share = np.exp(SCANS_WORTH * (nats - nats.max()))
+    return np.asarray((apart_m < SAME_PLACE_M) @ share > SURE_SHARE * share.sum())
 
 
 def contradicts(there: LaserMap, before: Earlier) -> bool:

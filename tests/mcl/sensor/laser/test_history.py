@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from maurice_mcl.sensor.laser.sensor import Laser
 from maurice_mcl.values.geometry import compose, inverse
@@ -79,3 +80,19 @@ def test_a_place_off_the_map_has_to_explain_what_was_explained_before(grid):
         assert (laser.confirmed(here, proposal, [*unexplained, *explained]) is not None) == believed
     unexplained = [seen(pose, off) for pose in back(elsewhere, 2)[1:]]
     assert laser.confirmed(here, proposal, unexplained) is not None  # nothing was explained before
+
+
+@pytest.mark.parametrize(("away_m", "believed"), [(1.0, True), (4.0, False)])
+def test_where_wheels_slipped_a_place_nearby_needs_this_scan_alone(away_m, believed):
+    """The odometry does not lead back to where the scan before was seen."""
+    cells = np.full((120, 200), FREE, np.uint8)
+    cells[[0, -1]], cells[:, [0, -1]], cells[30:60, 70:80] = OCCUPIED, OCCUPIED, OCCUPIED
+    hall = OccupancyMap(cells, CELL_M, ZERO)
+    laser, now = Laser(hall), np.array([2.5, 3.0, 0.3])
+    before, estimate = np.add(now, [0.5, 0.7, 0.6]), np.add(now, [away_m, 0.0, 0.1])
+    then, reading = (reading_of(laser, scan_at(hall, pose)) for pose in (before, now))
+    proposal = PoseProposal(now[None], np.diag([0.01, 0.01, 0.003])[None], np.ones(1))
+    kept = laser.confirmed(reading, proposal, [Earlier(np.zeros((1, 3)), then, estimate)])
+    assert (kept is not None) == believed
+    explained = Earlier(np.zeros((1, 3)), reading, estimate)
+    assert laser.confirmed(reading, proposal, [explained]) is not None  # near or far
