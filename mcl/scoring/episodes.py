@@ -109,7 +109,8 @@ class EpisodeFinder:
     localized: int | None = None  # first step at which it was localized; None: never
     score: StepScore = field(default=StepScore(None, None, False, None, None))  # of the last update
     signal: LostSignal = field(default_factory=LostSignal)
-    _recent: tuple[_Update, ...] = ()  # the last six
+    _step: int = 0  # the last one
+    _recent: tuple[_Update, ...] = ()  # the last six whose truth is known
     _since: int = 0  # of them, how many a kidnapping does not part from now
     _off: int = 0  # updates in a row that were too far off
     _knew: bool = False  # whether it knew where it is: from the start, or once localized
@@ -144,9 +145,14 @@ class EpisodeFinder:
         """Process the next update from its score; see `add`."""
         update = _Update(step, score, fresh, bereft)
         self._doubt(step, doubted)
+        self._step, self.score = step, score
+        if score.correct is None and not kidnapped:  # without truth nothing begins or ends
+            if self._open:
+                self._change(replace(self.episodes[-1], last=step))
+            return ()
         self._recent = (*self._recent, update)[-LOCALIZED_OF[1] - 1 :]
         self._since = 1 if kidnapped else self._since + 1
-        self._off, self.score = self._off + 1 if score.lost else 0, score
+        self._off = self._off + 1 if score.lost else 0
         if not self.episodes and self.localized is None and score.correct is not None:
             self._knew = score.localized is True
             self._begin(SEARCHING, (update,))
@@ -228,7 +234,7 @@ class EpisodeFinder:
     @property
     def doubt_begins(self) -> bool:
         """Whether the lost signal began to doubt the run at the last update."""
-        return self._doubts and self.doubts[-1][0] == self._recent[-1].step
+        return self._doubts and self.doubts[-1][0] == self._step
 
     @property
     def is_lost(self) -> bool:

@@ -229,8 +229,11 @@ def score_trace(
     known, updates = errors.known, len(errors.known)
     scored = known & (np.arange(updates) >= FIRST_SCORED - 1)
     off_m, off_rad = errors.off_m[scored], errors.off_rad[scored]
-    lost_at = first_run_of(errors.lost.tolist(), LOST_FOR)
-    good = updates if lost_at is None else lost_at - LOST_FOR  # updates before it was lost
+    judged = np.flatnonzero(known)  # the others neither begin nor end anything
+    lost = first_run_of(errors.lost[known].tolist(), LOST_FOR)
+    localized = first_mostly(errors.localized[known])
+    lost_at = None if lost is None else int(judged[lost - 1]) + 1
+    good = updates if lost is None else int(judged[lost - LOST_FOR])  # updates before it was lost
     any_known, any_scored = bool(known.any()), len(off_m) > 0
     return RunScore(
         updates=updates,
@@ -240,7 +243,7 @@ def score_trace(
         position_error_final_m=float(errors.off_m[known][-1]) if any_known else None,
         heading_error_mean_rad=float(np.mean(off_rad)) if any_scored else None,
         heading_error_median_rad=float(np.median(off_rad)) if any_scored else None,
-        localized_at_update=first_mostly(errors.localized),
+        localized_at_update=None if localized is None else int(judged[localized - 1]) + 1,
         localized_share=_share(errors.localized[known]),
         lost=lost_at is not None if any_known else None,
         lost_at_update=lost_at,

@@ -70,35 +70,40 @@ def test_what_counts_as_a_failure(letters, failures):
 @given(st.lists(st.sampled_from("RRRRRUBOOOOSNro"), min_size=1, max_size=40).map("".join))
 def test_episodes_agree_with_the_scores_whatever_happens(letters):
     finder = found(letters)
-    scores = [SCORES[letter.upper()] for letter in letters]
-    lost = first_run_of([one.lost is True for one in scores], 4)
-    assert next((one.lost for one in finder.episodes if one.lost is not None), None) == lost
-    localized = np.array([one.localized is True for one in scores])
-    assert finder.localized == first_mostly(localized)
+    judged = {
+        step: SCORES[letter.upper()] for step, letter in enumerate(letters, 1) if letter != "N"
+    }  # without truth nothing begins or ends
+    steps, scores = list(judged), list(judged.values())
+    lost = first_run_of([score.lost is True for score in scores], 4)
+    declared = next((episode.lost for episode in finder.episodes if episode.lost is not None), None)
+    assert declared == (None if lost is None else steps[lost - 1])
+    localized = first_mostly(np.array([score.localized is True for score in scores], bool))
+    assert finder.localized == (None if localized is None else steps[localized - 1])
     for before, after in zip(finder.episodes, finder.episodes[1:], strict=False):
         assert before.last < after.first or (before.steps == 0 and before.last <= after.first)
-    for one in finder.episodes:
-        _check(one, scores)
+    for episode in finder.episodes:
+        _check(episode, judged)
     assert finder.is_lost <= (bool(finder.episodes) and finder.episodes[-1].lost is not None)
 
 
-def _check(one: Episode, scores: list[StepScore]) -> None:
-    """Check what the numbers of an episode mean, against the scores of its steps."""
-    named = [at for at in (one.wrong, one.lost) if at is not None]
-    assert all(one.first <= at <= one.last for at in named)
-    assert one.first <= one.last <= len(scores)
-    if one.wrong is not None:
-        assert scores[one.wrong - 1].lost
-        assert one.kind != SEARCHING
-    if one.lost is not None:
-        assert all(scores[at - 1].lost for at in range(one.lost - 3, one.lost + 1))
-    if one.localized is not None:
-        assert one.localized <= one.last + 1
-        five = scores[one.localized - 1 : one.localized + 4]
-        assert five[0].localized
-        assert sum(score.localized is True for score in five) >= 4
-        assert one.steps == one.localized - one.first
-    else:
-        assert one.steps == one.last - one.first + 1
-    span = scores[one.first - 1 : one.first - 1 + one.steps]
-    assert one.sure == sum(score.wrong_and_confident is True for score in span)
+def _check(episode: Episode, judged: dict[int, StepScore]) -> None:
+    """Check what the numbers of an episode mean, against the scores of the steps whose truth is known."""
+    steps = list(judged)
+    named = [at for at in (episode.wrong, episode.lost) if at is not None]
+    assert all(episode.first <= at <= episode.last for at in named)
+    assert episode.first <= episode.last
+    if episode.wrong is not None:
+        assert judged[episode.wrong].lost
+        assert episode.kind != SEARCHING
+    if episode.lost is not None:
+        at = steps.index(episode.lost)
+        assert all(judged[step].lost for step in steps[at - 3 : at + 1])
+    end = episode.last + 1 if episode.localized is None else episode.localized
+    assert not any(episode.last < step < end for step in steps)
+    if episode.localized is not None:
+        at = steps.index(episode.localized)
+        assert judged[episode.localized].localized
+        assert sum(judged[step].localized is True for step in steps[at : at + 5]) >= 4
+    span = [judged[step] for step in steps if episode.first <= step < end]
+    assert episode.steps == len(span)
+    assert episode.sure == sum(score.wrong_and_confident is True for score in span)
