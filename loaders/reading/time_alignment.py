@@ -183,7 +183,7 @@ def _correlations(ours: F64, theirs: F64) -> F64:
 
 # Observations, which are pictures and scans, each with the odometry and the truth at its time.
 
-MAX_GAP_S = 1.0  # true poses further apart say nothing about the time between them
+MAX_GAP_S = 1.0  # poses further apart say nothing about the time between them
 MOST_WAITING = 64  # observations held back while poses after them are awaited; a second of a fast camera
 ROUNDING_S = 1e-6  # decimal seconds are not exact, and Unix time has a quarter of a microsecond
 
@@ -216,15 +216,15 @@ class Aligned:
         self.readings = earlier.readings | self.readings
 
     def odometry_at(self, max_dt_s: float) -> F64 | None:
-        """Return the odometry's pose (3,): between the poses before and after, or the only one so near."""
-        t_s, near = self.picture.t_s, max_dt_s + ROUNDING_S
-        before, after = self.odometry.before, self.odometry.after
-        before = before if before is not None and t_s - before.t_s <= near else None
-        after = after if after is not None and after.t_s - t_s <= near else None
-        if before is not None and after is not None:
+        """Return the odometry's pose (3,): between two at most a second apart, or one within `max_dt_s`."""
+        t_s, before, after = self.picture.t_s, self.odometry.before, self.odometry.after
+        if before is not None and after is not None and after.t_s - before.t_s <= MAX_GAP_S + ROUNDING_S:
             return interpolated(before, after, t_s)
-        nearest = before or after
-        return None if nearest is None else nearest.pose
+        nearest = min(
+            (pose for pose in (before, after) if pose), key=lambda pose: abs(pose.t_s - t_s), default=None
+        )
+        is_near = nearest is not None and abs(nearest.t_s - t_s) <= max_dt_s + ROUNDING_S
+        return nearest.pose if nearest is not None and is_near else None
 
     def truth_at(self) -> F64 | None:
         """Return the true pose (3,): exact, or between two at most a second apart."""
@@ -284,8 +284,11 @@ class Aligner:
 
     def _ready(self, aligned: Aligned, now_s: float) -> bool:
         t_s, truth = aligned.picture.t_s, aligned.truth.before
-        known = aligned.odometry.settled or now_s > t_s + (self._max_dt_s or 0.0) + ROUNDING_S
+        odometry = aligned.odometry.before
+        until_s = t_s + (self._max_dt_s or 0.0) + ROUNDING_S
+        until_s = until_s if odometry is None else max(until_s, odometry.t_s + MAX_GAP_S + ROUNDING_S)
         truth_until_s = t_s if truth is None else max(t_s, truth.t_s + MAX_GAP_S + ROUNDING_S)
+        known = aligned.odometry.settled or now_s > until_s
         return known and (aligned.truth.settled or now_s > truth_until_s)
 
     def _observe(self, record: Picture | Scan) -> Iterator[Aligned]:

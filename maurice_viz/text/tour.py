@@ -122,7 +122,7 @@ def _outcome(verdict: RunVerdict, scale: Scale) -> Outcome:
         return Outcome("{was} never localized", off, after=at_end)
     if verdict.localized is not None and verdict.localized > verdict.first:
         return Outcome("found {itself}", str(verdict.localized), "at step ", alone=f", {off} at the end")
-    did = "{was} never lost" if verdict.off else "{was} right at every step"
+    did = "{was} never lost" if verdict.off else f"{{was}} right at {verdict.every_step}"
     if verdict.error_mean_m is None:  # too short to be scored
         return Outcome(did, off, after=at_end)
     return Outcome(did, scale.say(verdict.error_mean_m), after=" off on average")

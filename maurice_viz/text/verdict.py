@@ -206,7 +206,7 @@ def _never_wrong(verdict: RunVerdict, scale: Scale) -> str:
         return (
             f"was localized from step {verdict.localized} on, and {right} at the end ({off_at(end, scale)})"
         )
-    how = "right at every step" if not verdict.off else "never lost"
+    how = f"right at {verdict.every_step}" if not verdict.off else "never lost"
     if verdict.beyond:
         steps = f"{verdict.beyond} step{'s' * (verdict.beyond > 1)}"
         how = f"beyond the lost radius at {steps}, but never at four in a row"

@@ -72,6 +72,7 @@ class RunVerdict:
     """A summary of one run. Steps are numbers of pictures, lengths in meters."""
 
     updates: int = 0
+    unjudged: int = 0  # of them those without a true pose
     has_truth: bool = False
     has_laser: bool = False  # whether it ran on a map in place of references
     localized: int | None = None  # first step at which the run was localized; None: never, or truth not known
@@ -94,6 +95,13 @@ class RunVerdict:
     ambiguity: Ambiguity | None = None  # two places that shared the weight
     sure_and_wrong: SureAndWrong | None = None  # the worst update of this kind
     odometry_alone: OdometryAlone | None = None  # without its sensors; None: no known start, or no truth
+
+    @property
+    def every_step(self) -> str:
+        """What was judged, in words: "every step", or how many."""
+        judged = self.updates - self.unjudged
+        some = "the only step" if judged == 1 else f"each of the {judged} steps"
+        return f"{some} with a true pose" if self.unjudged else "every step"
 
     @property
     def error_end_m(self) -> float | None:
@@ -285,6 +293,7 @@ class VerdictBuilder:
         self._verdict = replace(
             self._with_error(verdict, step, score),
             updates=verdict.updates + 1,
+            unjudged=verdict.unjudged + (score.correct is None),
             first=verdict.first if verdict.updates else step,
             last=step,
             localized=episodes.localized,

@@ -65,7 +65,9 @@ def test_odometry_is_interpolated_at_the_picture_and_headings_the_short_way() ->
     assert [m.frame.time_s for m in found] == pytest.approx([0.02, 0.15])
     found, _ = play(odometry(0, 0, 3.1), odometry(0.1, 0, 3.1), picture(0.15), odometry(0.2, 0, -3.1))
     assert found[0].frame.motions[0, 2] == pytest.approx((2 * np.pi - 6.2) / 2)
-    found, _ = play(odometry(0.0, 0.0), picture(0.05), odometry(1.0, 5.0), picture(1.08))
+    found, _ = play(odometry(0.0, 0.0), picture(0.4), odometry(0.8, 5.0))  # slow odometry
+    assert found[0].frame.motions[0, 0] == pytest.approx(2.5)
+    found, _ = play(odometry(0.0, 0.0), picture(0.05), odometry(2.0, 5.0), picture(2.08))
     assert [len(m.frame.motions) for m in found] == [0, 1]  # the first is where odometry began
     np.testing.assert_allclose(found[1].frame.motions[0], [5.0, 0, 0])
 

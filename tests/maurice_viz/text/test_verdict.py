@@ -71,6 +71,7 @@ TWICE = Episode("lost", 38, 49, 38, 37, 41, 50), Episode("lost", 70, 90, 70, los
         ),
         (RunVerdict(updates=9, converged_share=0.5), ["converged at 50%", "no truth"]),
         (RunVerdict(updates=3, has_truth=True, end=OFF), ["not localized in 3 steps", "81.0 in"]),
+        (replace(GOOD, unjudged=GOOD.updates - 3), ["right at each of the 3 steps with a true pose"]),
         (replace(GOOD, localized=53), ["localized from step 53", "right at the end", "2.0 in"]),
     ],
 )  # fmt: skip
