@@ -201,8 +201,10 @@ def _lost(result: RunResult) -> str:
     lost = [episode for episode in result.verdict.episodes if episode.lost is not None]
     if not lost:
         return "no, goal reached" if result.score.reached else "no"
-    more = f", {len(lost) - 1} more" if len(lost) > 1 else ""
-    return f"at step {lost[0].lost}{more}{', searching' if lost[0].kind == SEARCHING else ''}"
+    if lost[0].kind == SEARCHING and len(lost) == 1:
+        return "searched to the end" if lost[0].localized is None else f"no, searched to step {lost[0].last}"
+    lost = [episode for episode in lost if episode.kind != SEARCHING]
+    return f"at step {lost[0].lost}" + (f", {len(lost) - 1} more" if len(lost) > 1 else "")
 
 
 def _success(result: RunResult, preset: str, units: Units) -> str:
