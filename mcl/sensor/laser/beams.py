@@ -55,14 +55,15 @@ class BeamJudgment:
     def words(self) -> tuple[str, tuple[float, ...]]:
         """How many beams agree and how the others do not, with {} for each of the lengths in meters."""
         total, lengths = len(self.judged), list[float]()
+        fits = self.count("agrees") >= self.count("short") + self.count("beyond")  # else the pose is wrong
         words = f"{self.count('agrees')} of {total} beams agree with the map at the estimate."
         for name, said in SAID.items():
             if (count := self.count(name)) < max(WORTH_SAYING * total, 1):
                 continue
-            words += f" {count} {said}."
+            words += f" {count} {said if fits else said.partition(':')[0]}."
             if "{}" in said:
                 lengths.append(self.gap_m(name))
-        return words, tuple(lengths)
+        return words if fits else f"{words} The robot is elsewhere, or much has changed.", tuple(lengths)
 
 
 def judge(there: LaserMap, rays: Rays, reading: LaserReading, pose: F64) -> BeamJudgment:

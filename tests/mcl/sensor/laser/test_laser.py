@@ -295,6 +295,9 @@ def test_what_is_shown_says_how_beams_disagree(grid):
     shown = laser.shown(reading, {"estimate": TRUTH, "truth": np.add(TRUTH, [0.1, 0, 0])})
     assert "before the wall: something stands there" in shown.text("{:.1f} m".format)
     assert "0.4 m" in shown.text("{:.1f} m".format)
+    away = laser.shown(reading, {"estimate": np.array([1.0, 2.0, 2.5])}).text("{:.1f} m".format)
+    assert "elsewhere" in away  # nothing is said of the map where hardly a beam agrees
+    assert "something stands there" not in away
     marks = {mark.name: mark for mark in shown.marks}
     assert marks["scan at the truth"].of == "truth"
     assert len(marks["scan at the estimate"].strips) == reading.scan.hits.sum()
