@@ -59,7 +59,7 @@ GUIDED = "guided"
 LEFT_MAP = "left the map"
 NO_NUMBER = "likelihood is no number"  # of a particle in free space: a channel measures NaN
 KNOWN_SHARE = 0.5  # share of the weight that references have to speak for before recovery decides
-TRACKED_M = 0.3  # from where a sensor puts the robot: a cloud that is so near tracks it, on a map
+TRACKED_M = 0.3  # on a map, whose places are no references: see `Localizer.tracked_m`
 PAST = 40  # updates that are kept: those by which proposals are checked
 NO_OUTLIERS = MotionOutliers()
 USUALLY_GUIDED = GuidedMotionParameters()
@@ -181,6 +181,11 @@ class Localizer:
         """Whether sensors propose poses, and particles follow them."""
         return self.guided.share > 0 and can_propose(self.sensor.sensors.values())
 
+    @property
+    def tracked_m(self) -> float:
+        """How near to where a sensor puts the robot a cloud is that tracks it, in meters."""
+        return TRACKED_M if self.library.is_map else self.reference.spacing_m
+
     def propose(
         self, belief: Belief, frame: Frame, comparison: Comparison, past: Sequence[Past] = ()
     ) -> ProposedParticles:
@@ -196,12 +201,11 @@ class Localizer:
         proposals = proposals_of(comparison, predicted, frame, past)
         if can_follow and not proposals:
             return ProposedParticles(predicted)
-        reach_m = TRACKED_M if self.library.is_map else self.reference.spacing_m
-        there = elsewhere(proposals, predicted, reach_m) if can_follow else proposals
+        there = elsewhere(proposals, predicted, self.tracked_m) if can_follow else proposals
         if self.mixture is not None and (there or not can_follow):
             likely, rng = comparison.log_likelihood, self._rng(frame.step, Purpose.MIXTURE)
             return mixture_proposal(predicted, likely, self.reference, self.regions, self.mixture, rng, there)
-        near = tracked(proposals, predicted, reach_m)
+        near = tracked(proposals, predicted, self.tracked_m)
         if near is None or not self.is_guided or not len(frame.motions):
             return ProposedParticles(predicted)
         return self._guided(belief, frame, *near)

@@ -230,8 +230,7 @@ def score_trace(
     scored = known & (np.arange(updates) >= FIRST_SCORED - 1)
     off_m, off_rad = errors.off_m[scored], errors.off_rad[scored]
     judged = np.flatnonzero(known)  # the others neither begin nor end anything
-    lost = first_run_of(errors.lost[known].tolist(), LOST_FOR)
-    localized = first_mostly(errors.localized[known])
+    lost, localized = first_run_of(errors.lost[known], LOST_FOR), first_mostly(errors.localized[known])
     lost_at = None if lost is None else int(judged[lost - 1]) + 1
     good = updates if lost is None else int(judged[lost - LOST_FOR])  # updates before it was lost
     any_known, any_scored = bool(known.any()), len(off_m) > 0
@@ -294,7 +293,7 @@ class Scorer:
         return score_trace(self.numbers, self.path, self.arena_m)
 
 
-def first_run_of(flags: list[bool], length: int) -> int | None:
+def first_run_of(flags: Iterable[bool], length: int) -> int | None:
     """Return the update, counted from 1, at which a flag has been set `length` times in a row."""
     running = 0
     for number, flag in enumerate(flags, start=1):
@@ -306,8 +305,7 @@ def first_run_of(flags: list[bool], length: int) -> int | None:
 
 def first_mostly(localized: Bool) -> int | None:
     """Return the first localized update, from 1, that begins five of which at least four are localized."""
-    needed, window = LOCALIZED_OF
-    flags = localized.tolist()
+    (needed, window), flags = LOCALIZED_OF, localized.tolist()
     for first in range(len(flags) - window + 1):
         if flags[first] and sum(flags[first : first + window]) >= needed:
             return first + 1
