@@ -60,7 +60,7 @@ results: .venv/installed-dev
 	$(call TRIALS_OF,landmarks-spacing)
 	$(BIN)/python -m benchmarks.studies.landmark_figures out/trials/channels out/trials/landmarks-spacing -o docs/pictures
 
-# A laser on your own recorded drives with true poses (docs/laser.md), with the tables of its page: an hour for
+# A laser on your own recorded drives with true poses (docs/laser.md), with the tables of its page: minutes for
 # four logs, and it goes on where it stopped. LOGS=DIR holds them; SEEDS=5 for fewer runs.
 LOGS ?= logs
 laser: .venv/installed-dev
