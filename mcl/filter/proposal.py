@@ -181,7 +181,8 @@ def mixture_proposal(
         drawn = np.concatenate([drawn, draw_poses(proposals, sensors, predicted.origin, rng)])
     poses = np.concatenate([predicted.poses[kept], drawn])
     k, even = _kept_shares(predicted, nearest, where), where.sizes() / where.sizes().sum()
-    teleport = max(parameters.teleport, *(proposal.believed for proposal in proposals), 0.0)
+    believed = max((proposal.believed for proposal in proposals), default=0.0)  # by earlier readings
+    teleport = max(parameters.teleport, believed)
     p = (1 - teleport) * k + teleport * even
     q = shares_of(log_likelihood, where)
     share = (count - sensors) / predicted.size

@@ -118,7 +118,7 @@ class Failure:
 
     @property
     def has_laser(self) -> bool:
-        """Whether it is said of the scans of a laser."""
+        """Whether the scans of a laser are its evidence."""
         return "scans" in self.evidence
 
     @property

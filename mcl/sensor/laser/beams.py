@@ -55,7 +55,7 @@ class BeamJudgment:
     def words(self) -> tuple[str, tuple[float, ...]]:
         """How many beams agree and how the others do not, with {} for each of the lengths in meters."""
         total, lengths = len(self.judged), list[float]()
-        fits = self.count("agrees") >= self.count("short") + self.count("beyond")  # else the pose is wrong
+        fits = self.count("agrees") >= self.count("short") + self.count("beyond")  # else the pose is doubtful
         words = f"{self.count('agrees')} of {total} beams agree with the map at the estimate."
         for name, said in SAID.items():
             if (count := self.count(name)) < max(WORTH_SAYING * total, 1):

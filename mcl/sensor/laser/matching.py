@@ -21,6 +21,7 @@ from ...values import F32, F64, I64, UNKNOWN, Bool, OccupancyMap, PoseProposal, 
 from .field import Distances, largest
 from .models import SIGMA_M, UNKNOWN_NATS, laser_map, worth_of
 from .parameters import LaserParameters
+from .rays import Rays
 from .reading import LEAST_HITS
 
 MOST_POINTS = 60  # of a scan that are compared, evenly chosen
@@ -196,9 +197,7 @@ class Matcher:
         lasers = poses + np.stack(
             [cos * mount[0] - sin * mount[1], sin * mount[0] + cos * mount[1], 0 * cos], axis=1
         )
-        expected_m = laser_map(self.occupancy, LaserParameters()).open_rays.cast(
-            lasers, np.arctan2(beams[:, 1], beams[:, 0]), float(measured_m.max())
-        )
+        expected_m = self._rays.cast(lasers, np.arctan2(beams[:, 1], beams[:, 0]), float(measured_m.max()))
         through: I64 = (measured_m > expected_m + THROUGH_M).sum(axis=1)
         return through
 
@@ -227,6 +226,10 @@ class Matcher:
             side = round(self._leaf_m * 2**level / self.occupancy.cell_m)
             self._free_boxes[level] = _any(self.occupancy.free, side)
         return self._free_boxes[level]
+
+    @cached_property
+    def _rays(self) -> Rays:
+        return laser_map(self.occupancy, LaserParameters()).open_rays
 
     @cached_property
     def _layers(self) -> list[_Layer]:
