@@ -134,7 +134,7 @@ def _table(title: str, *names: str) -> Table:
 
 def _demands(drive: DriveCheck) -> Table:
     count = len(drive.runs)
-    title = f"{drive.session}: {count} run{'s' * (count > 1)} of {len(drive.steps)} steps"
+    title = f"{drive.session}\n{count} run{'s' * (count > 1)} of {len(drive.steps)} steps"
     if count > 1 and drive.demands:
         title += f"; {drive.demands[0].needed:.0%} of the runs have to meet each demand"
     table = _table(title, "demand", "met by", "95 % interval", "")
@@ -147,7 +147,7 @@ def _demands(drive: DriveCheck) -> Table:
 
 
 def _changes(drive: DriveCheck) -> Table:
-    title = f"{drive.session}: against the baseline, {drive.changes[0].pairs} seeds"
+    title = f"{drive.session}\nagainst the baseline, {drive.changes[0].pairs} seeds"
     table = _table(title, "figure", "difference", "95 % interval", "p", "")
     for change in drive.changes:
         values = (change.before, change.now, change.difference, change.low, change.high)
