@@ -84,7 +84,7 @@ def simulate(
     as in docs/simulate.md, `moved` a number of pieces of furniture, `people` the percentage of pictures
     with people in view, `gain` fixed or auto.
     `laser` gives the robot a laser in place of its camera, and a map in place of the survey.
-    `motion_from` follows a recorded path: a session log with truth, or a folder of odometry and truth.
+    `motion_from` follows the path of a session log with truth, with its recorded odometry.
 
     Returns the paths of both logs. Raises InputError for values that no session can have, for a folder that
     holds something (`force` replaces an earlier simulation), and for a full disk.

@@ -162,6 +162,6 @@ def followed(plan: SimulationPlan, world: World, map_: Raster, path: Path) -> Co
     scaled = "" if at.scale == 1 else f", path and odometry scaled to {at.scale:.0%} to fit"
     notes = [f"path and odometry are recorded: {recorded.name}{scaled}"]
     if recorded.carried:
-        notes.append(f"the recorded robot was carried, or its truth jumps: {recorded.carried} times")
+        notes.append(f"the recorded robot was carried: {recorded.carried} times")
     start, count = at.pose(recorded.start), len(recorded.segments)
     return Course(start, count, lambda: recorded.placed(at), recorded.motion, tuple(notes))

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from maurice_loaders.calibration_trials import jumps, read_aligned
 from maurice_loaders.errors import InputError, ReadingNotes
 from maurice_loaders.reading.recording import Motion, Note, Picture, TruthPose
 from maurice_loaders.reading.time_alignment import Aligner
 from maurice_loaders.session_log.header import session_in
 from maurice_loaders.session_log.reader import LogRecording
-from maurice_mcl.values import F64, INCH_M, KIDNAPPED, is_kidnapping, motion_between
+from maurice_mcl.values import F64, KIDNAPPED, is_kidnapping
 
 from .planner import Placement
 from .segments import Segment
-
-ROW_S = 1 / 3  # between two rows of a folder's tables: about three a second, as their source says
-STRIDE_M = 9 * INCH_M  # the robot takes a picture when the odometry has covered this distance ...
-SWING_RAD = float(np.radians(60))  # ... or turned so far
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,36 +45,11 @@ class RecordedPath:
 
 
 def read_recording(path: Path, updates: int) -> RecordedPath:
-    """Read at most so many updates from a folder of odometry or a log with truth; InputError for none."""
-    path = session_in(path)
-    recorded = read_tables(path, updates) if path.is_dir() else read_log(path, updates)
-    if not recorded.segments:
-        raise InputError(path, "found no movement with truth before and after it; choose a longer recording")
-    return recorded
+    """Read at most so many updates of a session log with truth; its pictures only mark when it looked.
 
-
-def read_tables(folder: Path, updates: int) -> RecordedPath:
-    """Read aligned odometry and truth; the robot looks after every stride of its odometry.
-
-    Where truth goes further than the wheels could, the simulated robot is carried.
+    InputError where there are none.
     """
-    drive = read_aligned(folder)
-    jumped = jumps(drive)
-    rows = [0]
-    for row in range(1, len(drive.odometry)):
-        forward, left, turn = motion_between(drive.odometry[rows[-1]], drive.odometry[row])
-        if len(rows) <= updates and (np.hypot(forward, left) >= STRIDE_M or abs(turn) >= SWING_RAD):
-            rows.append(row)
-    segments = []
-    for a, b in pairwise(rows):
-        carried = (Note(b * ROW_S, KIDNAPPED),) if jumped[a:b].any() else ()
-        moved = Motion(b * ROW_S, motion_between(drive.odometry[a], drive.odometry[b]))
-        segments.append(Segment((*carried, moved), b * ROW_S, drive.truth[b]))
-    return RecordedPath(folder.name, drive.truth[0], tuple(segments), drive.truth[: rows[-1] + 1, :2], None)
-
-
-def read_log(path: Path, updates: int) -> RecordedPath:
-    """Read a session log's odometry and truth; its pictures only mark when it looked."""
+    path = session_in(path)
     log, notes = LogRecording(path), ReadingNotes(keep_going=False)
     truths = (aligned.truth_at() for aligned in Aligner()(log.records(notes)))
     info = log.info
@@ -103,6 +72,8 @@ def read_log(path: Path, updates: int) -> RecordedPath:
             moved = []
     if start is None:
         raise InputError(path, "found neither a start pose nor truth, expected where the robot really was", 1)
+    if not segments:
+        raise InputError(path, "found no movement with truth before and after it; choose a longer recording")
     corners = np.array([start[:2], *(segment.pose[:2] for segment in segments)])
     shares = np.linspace(0, 1, 16, endpoint=False)[:, None, None]
     track = corners[:-1] + shares * (corners[1:] - corners[:-1])

@@ -36,7 +36,7 @@ from .time_alignment import Aligned, Aligner, Steps, TimeSpan, apart, as_rows
 from .transforms import Placeholders
 
 if TYPE_CHECKING:
-    from maurice_mcl.fitting.motion import MotionSegment
+    from maurice_mcl.fitting.odometry import MotionSegment
 
 WIDEST_RAD = float(np.radians(170))
 
@@ -309,7 +309,7 @@ def drive_segments(session: RecordedSession) -> Iterator[MotionSegment]:
     Odometry poses become a movement a moment, as the filter gets them, or one for every 0.25 m or 15 degrees
     where there are neither pictures nor scans; measured motions need none.
     """
-    from maurice_mcl.fitting.motion import MotionSegment  # loads scipy, which reading does without
+    from maurice_mcl.fitting.odometry import MotionSegment  # loads scipy, which reading does without
 
     before: F64 | None = None
     motions: list[F64] = []

@@ -8,20 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from maurice_loaders import calibration_trials
 from maurice_loaders.config_files import motion_to_toml
 from maurice_loaders.errors import InputError
 from maurice_loaders.files.writing import expect_absent, write_whole
 from maurice_loaders.reading.options import ReadingOptions
-from maurice_loaders.reading.session import RecordedSession, drive_segments
-from maurice_loaders.session_log.header import session_in
-from maurice_loaders.session_log.records import read_header
-from maurice_mcl.fitting.motion import Calibration, MotionSegment, Trials
+from maurice_loaders.reading.session import drive_segments
+from maurice_mcl.fitting.motion import Calibration, Trials
 from maurice_mcl.fitting.motion import calibrate as fit_trials
-from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry
+from maurice_mcl.fitting.odometry import LinearMaurice, LinearModel, LinearOdometry, MotionSegment
 from maurice_mcl.fitting.odometry_fit import MotionConstant, MotionFit, fit_motion
 from maurice_mcl.fitting.sensor import NoiseFloor, noise_floor
-from maurice_mcl.values import SessionInfo
+from maurice_mcl.values import F64, Arena, SessionInfo
 
 from ..errors import SILENT, Listener, OptionError
 from ..running.open import open_session
@@ -62,12 +62,9 @@ class MotionCalibration:
 
     @property
     def warnings(self) -> list[str]:
-        """What a reader of the constants should know: movements left out, outliers, uneven turns."""
+        """What a reader of the constants should know: outliers, uneven turns."""
         fit = self.fit
         warnings = []
-        if fit.left_out:
-            why = "too small, bent, several between two truths, or of doubtful truth"
-            warnings.append(f"{fit.left_out} movements were left out: {why}")
         errors = {"turn residuals": fit.turns.residual, "straight errors": fit.straights.error}
         errors |= {f"drifts on {drift.floor}".removesuffix(" on "): drift.rate for drift in fit.drifts}
         for what, spread in errors.items():
@@ -100,9 +97,9 @@ def calibrate_motion(
 ) -> MotionCalibration:
     """Fit turn gain, straight error and drift per floor to trials, as the thesis did (section 3.2).
 
-    `source` is a session log with truth, a CSV of trials (lengths in `unit`), or a folder of odometry beside
-    truth. `to` writes the parameters as TOML, for a replay's motion. Raises OptionError for an unknown unit,
-    and InputError for a source with too few trials or a file that exists (unless `force`).
+    `source` is a CSV of trials (lengths in `unit`); for a drive with truth there is `calibrate_drive`. `to`
+    writes the parameters as TOML, for a replay's motion. Raises OptionError for an unknown unit, and
+    InputError for a source with too few trials or a file that exists (unless `force`).
 
         >>> import maurice_viz as mv
         >>> fitted = mv.calibrate_motion("trials.csv")  # doctest: +SKIP
@@ -111,20 +108,24 @@ def calibrate_motion(
         >>> len(fitted.figures("figures"))  # doctest: +SKIP
         8
     """
-    path = session_in(Path(source))
+    path = Path(source)
     if unit not in calibration_trials.LENGTHS:
         lengths = ", ".join(calibration_trials.LENGTHS)
         raise OptionError(f"a unit of length is one of {lengths}, found {unit!r}")
     if to is not None:
         expect_absent(Path(to), force=force)
-    trials, units = _trials(path, unit)
+    if path.suffix.lower() != ".csv":
+        advice = "of a drive with truth, calibrate drive --model maurice fits the constants"
+        raise InputError(path, f"expected a table of trials (.csv); {advice}")
+    trials = calibration_trials.read_trials(path, unit)
+    units = units_named("in" if unit == "in" else "m")
     try:
         calibration = MotionCalibration(path, trials, fit_trials(trials), units)
     except ValueError as problem:
         raise InputError(path, str(problem)) from None
     if to is not None:
         write_whole(Path(to), calibration.to_toml().encode(), force=force)
-    for text in (*_mishaps(path), *calibration.warnings):
+    for text in calibration.warnings:
         listener.warning(f"note: {text}")
     return calibration
 
@@ -283,7 +284,7 @@ def calibrate_drive(
     named = (info.motion or {}).get("model", "maurice" if info.motion else "odometry")
     chosen: LinearModel = LinearOdometry()
     if (model or named) == "maurice":
-        floor_of = partial(calibration_trials.floor_between, info.arena)
+        floor_of = partial(_floor_between, info.arena)
         named = [(segment, floor_of(segment.before[:2], segment.after[:2])) for segment in segments]
         segments = [segment for segment, floor in named if floor is not None]  # others tell no floor's drift
         floors = {floor or "" for _, floor in named if floor is not None}
@@ -302,30 +303,25 @@ def calibrate_drive(
 def _driven(
     path: Path, options: ReadingOptions, listener: Listener
 ) -> tuple[list[MotionSegment], SessionInfo]:
-    """Return the movements between true poses of a recording, or of a folder of odometry beside truth."""
-    if path.is_dir() and calibration_trials.is_odometry_folder(path):
-        session = RecordedSession(calibration_trials.OdometryFolder(path))
-    else:
-        session = open_session(path, options, listener)
+    """Return the movements between true poses of a recording."""
+    session = open_session(path, options, listener)
     return list(drive_segments(session)), session.info
 
 
-def _trials(source: Path, unit: str) -> tuple[Trials, Units]:
-    """Read trials of any kind, with the units in which people read their lengths."""
-    if source.is_dir():
-        return calibration_trials.trials_from_folder(source), units_named("m")
-    if source.suffix.lower() == ".csv":
-        return calibration_trials.read_trials(source, unit), units_named("in" if unit == "in" else "m")
-    trials = calibration_trials.trials_from_session(source)
-    return trials, units_named(read_header(source)[0].display_units)
+SAMPLES = 9  # points of a way at which the floor is looked up
 
 
-def _mishaps(source: Path) -> list[str]:
-    """Report the slips and bumps of a session log, which the constants contain as well."""
-    if source.is_dir() or source.suffix.lower() == ".csv":
-        return []
-    counts = [f"{count} of {word}" for word, count in calibration_trials.mishaps(source).items() if count]
-    return [f"the log has events: {', '.join(counts)}; these movements are not left out"] if counts else []
+def _floor_between(arena: Arena | None, start: F64, end: F64) -> str | None:
+    """Name the floor of a straight way between two points (2,); "" without one, None across several."""
+    if arena is None:
+        return ""
+    names = {_floor_at(arena, point) for point in np.linspace(start, end, SAMPLES)}
+    return names.pop() if len(names) == 1 else None
+
+
+def _floor_at(arena: Arena, point: F64) -> str:
+    """Name the topmost floor at a point (2,); "" where there is none."""
+    return next((floor.name for floor in reversed(arena.floors) if floor.depth_m(point[None])[0] >= 0), "")
 
 
 def finite(value: Any) -> Any:

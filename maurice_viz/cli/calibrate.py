@@ -35,7 +35,7 @@ DEG = 180 / math.pi
 def motion(
     source: Annotated[
         Path,
-        argument("SOURCE", "A session log with truth, a CSV of trials, or a folder with odometry and truth."),
+        argument("TRIALS.csv", "A table of trials: what was measured, and what the robot really did."),
     ],
     output: Annotated[Path | None, opt.writes("OUT.toml", "Write the parameters here.")] = None,
     plots: Annotated[

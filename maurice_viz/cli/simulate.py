@@ -107,8 +107,7 @@ class DriveSet:
         Path | None,
         option(
             "--motion-from",
-            "Follow a recorded path with its odometry: a session log with truth, or a folder with gt.txt, "
-            "odom_pose.txt and odom_quaternion.txt.",
+            "Follow the path of a session log with truth, with its recorded odometry.",
             DRIVE,
             metavar="PATH",
         ),

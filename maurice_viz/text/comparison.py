@@ -249,7 +249,7 @@ def _share(remedy: Mapping[str, Any]) -> str:
 
 LOST_SHARE = 0.5  # of the runs, from which on an error says little
 ADVICE = {
-    "odometry": "Calibrate the motion model (`calibrate motion`), or measure movements better.",
+    "odometry": "Calibrate the motion model (`calibrate drive`), or measure movements better.",
     "sensor model": "Try other features (`compare --feature`), tune them to the library (`library tune`).",
     "distance between references": "Add references (`library check` says where).",
     "number of particles": "Use more particles (`--particles`).",

@@ -72,7 +72,7 @@ def _scale(values: Values) -> str:
 def _scale_fix(values: Values) -> str:
     if "unit" in values:
         return f"{IN_LOG}multiply the lengths of {_whose(values)} by {values['factor']:g}"
-    return "check wheel diameter and ticks per turn; `maurice-replay calibrate motion SESSION` measures it"
+    return "check wheel diameter and ticks per turn; `maurice-replay calibrate drive SESSION` measures it"
 
 
 def _shift(late_s: float, whose: str) -> str:
@@ -187,7 +187,7 @@ FIX: Mapping[str, Text] = {
     "scale": _scale_fix,
     "truth-scale": _scale_fix,
     "turn-gain": (
-        "`maurice-replay calibrate motion SESSION` measures it with truth; use it with --set motion=FILE"
+        "`maurice-replay calibrate drive SESSION --model maurice` measures it; use it with --set motion=FILE"
     ),
     "odometry-delay": lambda v: (
         f"{IN_LOG}{_shift(v['delay_s'], 'the odometry')}; "

@@ -4,28 +4,16 @@ A robot turns until its encoders show the commanded angle, so the scatter is in 
 * measured + bias + noise. Least squares of *actual on measured*, through the origin, gives a header's
 `turn_gain`. The slope of the thesis's figure 5, *measured on actual*, is pulled toward zero by the noise; it
 is reported for comparison only. Bias and gain can only be separated when turns go both ways.
-
-A segment is the movement between two known poses. If it is a turn, a straight, or one of each, its pose
-change (three numbers) determines both: with even drift the chord points along the heading halfway, so
-
-    turn, then straight:  drift = 2 (heading after - course),  turn = course - drift / 2 - heading before
-    straight, then turn:  drift = 2 (course - heading before), turn = heading after - heading before - drift
-
-Segments of more movements are left out. Errors of the truth count fully: 1 cm in 0.5 m is 2.3 degrees of
-drift.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..filter.motion import MauriceParameters
-from ..values import F64, wrap_angle
+from ..values import F64
 from .statistics import Fitted, Spread, r_squared, slope, slope_resampled, spread_of, student
 
 FEWEST_TRIALS = 3  # turns, and straights: gain, bias and sd are three constants
@@ -47,7 +35,7 @@ class Straights:
     measured_m: F64  # (n,) by the encoders; negative backward
     actual_m: F64  # (n,) by the truth; negative backward
     drift_rad: F64  # (n,) how much the heading changed meanwhile, counter-clockwise; nan: unknown
-    floors: tuple[str | None, ...]  # (n,) "" where no map names one; None where a way crosses several
+    floors: tuple[str, ...]  # (n,) "" where none is named
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +44,6 @@ class Trials:
 
     turns: Turns
     straights: Straights
-    left_out: int = 0  # movements that could not be separated, or whose truth is not credible
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +92,6 @@ class Calibration:
     turns: TurnFit
     straights: StraightFit
     drifts: tuple[DriftFit, ...]  # by floor, in the order of the trials; only floors with two straights
-    left_out: int
 
     def motion_header(self) -> dict[str, Any]:
         """Return the motion parameters as a session's header holds them under robot.motion."""
@@ -127,13 +113,10 @@ def calibrate(trials: Trials) -> Calibration:
     """Fit all constants. Raises ValueError, with a message for people, if there are too few trials."""
     turns, straights = len(trials.turns.measured_rad), len(trials.straights.measured_m)
     if turns < FEWEST_TRIALS or straights < FEWEST_TRIALS:
-        skipped = f" ({trials.left_out} more left out)" if trials.left_out else ""
-        raise ValueError(
-            f"found {_count(turns, 'turn')} and {_count(straights, 'straight')}{skipped}, "
-            f"expected {FEWEST_TRIALS} or more of each with the truth before and after it"
-        )
+        found = f"found {_count(turns, 'turn')} and {_count(straights, 'straight')}"
+        raise ValueError(f"{found}, expected {FEWEST_TRIALS} or more of each")
     turned, went = fit_turns(trials.turns), fit_straights(trials.straights)
-    return Calibration(turned, went, fit_drifts(trials.straights), trials.left_out)
+    return Calibration(turned, went, fit_drifts(trials.straights))
 
 
 def fit_turns(turns: Turns) -> TurnFit:
@@ -175,8 +158,7 @@ def fit_straights(straights: Straights) -> StraightFit:
 
 def fit_drifts(straights: Straights) -> tuple[DriftFit, ...]:
     """Fit the drift of every floor with two straights or more; each straight yields one rate."""
-    names = dict.fromkeys(floor for floor in straights.floors if floor is not None)
-    rates = [(name, drift_rates(straights, name)) for name in names]
+    rates = [(name, drift_rates(straights, name)) for name in dict.fromkeys(straights.floors)]
     return tuple(DriftFit(name, spread_of(values)) for name, values in rates if len(values) > 1)
 
 
@@ -188,15 +170,6 @@ def drift_rates(straights: Straights, floor: str) -> F64:
     on = np.array([name == floor for name in straights.floors], bool)
     on &= np.isfinite(straights.drift_rad) & (straights.actual_m != 0)
     return np.asarray(straights.drift_rad[on] / straights.actual_m[on])
-
-
-def unwrapped(measured_rad: F64, turned_rad: F64) -> F64:
-    """Add full circles to wrapped turns (n,), by the ratio to measured turns below 120 degrees."""
-    small = (np.abs(turned_rad) < 2 * np.pi / 3) & (np.abs(measured_rad) < np.pi)
-    small &= np.abs(measured_rad) > 0
-    ratio = float(np.median(turned_rad[small] / measured_rad[small])) if small.any() else 1.0
-    circles = np.round((ratio * measured_rad - turned_rad) / (2 * np.pi))
-    return np.asarray(turned_rad + 2 * np.pi * circles)
 
 
 def _through_origin(measured: F64, actual: F64) -> Fitted:
@@ -212,88 +185,3 @@ def _scale(measured: F64, actual: F64) -> Fitted | None:
 
 def _count(number: int, what: str) -> str:
     return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
-
-
-# Trials from a drive: what each movement did, from the poses before and after it.
-
-FloorOf = Callable[[F64, F64], str | None]  # names the floor between two points (2,); None: several
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MotionSegment:
-    """What was measured between two known poses."""
-
-    before: F64  # (3,) x_m, y_m, heading_rad
-    motions: tuple[F64, ...]  # each (3,) forward_m, left_m, turn_rad
-    after: F64  # (3,)
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """A turn or a straight of a segment."""
-
-    straight: bool
-    measured: float  # m or rad
-    course_rad: float = 0.0  # of a straight, from the robot's forward
-
-    @property
-    def sign(self) -> int:
-        """1, or -1 of a straight that goes backward."""
-        return -1 if abs(self.course_rad) > math.pi / 2 else 1
-
-
-def trials_of(segments: Iterable[MotionSegment], floor_of: FloorOf) -> Trials:
-    """Return what each movement of the segments did."""
-    turns: list[tuple[float, float]] = []
-    straights: list[tuple[float, float, float]] = []
-    floors: list[str | None] = []
-    left_out = 0
-    for segment in segments:
-        parts = [part for motion in segment.motions for part in _parts(motion)]
-        kinds = "".join("S" if part.straight else "T" for part in parts)
-        if kinds not in ("", "T", "S", "TS", "ST"):
-            left_out += len(parts)
-            continue
-        turn = next((part for part in parts if not part.straight), None)
-        straight = next((part for part in parts if part.straight), None)
-        turned, drift = _attribute(segment, straight, turn_first=kinds == "TS", turns=turn is not None)
-        if turn is not None:
-            turns.append((turn.measured, turned))
-        if straight is not None:
-            straights.append((straight.sign * straight.measured, straight.sign * _length(segment), drift))
-            floors.append(floor_of(segment.before[:2], segment.after[:2]))
-    measured, turned_rad = np.array(turns, np.float64).reshape(-1, 2).T
-    way, went, drift_rad = np.array(straights, np.float64).reshape(-1, 3).T
-    driven = Straights(way, went, drift_rad, tuple(floors))
-    return Trials(Turns(measured, unwrapped(measured, turned_rad)), driven, left_out)
-
-
-def _parts(motion: F64) -> list[_Part]:
-    """Split a movement as the filter does, a turn first; what is too small is neither."""
-    least = MauriceParameters()
-    forward, left, turn = (float(v) for v in motion)
-    way = math.hypot(forward, left)
-    parts = [_Part(False, turn)] if abs(turn) >= least.turn_from_rad else []
-    return parts + ([_Part(True, way, math.atan2(left, forward))] if way >= least.straight_from_m else [])
-
-
-def _length(segment: MotionSegment) -> float:
-    return float(np.hypot(*(segment.after - segment.before)[:2]))
-
-
-def _attribute(
-    segment: MotionSegment, way: _Part | None, *, turn_first: bool, turns: bool
-) -> tuple[float, float]:
-    """Split the change of heading into turn (up to full circles) and drift, both in rad."""
-    changed = float(segment.after[2] - segment.before[2])
-    if way is None:
-        return wrap_angle(changed), math.nan
-    if not turns:
-        return math.nan, wrap_angle(changed)
-    if _length(segment) < MauriceParameters().straight_from_m:  # no course: the robot hardly moved
-        return wrap_angle(changed), math.nan
-    x, y = (float(v) for v in (segment.after - segment.before)[:2])
-    forward = math.atan2(y, x) - way.course_rad
-    before, after = float(segment.before[2]), float(segment.after[2])
-    drift = 2 * wrap_angle(after - forward if turn_first else forward - before)
-    return wrap_angle(changed - drift), drift

@@ -6,7 +6,7 @@ The mean is linear in the model's biases, the covariance in its variances, which
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -14,9 +14,18 @@ import numpy as np
 
 from ..filter.motion import FloorDrift, MauriceParameters, OdometryParameters, turns_of
 from ..values import F64, compose, rotated, wrap_angle
-from .motion import FloorOf, MotionSegment
 
+FloorOf = Callable[[F64, F64], str | None]  # names the floor between two points (2,); None: several
 TRUTH = np.diag([0.001**2, 0.001**2, math.radians(0.05) ** 2])  # least covariance of a segment: the truth's
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MotionSegment:
+    """What was measured between two known poses."""
+
+    before: F64  # (3,) x_m, y_m, heading_rad
+    motions: tuple[F64, ...]  # each (3,) forward_m, left_m, turn_rad
+    after: F64  # (3,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,8 +79,8 @@ class LinearOdometry:
 class LinearMaurice:
     """The thesis's model: turns with gain, bias and noise, straights with bias and noise, drift by floor.
 
-    Drift is even along a straight, as in `calibrate motion`: it bends the path as a turn in its middle would.
-    Backward it goes to the other side.
+    Drift is even along a straight: it bends the path as a turn in its middle would. Backward it goes to the
+    other side.
     """
 
     floors: tuple[str, ...]

@@ -24,8 +24,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..values import F64, Bool
-from .motion import MotionSegment
-from .odometry import LinearDrive, LinearModel, linearized
+from .odometry import LinearDrive, LinearModel, MotionSegment, linearized
 from .statistics import Fitted
 
 FEWEST_SEGMENTS = 10
@@ -101,7 +100,7 @@ def fit_motion(segments: Sequence[MotionSegment], model: LinearModel) -> MotionF
     """Fit every constant of a motion model. Raises ValueError, for people, where there are too few segments.
 
     >>> import numpy as np
-    >>> from maurice_mcl.fitting.motion import MotionSegment
+    >>> from maurice_mcl.fitting.odometry import MotionSegment
     >>> from maurice_mcl.fitting.odometry import LinearOdometry
     >>> from maurice_mcl.fitting.odometry_fit import fit_motion
     >>> rng = np.random.default_rng(0)

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import json
-import os
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
@@ -20,17 +19,16 @@ from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.surveys import Surveyor
 from maurice_datasets.tasks import TASKS
 from maurice_datasets.worlds.world import World, clearance
-from maurice_loaders.calibration_trials import trials_from_session
 from maurice_loaders.errors import InputError
 from maurice_loaders.formats.registry import open_session
 from maurice_loaders.session_log.reader import SurveyLog
 from maurice_loaders.session_log.records import read_header
+from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.values.geometry import compose_motions
+from maurice_mcl.values.session import SessionInfo
 
 QUICK = Surveyor(headings=1, covered=1)
 SHORT = SimulationPlan(TASKS["tracking"], updates=4)
-DATA = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[3] / "shared" / "data")) / "thymio"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"no recorded drives at {DATA}; set MAURICE_DATA")
 
 
 @pytest.fixture(scope="module")
@@ -166,44 +164,35 @@ def test_a_recorded_session_is_driven_again_in_free_space(tmp_path: Path, world:
     assert open_session(again.session).info.motion == open_session(first.session).info.motion
 
 
-@needs_data
-def test_a_real_robot_s_odometry_is_kept_as_recorded(tmp_path: Path) -> None:
-    plan = replace(SHORT, recording=DATA / "random_long")
-    log = open_session(write_simulation(tmp_path / "a", plan).session)
-    recording = read_recording(DATA / "random_long", 4)
-    moments = list(log.moments())
-    for moment, segment in zip(moments, recording.segments, strict=True):
-        (entry,) = segment.entries
-        assert moment.frame.motions[0] == pytest.approx(entry.motion)  # type: ignore[union-attr]
-    assert log.info.motion is None
-    assert any("recorded" in text for text in log.info.notes)
+def logged(file: Path, ways: list[float], kidnapped_at: int = 0) -> Path:
+    """Write a drive along x with these ways between its pictures; carried 1 m to the left at one of them."""
+    x_m = y_m = 0.0
+    with SessionWriter(file, SessionInfo("drive")) as log:
+        log.truth(0.0, (0.0, 0.0, 0.0))
+        for number, way_m in enumerate(ways, start=1):
+            x_m += way_m
+            if number == kidnapped_at:
+                log.event(number - 0.5, "kidnapped")
+                y_m = 1.0
+            log.odometry(float(number), (way_m, 0.0, 0.0))
+            log.truth(float(number), (x_m, y_m, 0.0))
+            log.image(float(number), np.zeros((4, 4, 3), np.uint8))
+    return file
 
 
-def test_where_the_recorded_truth_jumps_the_robot_is_carried(tmp_path: Path) -> None:
-    x = np.arange(60) * 0.04  # 1 cm a row more than it could jump
-    rows = np.stack([x, np.zeros(60), np.zeros(60)], axis=1)
-    np.savetxt(tmp_path / "odom_pose.txt", rows[:, :2])
-    np.savetxt(tmp_path / "odom_quaternion.txt", np.tile([0.0, 1.0], (60, 1)))
-    rows[40:, 1] += 1.0  # put down 1 m to the left
-    np.savetxt(tmp_path / "gt.txt", rows)
-    plan = replace(SHORT, updates=9, recording=tmp_path)
+def test_where_the_recorded_robot_was_carried_the_simulated_one_is_too(tmp_path: Path) -> None:
+    plan = replace(SHORT, updates=9, recording=logged(tmp_path / "in.log", [0.24] * 9, kidnapped_at=6))
     paths = write_simulation(tmp_path / "out", plan)
     moments = list(open_session(paths.session).moments())
-    carried = [number for number, moment in enumerate(moments) if "kidnapped" in moment.events]
-    assert carried == [6]  # 0.24 m per segment: rows 36 to 42
-    assert any("jumps: 1 times" in note for note in open_session(paths.session).info.notes)
-    again = read_recording(paths.session, 9)
-    assert again.carried == 1
-    assert len(trials_from_session(paths.session).straights.actual_m) == len(moments) - 1
+    assert [number for number, m in enumerate(moments, start=1) if "kidnapped" in m.events] == [6]
+    assert any("was carried: 1 times" in note for note in open_session(paths.session).info.notes)
+    assert read_recording(paths.session, 9).carried == 1
 
 
 def test_a_path_that_fits_nowhere_is_refused(tmp_path: Path) -> None:
-    for name, columns in (("gt.txt", (0, 1, 2)), ("odom_pose.txt", (0, 1))):
-        rows = np.stack([np.linspace(0, 90, 400), np.zeros(400), np.zeros(400)], axis=1)
-        np.savetxt(tmp_path / name, rows[:, columns])
-    np.savetxt(tmp_path / "odom_quaternion.txt", np.tile([0.0, 1.0], (400, 1)))
+    log = logged(tmp_path / "in.log", [10.0] * 9)
     with pytest.raises(InputError, match="fits nowhere"):
-        write_simulation(tmp_path / "out", replace(SHORT, updates=400, recording=tmp_path))
+        write_simulation(tmp_path / "out", replace(SHORT, updates=400, recording=log))
     assert not (tmp_path / "out").exists()
 
 

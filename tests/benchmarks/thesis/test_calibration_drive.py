@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 
-from benchmarks.thesis.calibration_drive import TrialPlan, calibration_drive, floor_everywhere
-from maurice_datasets.robot.motion import Chassis, Luck, drive_by, turn_by
-from maurice_mcl.fitting.motion import Calibration, MotionSegment, calibrate, trials_of
+from benchmarks.thesis.calibration_drive import TrialPlan, calibration_drive
+from maurice_datasets.robot.motion import Chassis
+from maurice_mcl.fitting.motion import Calibration, calibrate
 
 CHASSIS = Chassis()
 SEEDS = 60
@@ -47,31 +45,6 @@ def test_the_thesis_s_trials_give_the_constants_back():
     fits = [calibrate(calibration_drive(seed)) for seed in range(SEEDS)]
     assert set(held(fits[0])) >= set(CONSTANTS)
     assert all(share == NOMINAL for share in coverage(fits).values())
-
-
-def legs(seed: int, updates: int = 40) -> Iterator[MotionSegment]:
-    """Drive as a session does: a turn, a straight, and only then the truth."""
-    rng = np.random.default_rng([seed, 7])
-    arenas = [floor_everywhere(name, 1e4) for name in CHASSIS.drifts]
-    pose = np.zeros(3)
-    for number in range(updates):
-        z = rng.standard_normal(3)
-        luck = Luck(float(z[0]), float(z[1]), float(z[2]), (0.0, 0.0))
-        turn = turn_by(pose, float(rng.uniform(-np.pi, np.pi)), luck, CHASSIS)
-        floor = arenas[2 * number // updates]
-        straight = drive_by(turn.path[-1], float(rng.uniform(0.1, 0.4)), luck, floor, CHASSIS)
-        yield MotionSegment(pose, (turn.measured, straight.measured), straight.path[-1])
-        pose = straight.path[-1]
-
-
-def test_a_session_s_legs_give_the_constants_back():
-    def fit(seed: int) -> Calibration:
-        floors = iter([name for name in CHASSIS.drifts for _ in range(20)])
-        return calibrate(trials_of(legs(seed), lambda a, b: next(floors)))
-
-    shares = coverage([fit(seed) for seed in range(SEEDS)])
-    assert shares
-    assert all(share == NOMINAL for share in shares.values()), shares
 
 
 def test_trials_follow_their_seed_and_are_not_wrapped():

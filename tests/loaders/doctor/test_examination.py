@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from helpers.session_breaking import BREAKS, broken, late, odometry
+from helpers.thymio import THYMIO, read_aligned
 from maurice_datasets.sessions import write_simulation
 from maurice_datasets.simulation import SimulationPlan
 from maurice_datasets.tasks import TASKS
-from maurice_loaders.calibration_trials import read_aligned
 from maurice_loaders.doctor.examination import Examination, examine, odometry_advice
 from maurice_loaders.doctor.findings import RecordedDrive, RecordedOdometry, RecordedTruth
 from maurice_loaders.doctor.odometry import compared_with_truth
@@ -27,8 +26,6 @@ from maurice_loaders.reading.options import ReadingOptions
 from maurice_mcl.values.library import Library
 
 from ..conftest import WriteLog
-
-THYMIO = Path(os.environ.get("MAURICE_DATA", "../shared/data")) / "thymio"
 
 
 @pytest.fixture(scope="module")

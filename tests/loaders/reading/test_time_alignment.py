@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from helpers.recordings import read
-from maurice_loaders.calibration_trials import read_aligned
+from helpers.thymio import THYMIO, read_aligned
 from maurice_loaders.reading.time_alignment import (
     TimeSpan,
     apart,
@@ -54,9 +53,6 @@ def test_nanoseconds_keep_what_a_float_can_hold_and_spans_meet_or_do_not() -> No
     assert not one.overlaps(other)
     assert one.overlaps(other, 1.0)
     assert apart("pictures", one, "truth", other).endswith("their beginnings are -2.500 s apart")
-
-
-THYMIO = Path(os.environ.get("MAURICE_DATA", Path(__file__).parents[4] / "shared" / "data")) / "thymio"
 
 
 def drive(seconds: int, seed: int = 0) -> tuple[F64, F64]:

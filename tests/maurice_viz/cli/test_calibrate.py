@@ -15,10 +15,8 @@ import pytest
 from benchmarks.thesis.calibration_drive import TrialPlan, calibration_drive
 from helpers.commands import failure, run, runs_of
 from helpers.trials import write_trials
-from maurice_loaders.session_log.writer import SessionWriter
 from maurice_mcl.filter.motion import OdometryMotion, OdometryParameters
 from maurice_mcl.values.geometry import compose
-from maurice_mcl.values.session import SessionInfo
 
 FIGURES = {
     4: "turns",
@@ -130,7 +128,7 @@ def test_figures_of_many_trials_of_one_floor_and_of_no_floor(tmp_path):
     assert len(list((tmp_path / "figures").iterdir())) == 8
 
 
-def test_notes_tell_of_slips_and_events(tmp_path):
+def test_notes_tell_of_outliers(tmp_path):
     rows = [f"turn,{m},{0.73 * m + e}" for m, e in zip(range(-155, 156, 10), 16 * [1, -1], strict=True)]
     rows += ["turn,95,95", "turn,-95,-95"]  # two that slipped by 26 degrees
     rows += [f"straight,{k},{k + 0.01 * (-1) ** k}" for k in range(1, 8)]
@@ -138,22 +136,6 @@ def test_notes_tell_of_slips_and_events(tmp_path):
     file.write_text("kind,measured,actual\n" + "\n".join(rows) + "\n")
     notes = calibrate("motion", file).stderr
     assert "2 of 34 turn residuals lie beyond 3 sd" in " ".join(notes.split())
-    log = tmp_path / "session.log"
-    with SessionWriter(log, SessionInfo("drive")) as writer:
-        writer.truth(0.0, [0, 0, 0])
-        x = turned = 0.0
-        for k in range(1, 7):
-            angle, x, turned = 0.5 + 0.1 * k, x, turned
-            writer.odometry(4.0 * k, [0, 0, angle])
-            turned += angle
-            writer.truth(4.0 * k, [x, 0, turned])
-            x += 0.5 + 0.01 * (k % 2)
-            writer.event(4.0 * k + 1, "slip +20.0 deg")
-            writer.odometry(4.0 * k + 2, [0.5, 0, 0])
-            writer.truth(4.0 * k + 2, [x, 0, turned])
-    assert "events: 6 of slip; these movements are not left out" in " ".join(
-        calibrate("motion", log).stderr.split()
-    )
 
 
 def test_a_missing_extra_is_one_line_with_the_command(table, tmp_path, monkeypatch):
@@ -161,24 +143,6 @@ def test_a_missing_extra_is_one_line_with_the_command(table, tmp_path, monkeypat
     assert "pip install 'maurice-replay[plots]'" in refused("motion", table, "--plots", tmp_path / "f")
     assert "pip install 'maurice-replay[plots]'" in refused("noise", tmp_path, "-o", tmp_path / "n.png")
     calibrate("motion", table)
-
-
-def test_a_session_with_truth_is_shown_in_its_own_units(tmp_path):
-    rng, heading, t_s = np.random.default_rng(0), 0.0, 0.0
-    with SessionWriter(tmp_path / "s.log", SessionInfo("s", "in")) as log:
-        log.truth(0.0, [0, 0, 0])
-        for _ in range(8):
-            turn = rng.uniform(-2, 2)
-            heading += 0.75 * turn
-            log.odometry(t_s := t_s + 1, [0, 0, turn])
-            log.truth(t_s, [0, 0, heading])
-            log.odometry(t_s := t_s + 1, [0.5, 0, 0])
-            log.truth(t_s, [0.5 * np.cos(heading), 0.5 * np.sin(heading), heading])
-            log.event(t_s, "kidnapped")
-            log.truth(t_s, [0, 0, heading])
-    done = calibrate("motion", tmp_path / "s.log")
-    assert "0.7500" in done.stdout
-    assert "drift (deg/in)" in done.stdout
 
 
 @pytest.mark.parametrize(
@@ -199,12 +163,8 @@ def test_bad_tables_end_in_one_line(tmp_path, text, said):
 
 def test_other_bad_sources_end_in_one_line(small_session, tmp_path):
     (tmp_path / "empty").mkdir()
-    assert "found no gt.txt" in refused("motion", tmp_path / "empty")
-    assert "no such file" in refused("motion", tmp_path / "none.log")
-    assert "found a survey log" in refused("motion", tmp_path / "survey.log")
-    lines = small_session.read_text().splitlines(keepends=True)
-    small_session.write_text("".join(line for line in lines if '"truth"' not in line))
-    assert "found no truth" in refused("motion", small_session)
+    assert "no such file" in refused("motion", tmp_path / "none.csv")
+    assert "calibrate drive --model maurice fits" in " ".join(refused("motion", small_session).split())
     assert "neither pictures nor a log" in refused("noise", tmp_path / "empty")
 
 

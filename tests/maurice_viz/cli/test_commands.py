@@ -241,7 +241,6 @@ def test_a_dead_display_counts_as_none(small_session, tmp_path):
         "doctor {}",
         "convert {} out.log --force",
         "calibrate drive {} --json",
-        "calibrate motion {} --json",
         "library build {} -o built --force",
         "library tune survey.log {} --channels color --json",
         "library check survey.log {} --json",

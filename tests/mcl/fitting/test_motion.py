@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy import stats
 
 from maurice_mcl.filter.motion import MauriceParameters
 from maurice_mcl.fitting.motion import (
     Calibration,
-    MotionSegment,
     Straights,
     Trials,
     Turns,
@@ -20,8 +17,6 @@ from maurice_mcl.fitting.motion import (
     fit_drifts,
     fit_straights,
     fit_turns,
-    trials_of,
-    unwrapped,
 )
 from maurice_mcl.fitting.statistics import Fitted, normality, r_squared, slope, slope_resampled, spread_of
 from maurice_mcl.values.arrays import F64
@@ -100,7 +95,7 @@ def test_figure_5_regressed_the_other_way_gives_a_gain_that_is_too_large():
     assert fit.sd_if_multiplied_rad > 10 * fit.residual.sd.value
 
 
-def test_exact_and_unwrapped_trials_come_back():
+def test_exact_trials_come_back():
     measured = np.array([1.0, -2.0, 0.5])
     fit = fit_turns(Turns(measured, 0.75 * measured))
     assert fit.gain == Fitted(0.75, 0.75, 0.75)
@@ -109,11 +104,6 @@ def test_exact_and_unwrapped_trials_come_back():
     assert fit.residual.normal_p is None
     way = fit_straights(Straights(np.ones(3), np.full(3, 0.5), np.zeros(3), ("",) * 3))
     assert (way.error.mean.value, way.error.sd.value, way.scale.value) == (-0.5, 0.0, 0.5)
-    measured = np.array([0.3, -1.0, 4.6, -4.4, 9.5])
-    actual = 0.73 * measured
-    wrapped = (actual + np.pi) % (2 * np.pi) - np.pi
-    assert unwrapped(measured, wrapped) == pytest.approx(actual)
-    assert unwrapped(np.zeros(0), np.zeros(0)).shape == (0,)
 
 
 def test_one_sided_turns_are_told():
@@ -159,18 +149,12 @@ def test_too_few_trials_are_refused_with_their_counts(turns, straights, said):
         calibrate(Trials(turns_of(0, turns), straights_of(0, straights)))
 
 
-def test_trials_left_out_or_refused():
+def test_trials_that_tell_nothing_are_refused():
     turns = turns_of(0)
     with pytest.raises(ValueError, match="the other way"):
         fit_turns(Turns(-turns.measured_rad, turns.actual_rad))
     with pytest.raises(ValueError, match="only zeros"):
         fit_turns(Turns(np.zeros(4), np.ones(4)))
-    one, way = np.array([0, 0, 1.0]), np.array([0.5, 0, 0])
-    trials = trials_of(
-        [MotionSegment(START, (one, way, one), START), MotionSegment(START, (), START)], lambda a, b: ""
-    )
-    assert trials.left_out == 3
-    assert len(trials.turns.measured_rad) == len(trials.straights.measured_m) == 0
 
 
 def test_spread_follows_the_textbook():
@@ -202,72 +186,13 @@ def test_an_outlier_widens_the_interval_and_is_not_normal():
     assert normality(np.array([1.0, 2.0])) is None
 
 
+def test_straights_backward_drift_to_the_other_side():
+    straights = Straights(np.ones(2), np.array([0.4, -0.4]), np.array([0.1, 0.1]), ("", ""))
+    assert drift_rates(straights, "") == pytest.approx([0.25, -0.25])
+
+
 def test_slopes_and_r_squared():
     fit = slope_resampled(np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8.4]))
     assert fit.low <= slope(np.array([1.0, 2, 3, 4]), np.array([2.0, 4, 6, 8.4])) <= fit.high
     assert np.isnan(r_squared(np.ones(3), np.zeros(3)))
     assert r_squared(np.array([0.0, 2.0]), np.array([-1.0, 1.0])) == 0
-
-
-# What each movement did comes out of the poses around it, exactly where the way drifts evenly.
-
-
-def arc(pose: F64, length_m: float, drift_rad: float) -> F64:
-    """Drive an exact arc of a circle."""
-    x, y, heading = pose
-    chord = length_m * np.sinc(drift_rad / 2 / np.pi)
-    course = heading + drift_rad / 2
-    return np.array([x + chord * np.cos(course), y + chord * np.sin(course), heading + drift_rad])
-
-
-def turn(pose: F64, by_rad: float) -> F64:
-    return pose + np.array([0.0, 0.0, by_rad])
-
-
-def wrapped(pose: F64) -> F64:
-    return np.array([pose[0], pose[1], (pose[2] + np.pi) % (2 * np.pi) - np.pi])
-
-
-START = np.array([0.4, -0.2, 2.9])
-angles = st.floats(-3.0, 3.0).filter(lambda v: abs(v) > 0.05)
-lengths, drifts = st.floats(0.05, 3.0), st.floats(-0.6, 0.6)
-
-
-@given(angles, lengths, drifts, st.booleans())
-def test_a_turn_and_a_straight_are_told_apart_in_either_order(by, length, drift, turn_first):
-    motions = (np.array([0.0, 0.0, by]), np.array([length, 0.0, 0.0]))
-    if turn_first:
-        after = arc(turn(START, by), length, drift)
-    else:
-        motions, after = motions[::-1], turn(arc(START, length, drift), by)
-    trials = trials_of([MotionSegment(START, motions, wrapped(after))], lambda a, b: "wood")
-    assert trials.turns.actual_rad == pytest.approx([by], abs=1e-9)
-    assert trials.turns.measured_rad == pytest.approx([by])
-    assert trials.straights.drift_rad == pytest.approx([drift], abs=1e-9)
-    assert trials.straights.measured_m == pytest.approx([length])
-    assert trials.straights.actual_m == pytest.approx([length * np.sinc(drift / 2 / np.pi)])
-    assert trials.straights.floors == ("wood",)
-
-
-def test_movements_are_told_apart():
-    legs = [
-        MotionSegment(START, (np.array([0, 0, 1.4]),), turn(START, 1.0)),
-        MotionSegment(START, (np.array([0.5, 0, 0]),), arc(START, 0.4, 0.1)),
-        MotionSegment(
-            START, (np.array([0, 0, 0.8]), np.array([-0.5, 0, 0])), arc(turn(START, 0.6), -0.4, 0.1)
-        ),
-    ]
-    trials = trials_of(legs, lambda a, b: "")
-    assert trials.turns.actual_rad == pytest.approx([1.0, 0.6])
-    assert trials.straights.actual_m == pytest.approx([0.4, -0.4], rel=1e-3)
-    assert trials.straights.measured_m == pytest.approx([0.5, -0.5])
-    assert trials.straights.drift_rad == pytest.approx([0.1, 0.1])
-    assert drift_rates(trials.straights, "") == pytest.approx([0.25, -0.25], rel=1e-3)
-    leg = MotionSegment(START, (np.array([0.5, 0.0, 1.0]),), arc(turn(START, 0.7), 0.5, 0.0))
-    trials = trials_of([leg], lambda a, b: "")
-    assert trials.turns.actual_rad == pytest.approx([0.7])
-    assert trials.straights.actual_m == pytest.approx([0.5])
-    leg = MotionSegment(START, (np.array([0, 0, 1.0]), np.array([0.5, 0, 0])), turn(START, 0.7))
-    trials = trials_of([leg], lambda a, b: "")
-    assert trials.turns.actual_rad == pytest.approx([0.7])
-    assert np.isnan(trials.straights.drift_rad).all()

@@ -12,8 +12,7 @@ from maurice_mcl.filter.motion import (
     OdometryMotion,
     OdometryParameters,
 )
-from maurice_mcl.fitting.motion import MotionSegment
-from maurice_mcl.fitting.odometry import LinearMaurice, LinearOdometry
+from maurice_mcl.fitting.odometry import LinearMaurice, LinearOdometry, MotionSegment
 from maurice_mcl.fitting.odometry_fit import MotionFit, fit_motion
 from maurice_mcl.values.arrays import F32, F64
 from maurice_mcl.values.geometry import compose
