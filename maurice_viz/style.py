@@ -1,6 +1,6 @@
 """How things look: display units, the one place where y is flipped, colors, sizes, font-safe texts.
 
-One meaning a color: those of `MEANINGS` differ for every eye, also for one that confuses red and green, as a
+One meaning a color: those on a map differ for every eye, also for one that confuses red and green, as a
 test measures. Weights are viridis; runs are near the set of Okabe and Ito (2008). Maps and pictures have a
 dark ground of their own; plots and charts have the viewer's, dark or light, so that what is drawn in them
 must be seen on both: `RUN_COLORS` and `BAR`.
@@ -187,21 +187,6 @@ MODE_COLORS: tuple[RGB, ...] = (
     (170, 102, 170),
     (190, 255, 200),
 )
-# every mark that stands on a map by itself
-MEANINGS: dict[str, RGB] = {
-    "truth": TRUTH,
-    "particles": CLOUD,
-    "fresh particles": FRESH,
-    "dead particles": DEAD,
-    "weight": WEIGHT,
-    "references": CIRCLE,
-    "best references": RANK,
-    "beams that end short": SHORT,
-    "beams that end beyond": BEYOND,
-    "beams that end in unknown space": UNMAPPED,
-    **{f"run {number}": color for number, color in enumerate(RUN_COLORS, 1)},
-    **{f"mode {number}": color for number, color in enumerate(MODE_COLORS, 1)},
-}
 
 
 def faint(color: RGB) -> RGB:

@@ -89,13 +89,7 @@ def read_csv(
 
 MOST_TABLE_BYTES = 64_000_000  # of numbers that are read at once
 MOST_TOML_BYTES = 1_000_000  # settings, plans and worlds have some kilobytes
-MOST_NESTING = 32  # of tables and lists in TOML; ours have five
-_TOML = re.compile(
-    r"""(?P<text>\"{3}(?:[^\\]|\\.)*?"{3,5}|'{3}.*?'{3,5})|(?P<cut>"{3}|'{3})"""
-    r"""|(?P<line>"(?:[^"\\\n]|\\.)*"|'[^'\n]*'|[\w+ \t-]+)|(?P<quote>["'])"""
-    r"""|(?P<open>[\[{])|(?P<close>[\]}])|(?P<dot>\.)|\#[^\n]*|.""",
-    re.DOTALL,
-)
+_LONG_KEY = re.compile(r"""(?<!["'\w-])(?:["'\w-]+[ \t]*\.[ \t]*){32}""")  # takes tomllib long
 
 
 def read_toml(file: Path, wanted: str) -> dict[str, Any]:
@@ -109,17 +103,9 @@ def read_toml(file: Path, wanted: str) -> dict[str, Any]:
 
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the values of a TOML text. ValueError in one line for what is none or nested too deeply."""
-    depth = dots = 0
-    for token in _TOML.finditer(text):
-        kind = token.lastgroup
-        if kind in ("cut", "quote"):  # a text without its end, of which the parser knows more to say
-            break
-        depth = max(depth + (kind == "open") - (kind == "close"), 0)
-        dots = dots + 1 if kind == "dot" else dots if kind in ("line", "text") else 0
-        if max(depth, dots) > MOST_NESTING:
-            line = text.count("\n", 0, token.start()) + 1
-            fault = f"found more than {MOST_NESTING} tables or lists within each other"
-            raise ValueError(f"{fault} (at line {line})")
+    if key := _LONG_KEY.search(text):
+        line = text.count("\n", 0, key.start()) + 1
+        raise ValueError(f"found a key of more than 32 parts (at line {line})")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:

@@ -85,10 +85,9 @@ def scale_of(entries: Sequence[EntryExplanation]) -> ChartScale:
     return ChartScale(max(nats, 1.0), tuple(spans), tuple(costs))
 
 
-def draw_reference_chart(
-    entry: EntryExplanation | None, scale: ChartScale, size: tuple[int, int] = CHART_PX
-) -> U8:
+def draw_reference_chart(entry: EntryExplanation | None, scale: ChartScale) -> U8:
     """Draw (H, W) what a reference loses, in colors of the palette `CHART`; empty without a reference."""
+    size = CHART_PX
     if entry is None:
         return np.full(size[::-1], GROUND_INK, np.uint8)
     channels = tuple((c.channel, len(c.sample)) for c in entry.channels)
@@ -292,9 +291,9 @@ def _row(values: F64, low: float, high: float, height: int) -> NDArray[np.int16]
     return np.rint((high - values) / (high - low) * height).astype(np.int16)
 
 
-def draw_chart_key(size: tuple[int, int] = CHART_PX) -> U8:
+def draw_chart_key() -> U8:
     """Draw what the marks of a chart mean, as large as a chart."""
-    width, height = size
+    width, height = CHART_PX
     image = blank(height, width, GROUND)
     text = 0.95 * TEXT_SHARE * width
     under = round(BAR_SHARE * height)

@@ -109,9 +109,9 @@ def seen_views(runs: Sequence[RunView]) -> list[rrb.Spatial2DView]:
     return [named_view("The robot sees", path) for path in (entities.CAMERA, *own)]
 
 
-def camera_view(title: str = "") -> rrb.Spatial2DView:
+def camera_view() -> rrb.Spatial2DView:
     """Show what the robot saw."""
-    return picture_view(f"{title or 'Camera'} (px)", entities.CAMERA)
+    return picture_view("Camera (px)", entities.CAMERA)
 
 
 def edges_view() -> rrb.Spatial2DView:

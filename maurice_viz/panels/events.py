@@ -47,9 +47,9 @@ class WordsPanel(Panel):
         rec.log(self._paths.text, row_of(rr.TextDocument, text=text))
 
 
-def words_view(paths: RunPaths, title: str = "What this step did") -> rrb.TextDocumentView:
+def words_view(paths: RunPaths) -> rrb.TextDocumentView:
     """Show what happened in words."""
-    return rrb.TextDocumentView(name=title, origin=paths.text)
+    return rrb.TextDocumentView(name="What this step did", origin=paths.text)
 
 
 # First words of what else a log says that have marks of their own.
@@ -153,9 +153,9 @@ def look_of_state(state: str, failure: Failure | None = None) -> Look:
     return Look(say_state(state, failure), STATES[state])
 
 
-def look_of_event(name: str, color: RGB, word: str = "") -> Look:
+def look_of_event(name: str, color: RGB) -> Look:
     """Return the look of an event."""
-    return Look(word or word_of(name), color, is_mark=True)
+    return Look(word_of(name), color, is_mark=True)
 
 
 @dataclass(slots=True)

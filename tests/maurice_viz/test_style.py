@@ -126,8 +126,21 @@ CHANNELS = {f"channel {number}": color for number, color in enumerate(style.CHAN
 RUNS = {f"run {number}": color for number, color in enumerate(style.RUN_COLORS, 1)}
 LINES = {"all channels": ALL_TOGETHER, **{name: color for name, color, _ in MARKS if color != style.PALE}}
 OF_HISTOGRAMS = {"picture": style.PICTURE, "reference": style.REFERENCE, "neither": style.BAR}
+ON_MAPS = RUNS | {  # every mark that stands on a map by itself
+    "truth": style.TRUTH,
+    "particles": style.CLOUD,
+    "fresh particles": style.FRESH,
+    "dead particles": style.DEAD,
+    "weight": style.WEIGHT,
+    "references": style.CIRCLE,
+    "best references": style.RANK,
+    "beams that end short": style.SHORT,
+    "beams that end beyond": style.BEYOND,
+    "beams that end in unknown space": style.UNMAPPED,
+    **{f"mode {number}": color for number, color in enumerate(style.MODE_COLORS, 1)},
+}
 MEETINGS = {  # meanings that stand on one view, or on one screen
-    "maps": style.MEANINGS,
+    "maps": ON_MAPS,
     "plots": RUNS | LINES,
     "evidence": RUNS | CHANNELS | LINES,
     "charts": RUNS | CHANNELS | OF_HISTOGRAMS,

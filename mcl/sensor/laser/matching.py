@@ -53,7 +53,6 @@ class Matches:
     poses: F64  # (N, 3) in the map's frame
     nats: F64  # (N,) log-likelihoods, of as many beams as are independent
     cell: F64  # (3,) sides of the grid in meters, meters and radians
-    dropped_nats: float  # the highest rating of a box that was not divided: above `nats`, it may hold more
 
     def proposal(self) -> PoseProposal:
         """Return the modes of the likelihood, with its mass, mean and covariance around each."""
@@ -116,13 +115,12 @@ class Matcher:
         points = points[(2 * np.arange(count) + 1) * len(points) // (2 * count)]
         independent = min(1.0, INDEPENDENT_BEAMS / count)
         boxes, level = self._roots()
-        dropped = -np.inf
         while level:
             rating = self._rated(boxes, points, level)
             most = KEPT[min(level, len(KEPT)) - 1]
             if len(rating) > most:
                 order = np.argpartition(-rating, most)
-                boxes, dropped = boxes[:, order[:most]], max(dropped, float(rating[order[most]]))
+                boxes = boxes[:, order[:most]]
             level -= 1
             boxes = self._divided(boxes, level)
         nats = self._rated(boxes, points, 0)
@@ -135,7 +133,7 @@ class Matcher:
         total = (nats[best] + THROUGH_NATS * through) * independent
         order = np.argsort(-total, kind="stable")
         cell = np.array([self._leaf_m, self._leaf_m, turn_rad])
-        return Matches(poses[order], total[order], cell, dropped * independent)
+        return Matches(poses[order], total[order], cell)
 
     # The search: boxes are rows, columns and turns (3, N) on a grid that depends on their level.
 

@@ -192,4 +192,3 @@ def test_ratings_of_boxes_that_are_not_divided_are_told(matcher):
     matches = matcher.search(scanned(matcher.occupancy, at(4, 2, 1.0)))
     assert (np.diff(matches.nats) <= 0).all()
     assert matches.nats[0] <= 0
-    assert matches.dropped_nats < 0
