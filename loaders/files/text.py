@@ -252,11 +252,10 @@ def number_in(file: Path, line: int, word: str | None, what: str, most: float = 
         value = float(word or "")
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise InputError(file, f"found {what} {show(word)}, expected a finite number", line)
-    if abs(value) > most:
-        raise InputError(file, f"found {what} {show(word)}, expected {up_to(most)}", line)
-    return value
+    if abs(value) <= most:
+        return value
+    expected = up_to(most) if math.isfinite(value) else "a finite number"
+    raise InputError(file, f"found {what} {show(word)}, expected {expected}", line)
 
 
 METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # units of length as typed

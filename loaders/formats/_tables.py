@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from ..errors import InputError
 from ..files.text import METERS, MOST, number_in, reading
@@ -20,8 +20,7 @@ MAX_ROW_BYTES = 2**20  # a laser scan has ten thousand
 GZIP = b"\x1f\x8b"
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """One line of a table."""
 
     number: int  # from 1, as it stands in the file

@@ -15,7 +15,7 @@ from maurice_mcl.library.quality import DrivePicture
 from maurice_mcl.values.arrays import F64, U8
 from maurice_mcl.values.geometry import compose, inverse, motion_between
 from maurice_mcl.values.laser import LaserScan
-from maurice_mcl.values.session import Camera, Frame, Moment, SessionInfo, is_kidnapping
+from maurice_mcl.values.session import NO_PICTURE, Camera, Frame, Moment, SessionInfo, is_kidnapping
 
 from ..errors import HasReadingNotes, InputError, PictureError, ReadingNotes
 from .observations import SCANS, Gate, Observations, Observed, gate_of, observed_in
@@ -38,6 +38,7 @@ from .transforms import Placeholders
 if TYPE_CHECKING:
     from maurice_mcl.fitting.odometry import MotionSegment
 
+MOST_KEPT = 5000  # moments without pictures: some kilobytes each
 WIDEST_RAD = float(np.radians(170))
 
 
@@ -72,6 +73,7 @@ class RecordedSession(HasReadingNotes):
         self.recording = recording
         self.options = options or ReadingOptions()
         self._notes = ReadingNotes(self.options.keep_going)
+        self._kept: tuple[ReadingNotes, list[Moment]] | None = None
 
     @property
     def path(self) -> Path:
@@ -97,6 +99,10 @@ class RecordedSession(HasReadingNotes):
 
     def moments(self) -> Iterator[Moment]:
         """Read the drive from its beginning, a used picture or scan at a time."""
+        if self._kept is not None:
+            self._notes, moments = self._kept
+            yield from moments
+            return
         notes = self._notes = ReadingNotes(self.options.keep_going)
         updates = _Updates(self, notes)
         step = 0
@@ -109,17 +115,20 @@ class RecordedSession(HasReadingNotes):
                 continue
             updates.used(update)
             step += 1
-            motions, readings = as_rows(update.motions), updates.readings_taken()
-            scan = update.aligned.scan
-            frame = Frame(step, update.time_s, motions, image, picture.name, readings, scan)
-            yield Moment(frame, update.truth, tuple(updates.events_taken()))
+            yield updates.moment(update, step, image)
 
     def overview(self) -> tuple[int, bool]:
-        """Count the moments, and tell whether any truth is there; decodes no picture."""
-        count, updates = 0, _Updates(self, ReadingNotes(self.options.keep_going))
-        for update in updates:
+        """Count the moments, and tell whether any truth is there; decodes no picture.
+
+        A short drive without pictures is kept, so that it is read once.
+        """
+        notes, moments, count = ReadingNotes(self.options.keep_going), list[Moment](), 0
+        most, updates = 0 if self.observed.pictures else MOST_KEPT, _Updates(self, notes)
+        for count, update in enumerate(updates, start=1):
             updates.used(update)
-            count += 1
+            if count <= most:
+                moments.append(updates.moment(update, count, NO_PICTURE))
+        self._kept = (notes, moments) if count <= most else None
         return count, updates.truths > 0
 
     def glances(self, notes: ReadingNotes) -> Iterator[Glance]:
@@ -232,6 +241,12 @@ class _Updates:
     def used(self, update: _Update) -> None:
         self._steps.used(update.odometry)
         self._used = True
+
+    def moment(self, update: _Update, step: int, image: U8) -> Moment:
+        motions, aligned = as_rows(update.motions), update.aligned
+        name, readings = aligned.picture.name, self.readings_taken()
+        frame = Frame(step, update.time_s, motions, image, name, readings, aligned.scan)
+        return Moment(frame, update.truth, tuple(self.events_taken()))
 
     def events_taken(self) -> list[str]:
         events, self._events = self._events, []

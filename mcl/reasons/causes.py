@@ -16,7 +16,7 @@ import numpy as np
 
 from ..filter.localizer import Localizer
 from ..scoring.episodes import Episode
-from ..values import F64, SOLID, Moment, Radii, Region, StepRecord, compose_motions
+from ..values import F64, NO_PICTURE, SOLID, Moment, Radii, Region, StepRecord, compose_motions
 from .surroundings import mean_level
 
 SENSOR, AMBIGUITY = "sensor", "ambiguity"
@@ -216,7 +216,7 @@ class IncidentFinder:
     def _look(self, step: int, record: StepRecord, log_tells: bool) -> None:
         """Look whether the picture is darker than all before; not where none was compared."""
         likelihood = record.sighting.comparison.log_likelihood
-        if not len(likelihood):
+        if not len(likelihood) or record.frame.image is NO_PICTURE:
             return
         gray = mean_level(record.frame.image)
         scatter = float(np.std(likelihood))

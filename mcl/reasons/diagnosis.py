@@ -41,7 +41,15 @@ from .drive_rules import (
     unlucky,
     weights_vanish,
 )
-from .evidence import FIRST_UPDATES, LOOKBACK_UPDATES, NEAR_SHARE, EvidenceFinder, Story, UpdateEvidence
+from .evidence import (
+    FIRST_UPDATES,
+    LOOKBACK_UPDATES,
+    NEAR_SHARE,
+    EvidenceFinder,
+    Story,
+    UpdateEvidence,
+    surprise,
+)
 from .laser_rules import ABOUT_FILTER, ABOUT_SCANS, BEFORE_MOTION
 from .picture_rules import ambiguity, library_gap, lighting, unlike_references
 from .surroundings import Surroundings, light_fit
@@ -221,6 +229,8 @@ class DiagnosisBuilder:
         """Return each episode in which the filter failed, with its evidence."""
         surroundings = self._finder.surroundings
         stories = stories_of(self._updates, self.episodes.episodes)
+        if stories:
+            self._updates[:] = map(self._surprised, self._updates)
         if not stories or surroundings is None:
             return stories
         spacing_m, usual = surroundings.spacing_m, surroundings.usual
@@ -228,6 +238,14 @@ class DiagnosisBuilder:
         for story in stories:
             self._pictures.compare(story.pictures, surroundings)
         return stories
+
+    def _surprised(self, update: UpdateEvidence) -> UpdateEvidence:
+        """Add the surprise of its movement, which costs too much to be known of a healthy run."""
+        localizer = self.localizer
+        if localizer is None or localizer.motion is None or update.movement is None:
+            return update
+        surprising = surprise(localizer.motion, localizer.library.origin, *update.movement)
+        return replace(update, movement=None, surprise=surprising)
 
 
 def stories_of(updates: Sequence[UpdateEvidence], episodes: Sequence[Episode]) -> list[Story]:

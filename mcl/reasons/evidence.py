@@ -18,7 +18,7 @@ from ..scoring.metrics import StepScore
 from ..scoring.modes import NearTruth, near_truth
 from ..sensor.laser.fit import ScanFit, ScanFits
 from ..sensor.laser.sensor import LASER
-from ..values import F32, F64, INCH_M, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
+from ..values import F32, F64, INCH_M, NO_PICTURE, Frame, Moment, StepRecord, first_word, is_kidnapping, wrap
 from .causes import Failure, Value, driven
 from .surroundings import LightFit, PlaceFit, Surroundings, UsualFit, layout_fit, mean_level
 
@@ -45,8 +45,7 @@ class Surprise:
     @property
     def axis(self) -> str:
         """Which of the three that is."""
-        sizes = {"forward": abs(self.forward), "left": abs(self.left), "turn": abs(self.turn)}
-        return max(sizes, key=lambda name: sizes[name])
+        return max(("forward", "left", "turn"), key=lambda name: abs(getattr(self, name)))
 
 
 @lru_cache(1)
@@ -105,7 +104,8 @@ class UpdateEvidence:
     outside: bool | None = None  # whether the truth lies off the map
     moved_m: float | None = None  # the truth since the picture before
     driven_m: float = 0.0  # odometry says
-    surprise: Surprise | None = None  # of the true movement, to the motion model
+    movement: tuple[F64, F64, F64] | None = None  # true poses (3,) before and after, and motions (M, 3)
+    surprise: Surprise | None = None  # of it, to the motion model: found once a run has failed
     near: NearTruth | None = None  # the cloud around the truth
     reference_m: float | None = None  # from the truth to the nearest reference
     fit: PlaceFit | None = None  # of the picture at the truth
@@ -168,7 +168,7 @@ class EvidenceFinder:
             size=record.weighted.size,
             inside=int((record.sighting.entries >= 0).sum()),
             ess=record.effective_sample_size,
-            spread_nats=float(likely.max() - np.median(likely)) if len(likely) else float("nan"),
+            spread_nats=_ahead_of_most(likely) if compared else float("nan"),
             best=-float(cost.min()) if len(cost) else float("nan"),
             cloud=evidence_by_channels(record),
             gray=mean_level(frame.image),
@@ -190,17 +190,17 @@ class EvidenceFinder:
         surroundings = self.surroundings
         if evidence.broken or (surroundings is None and self.scans is None):
             return evidence
-        surprising = None if last is None else self._surprise(last, truth, moment.frame.motions)
+        movement = None if last is None else (last, truth, moment.frame.motions)
         if self.scans is not None:
-            sd_m = float(np.hypot(*record.predicted.poses[:, :2].std(axis=0)))
-            together = before is None and sd_m < record.estimate.radii.lost_m  # RViz spreads by 0.5 m an axis
-            scan = self._scan(evidence, record, truth)
-            return replace(evidence, surprise=surprising, scan=scan, began_together=together)
+            scan, lost_m = self._scan(evidence, record, truth), record.estimate.radii.lost_m
+            # RViz spreads by 0.5 m an axis
+            together = before is None and np.hypot(*record.predicted.poses[:, :2].std(axis=0)) < lost_m
+            return replace(evidence, movement=movement, scan=scan, began_together=bool(together))
         assert surroundings is not None
         return replace(
             evidence,
             outside=surroundings.is_outside(truth),
-            surprise=surprising,
+            movement=movement,
             reference_m=surroundings.to_reference_m(truth),
             fit=surroundings.fit(record.sighting.comparison, truth, record.estimate.pose),
             alike=layout_fit(surroundings, moment.frame.image, truth, record.sighting.comparison.descriptors),
@@ -227,11 +227,10 @@ class EvidenceFinder:
         is_off = evidence.score.correct is False
         return self.scans.fit(reading, truth, record.estimate.pose, own, is_off)
 
-    def _surprise(self, before: F64, after: F64, motions: F64) -> Surprise | None:
-        localizer = self.localizer
-        if localizer is None or localizer.motion is None:
-            return None
-        return surprise(localizer.motion, localizer.library.origin, before, after, motions)
+
+def _ahead_of_most(likely: F32) -> float:
+    """Return how far the best of some log-likelihoods (L,) is ahead of the middle one."""
+    return float(likely.max() - np.median(likely)) if likely.any() else 0.0
 
 
 def _moved(motions: F64) -> bool:
@@ -241,7 +240,9 @@ def _moved(motions: F64) -> bool:
 def _same(frame: Frame, before: Frame) -> bool:
     """Return whether two pictures are equal; not those of one color, which stand for none."""
     image = frame.image
-    return np.array_equal(image, before.image) and image.size > 0 and not (image == image[0, 0]).all()
+    if image is NO_PICTURE or image.size == 0:
+        return False
+    return np.array_equal(image, before.image) and not (image == image[0, 0]).all()
 
 
 def _tilt_after(events: tuple[str, ...], last: float | None) -> float | None:

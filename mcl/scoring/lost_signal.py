@@ -61,6 +61,8 @@ def evidence_by_channels(record: StepRecord) -> float:
     inside = np.isfinite(sighting.log_likelihood)
     if not np.isfinite(record.log_evidence) or not inside.any():
         return -math.inf
+    if not comparison.channels:
+        return 0.0  # all references are alike
     before = record.weighted.log_weights[inside] - sighting.log_likelihood[inside] + record.log_evidence
     known = None if sighting.known is None else sighting.known[inside]
     weights = entry_weights(np.exp(before), sighting.entries[inside], len(comparison.cost), known)
