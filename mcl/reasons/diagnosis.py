@@ -242,7 +242,7 @@ class DiagnosisBuilder:
     def _surprised(self, update: UpdateEvidence) -> UpdateEvidence:
         """Add the surprise of its movement, which costs too much to be known of a healthy run."""
         localizer = self.localizer
-        if localizer is None or localizer.motion is None or update.movement is None:
+        if localizer is None or localizer.motion is None or update.movement is None or update.broken:
             return update
         surprising = surprise(localizer.motion, localizer.library.origin, *update.movement)
         return replace(update, movement=None, surprise=surprising)

@@ -152,7 +152,7 @@ class EvidenceFinder:
         comparison = record.sighting.comparison
         cost, likely = comparison.by_channels.cost, comparison.log_likelihood
         compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
-        motions = frame.motions
+        motions, last = frame.motions, None if before is None or truth is None else before.truth
         evidence = UpdateEvidence(
             step=frame.step,
             after_s=None if before is None else frame.time_s - before.frame.time_s,
@@ -174,36 +174,32 @@ class EvidenceFinder:
             gray=mean_level(frame.image),
             knows=episodes.signal.knows,
             driven_m=driven(motions),
+            near=None if truth is None else near_truth(record, truth),
+            moved_m=None if last is None or truth is None else float(np.hypot(*(truth - last)[:2])),
+            movement=None if last is None or truth is None else (last, truth, motions),
         )
         if truth is not None:
-            return self._with_truth(evidence, before, truth, moment, record)
+            return self._with_truth(evidence, truth, record)
         here = None if evidence.broken else self._scan(evidence, record, record.estimate.pose)
         return replace(evidence, scan_here=here)
 
-    def _with_truth(
-        self, evidence: UpdateEvidence, before: Moment | None, truth: F64, moment: Moment, record: StepRecord
-    ) -> UpdateEvidence:
+    def _with_truth(self, evidence: UpdateEvidence, truth: F64, record: StepRecord) -> UpdateEvidence:
         """Add what only the truth (3,) tells."""
-        last = None if before is None else before.truth
-        moved_m = None if last is None else float(np.hypot(*(truth - last)[:2]))
-        evidence = replace(evidence, near=near_truth(record, truth), moved_m=moved_m)
-        surroundings = self.surroundings
+        surroundings, seen = self.surroundings, record.sighting.comparison
         if evidence.broken or (surroundings is None and self.scans is None):
             return evidence
-        movement = None if last is None else (last, truth, moment.frame.motions)
         if self.scans is not None:
-            scan, lost_m = self._scan(evidence, record, truth), record.estimate.radii.lost_m
+            scan, is_first = self._scan(evidence, record, truth), evidence.after_s is None
             # RViz spreads by 0.5 m an axis
-            together = before is None and np.hypot(*record.predicted.poses[:, :2].std(axis=0)) < lost_m
-            return replace(evidence, movement=movement, scan=scan, began_together=bool(together))
+            together = is_first and np.hypot(*record.predicted.poses[:, :2].std(axis=0)) < evidence.lost_m
+            return replace(evidence, scan=scan, began_together=bool(together))
         assert surroundings is not None
         return replace(
             evidence,
             outside=surroundings.is_outside(truth),
-            movement=movement,
             reference_m=surroundings.to_reference_m(truth),
-            fit=surroundings.fit(record.sighting.comparison, truth, record.estimate.pose),
-            alike=layout_fit(surroundings, moment.frame.image, truth, record.sighting.comparison.descriptors),
+            fit=surroundings.fit(seen, truth, record.estimate.pose),
+            alike=layout_fit(surroundings, record.frame.image, truth, seen.descriptors),
         )
 
     def _scan(self, evidence: UpdateEvidence, record: StepRecord, truth: F64) -> ScanFit | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -291,7 +292,8 @@ class VerdictBuilder:
         score, left = episodes.score, LEFT_MAP in record.events
         self._converged += int(score.converged)
         self._verdict = replace(
-            self._with_error(verdict, step, score),
+            verdict,
+            **self._error(verdict, step, score),
             updates=verdict.updates + 1,
             unjudged=verdict.unjudged + (score.correct is None),
             first=verdict.first if verdict.updates else step,
@@ -324,17 +326,18 @@ class VerdictBuilder:
             ambiguity=self._ambiguity.ambiguity,
         )
 
-    def _with_error(self, verdict: RunVerdict, step: int, score: StepScore) -> RunVerdict:
+    def _error(self, verdict: RunVerdict, step: int, score: StepScore) -> dict[str, Any]:
+        """Return what one update changes of the errors, by field."""
         error_m = score.position_error_m
         if error_m is None:
-            return verdict
+            return {}
         off, beyond = verdict.off + (score.correct is False), verdict.beyond + (score.lost is True)
-        verdict = replace(verdict, end=score, off=off, beyond=beyond)
+        told = {"end": score, "off": off, "beyond": beyond}
         if verdict.updates + 1 < FIRST_SCORED:
-            return verdict
+            return told
         self._scored, self._sum_m = self._scored + 1, self._sum_m + error_m
         is_most = verdict.error_most_m is None or error_m > verdict.error_most_m
-        return replace(verdict, error_most_m=error_m, most_at=step) if is_most else verdict
+        return told | ({"error_most_m": error_m, "most_at": step} if is_most else {})
 
 
 def _worse(

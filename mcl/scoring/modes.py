@@ -33,9 +33,10 @@ def near_truth(record: StepRecord, truth: F64) -> NearTruth:
     if record.predicted.poses is not record.weighted.poses:
         before = _around(record.predicted, truth, radius_m)[1]
     after = near if record.belief is record.weighted else _around(record.belief, truth, radius_m)[1]
-    near, before = near[inside[near]], before[inside[before]]
+    same, near = before is near, near[inside.take(near)]
+    before = near if same else before[inside.take(before)]
     shares = [
-        float(belief.weights[some].sum())
+        float(belief.weights.take(some).sum())
         for belief, some in ((record.predicted, before), (record.weighted, near), (record.belief, after))
     ]
     return NearTruth(len(near), (shares[0], shares[1], shares[2]), nearest_m)
@@ -81,7 +82,7 @@ def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, NDArray
     along *= along
     away += along
     near = np.flatnonzero(away <= radius_m**2)
-    alike = np.cos(poses[near, 2] - truth[2]) >= np.cos(LOST_RAD)
+    alike = np.cos(poses[:, 2].take(near) - truth[2]) >= np.cos(LOST_RAD)
     return float(np.sqrt(away.min())) if len(away) else np.inf, near[alike]
 
 

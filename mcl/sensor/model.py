@@ -177,7 +177,7 @@ class SensorModel:
             return comparison
         sensed = tuple(self._sense(name, reading) for name, reading in readings.items())
         if not comparison.channels and not any(part.cost.any() for part in sensed):
-            return replace(comparison, sensed=sensed, of_channels=comparison.log_likelihood)
+            return replace(comparison, sensed=sensed)
         costs = [np.float32(part.weight) * part.cost for part in sensed]
         nats = sum(costs, np.zeros_like(comparison.cost))
         cost = comparison.cost + nats

@@ -186,8 +186,9 @@ class Comparison:
 
     def prepare(self) -> None:
         """Compute now what every filter asks for: on the thread that compares, ahead of them."""
-        _ = self.of_references, self.explained, self.explained_by_channels
-        _ = self.channels_explained, self.library_evidence
+        _ = self.of_references
+        if self.channels:
+            _ = self.explained, self.explained_by_channels, self.channels_explained, self.library_evidence
 
     def best(self, count: int) -> I32:
         """Return the numbers of the best entries (count,), best first; all L when there are fewer."""
