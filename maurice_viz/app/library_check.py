@@ -45,7 +45,7 @@ class LibraryCheck:
     def to_json(self) -> dict[str, Any]:
         """Return everything as JSON, in meters and radians."""
         found, covered = self.similarity, self.coverage
-        known, places = found.retrieved >= 0, found.at_places(found.ambiguity)
+        places = found.at_places(found.ambiguity)
         return {
             "name": self.library.name,
             "entries": self.library.size,
@@ -55,8 +55,6 @@ class LibraryCheck:
             "directions_share": covered.directions,
             "gaps": [asdict(gap) for gap in covered.gaps],
             "retrieved_right_share": found.retrieved_right,
-            "retrieval_error_median_m": float(np.median(found.error_m[known])) if known.any() else None,
-            "retrieval_error_90_m": float(np.percentile(found.error_m[known], 90)) if known.any() else None,
             "look_alikes": [
                 {"entry": entry, "like": int(found.alias[entry]), "nats": float(-found.margin[entry])}
                 for entry in found.aliased.tolist()
@@ -69,7 +67,6 @@ class LibraryCheck:
                 {"x_m": float(x), "y_m": float(y), "places": float(value)}
                 for (x, y), value in zip(found.places, places, strict=True)
             ],
-            "similarity_nats": [None if np.isnan(v) else float(v) for v in found.similarity],
             "places_told_apart": self.telling.to_json(),
             "drive": None if self.drive is None else self.drive.to_json(),
         }

@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from maurice_mcl.library.advice import AMBIGUITY, CONFUSED_SHARE, GAP, HEADING, LibraryAdvice
-from maurice_mcl.library.quality import CURVE, Coverage, SelfSimilarity
+from maurice_mcl.library.quality import Coverage, SelfSimilarity
 from maurice_mcl.sensor.descriptors.registry import CHANNELS, weights_of
 from maurice_mcl.values import ChannelIndex, Library
 
@@ -300,7 +300,6 @@ def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage
     table.add_row("coverage", _coverage(covered, scale))
     retrieved = f"{similarity.retrieved_right:.0%} at a neighboring place, same heading"
     table.add_row("left out, found again", retrieved)
-    table.add_row("retrieval error", _error(similarity, scale))
     share = len(similarity.aliased) / library.size
     table.add_row(
         "look-alikes",
@@ -317,20 +316,7 @@ def _check_table(library: Library, similarity: SelfSimilarity, covered: Coverage
     for place in np.argsort(-places, kind="stable")[:MOST_PLACES].tolist():
         x_m, y_m = similarity.places[place].tolist()
         table.add_row("", f"{scale.say_point(x_m, y_m)}: {places[place]:.1f} places fit")
-    ranges = [f"to {scale.say(k * similarity.spacing_m)}" for k in CURVE] + ["beyond"]
-    lowest = zip(ranges, similarity.similarity, strict=True)
-    curve = ", ".join(f"{name}: {say_times(cost)}" for name, cost in lowest if np.isfinite(cost))
-    table.add_row("unlike, by distance", f"the best match there is so many times less likely: {curve}")
     return table
-
-
-def _error(similarity: SelfSimilarity, scale: Scale) -> str:
-    known = similarity.retrieved >= 0
-    if not known.any():
-        return "- (one place only)"
-    middle, high = np.percentile(similarity.error_m[known], [50, 90]).tolist()
-    turned = float(np.degrees(np.median(similarity.error_rad[known])))
-    return f"{scale.say(middle)} median, {scale.say(high)} at 90 %, heading {turned:.0f} deg median"
 
 
 def tune(

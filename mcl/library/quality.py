@@ -123,7 +123,6 @@ def _gaps(points: F64, distance: F64, free: Bool, reach_m: float, cell_m2: float
 
 NEIGHBOR_SPACINGS = 1.6  # diagonal ones included
 FAR_SPACINGS = 3.0  # further entries are other places
-CURVE = (1.0, 2.0, 3.0, 5.0, 8.0)  # borders, in spacings, of the self-similarity curve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,15 +132,12 @@ class SelfSimilarity:
     spacing_m: float  # median distance from an entry to the next one of similar heading
     places: F64  # (P, 2) the middle of the entries at each place
     place_of: I32  # (L,)
-    retrieved: I32  # (L,) the most similar entry at another place; -1 where there is none
-    error_m: F64  # (L,) how far away that is; nan for none
-    error_rad: F64  # (L,) how much its heading differs
+    retrieved: F64  # (L,) 1 where the most similar entry at another place is a neighbor, else 0; nan for none
     alias: I32  # (L,) the most similar far entry; -1 for none
     margin: F64  # (L,) nats by which that is less similar than the best neighbor; below 0: aliased; nan
     ambiguity: F64  # (L,) effective number of places that fit as well: exp of the entropy, 1 or more
     confusion: F64  # (L,) share of the likelihood elsewhere that lies at far entries
     rank: I32  # (L,) of the best neighbor among all entries elsewhere, far ones counted; 1 is right
-    similarity: F64  # (6,) median cost in nats at places nearer than 1, 2, 3, 5, 8 spacings, and beyond
 
     @property
     def aliased(self) -> I32:
@@ -152,9 +148,8 @@ class SelfSimilarity:
     @property
     def retrieved_right(self) -> float:
         """The share of entries whose retrieved entry is a neighbor."""
-        known = self.retrieved >= 0
-        near = (self.error_m <= NEIGHBOR_SPACINGS * self.spacing_m) & (self.error_rad <= SAME_WAY_RAD)
-        return float(near[known].mean()) if known.any() else 0.0
+        known = self.retrieved[np.isfinite(self.retrieved)]
+        return float(known.mean()) if len(known) else 0.0
 
     def at_places(self, values: F64) -> F64:
         """Return the mean (P,) of some values (L,) at each place."""
@@ -168,7 +163,6 @@ def self_similarity_of(table: LeftOutTable, progress: Progress | None = None) ->
     poses, place_of = table.sensor.library.poses, table.place_of
     spacing_m = max(spacing(table.places), _spacing(table))
     columns: list[list[float]] = []
-    curve: list[F64] = []
     for entry in range(len(poses)):
         others = table.others(entry)
         cost = np.asarray(table.sensor.compare_reference(entry).cost[others], np.float64)
@@ -176,25 +170,19 @@ def self_similarity_of(table: LeftOutTable, progress: Progress | None = None) ->
         near = (distance_m <= NEIGHBOR_SPACINGS * spacing_m) & (turned <= SAME_WAY_RAD)
         columns.append(_look_alikes(others, cost, near, distance_m > FAR_SPACINGS * spacing_m))
         columns[-1].append(_ambiguity(place_of[others], cost))
-        curve.append(_curve(np.array(CURVE) * spacing_m, distance_m, cost))
         if progress:
             progress(entry + 1, len(poses))
     retrieved, alias, rank, margin, confusion, ambiguity = np.array(columns).T
-    known = retrieved >= 0
-    step = poses[retrieved.astype(int)] - poses
     return SelfSimilarity(
         spacing_m=spacing_m,
         places=table.places,
         place_of=place_of,
-        retrieved=retrieved.astype(np.int32),
-        error_m=np.where(known, np.hypot(step[:, 0], step[:, 1]), np.nan),
-        error_rad=np.where(known, np.abs(wrap(step[:, 2])), np.nan),
+        retrieved=retrieved,
         alias=alias.astype(np.int32),
         margin=margin,
         ambiguity=ambiguity,
         confusion=confusion,
         rank=rank.astype(np.int32),
-        similarity=_medians(np.array(curve)),
     )
 
 
@@ -217,8 +205,8 @@ def _to_entries(poses: F64, entry: int, others: Index) -> tuple[F64, F64]:
 def _look_alikes(others: Index, cost: F64, near: Bool, far: Bool) -> list[float]:
     """Return `retrieved`, `alias`, `rank`, `margin` and `confusion` of one entry, from costs (n,)."""
     if not len(others):
-        return [-1, -1, 1, np.nan, 0.0]
-    retrieved = int(others[cost.argmin()])
+        return [np.nan, -1, 1, np.nan, 0.0]
+    retrieved = float(near[cost.argmin()])
     if not far.any():
         return [retrieved, -1, 1, np.nan, 0.0]
     share = np.exp(cost.min() - cost)
@@ -238,18 +226,6 @@ def _ambiguity(place_of: I32, cost: F64) -> float:
     share = np.bincount(place_of, np.exp(cost.min() - cost))
     share = share[share > 0] / share.sum()
     return float(np.exp(-(share @ np.log(share))))
-
-
-def _curve(borders_m: F64, distance_m: F64, cost: F64) -> F64:
-    """Return the lowest cost (6,) among entries in each range of distance; nan where there are none."""
-    ring = np.searchsorted(borders_m * (1 + 1e-6), distance_m)
-    rings = [cost[ring == k] for k in range(len(borders_m) + 1)]
-    return np.array([costs.min() if len(costs) else np.nan for costs in rings])
-
-
-def _medians(curves: F64) -> F64:
-    columns = [column[np.isfinite(column)] for column in curves.T]
-    return np.array([np.median(column) if len(column) else np.nan for column in columns])
 
 
 # A drive whose true poses are known: how well the library explains its pictures.

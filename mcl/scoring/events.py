@@ -13,6 +13,7 @@ import numpy as np
 
 from ..filter.localizer import ALL_ZERO, EXPANDED, LEFT_MAP, NO_NUMBER, RESAMPLED, RESEEDED
 from ..values.arrays import F64, dot
+from ..values.geometry import INCH_M
 from ..values.records import AVERAGES, RecoveryTest, StepRecord
 from ..values.session import KIDNAPPED as KIDNAPPED
 from ..values.session import Moment, first_word
@@ -48,22 +49,16 @@ STATES: Mapping[str, str] = {
 # Detectors, one per idea: each turns a value at every update into an occasional event.
 
 
-@dataclass(frozen=True, slots=True)
-class EventThresholds:
-    """When something counts as an event; chosen so that each line of a list matters to a person."""
-
-    dip_under: float = 0.1  # share of particles; a filter that resamples is nearly always far above it
-    dip_over: float = 0.3  # share above which a dip has ended: one dip is one event
-    beyond_sd: float = (
-        3.0  # standard deviations; a consistent cloud exceeds it in 1.1 % of updates (two axes)
-    )
-    within_sd: float = 2.0  # below which an excursion has ended
-    claims_over: float = 0.5  # share of the weight in the cluster that counts as a claim
-    beyond_for: int = 2  # updates in a row; single ones are chance or a mode switch
-    least_sd_m: float = 0.0254  # lower bound on a cloud's width, 1 in: the accuracy of the truth
-    leads_with: float = 0.3  # share of the weight that a mode needs to take over
-    leads_by: float = 0.1  # lead over the last leader, or two equals would alternate
-    jump_m: float | None = None  # None: a mode's radius; nearer ones are the same place to a person
+# When something counts as an event; chosen so that each line of a list matters to a person.
+DIP_UNDER = 0.1  # share of particles; a filter that resamples is nearly always far above it
+DIP_OVER = 0.3  # share above which a dip has ended: one dip is one event
+BEYOND_SD = 3.0  # standard deviations; a consistent cloud exceeds it in 1.1 % of updates (two axes)
+WITHIN_SD = 2.0  # below which an excursion has ended
+CLAIM_SHARE = 0.5  # share of the weight in the cluster above which it counts as a claim
+BEYOND_FOR = 2  # updates in a row; single ones are chance or a mode switch
+LEAST_SD_M = INCH_M  # lower bound on a cloud's width: the accuracy of the truth
+LEADER_SHARE = 0.3  # share of the weight that a mode needs to take over
+LEAD_SHARE = 0.1  # lead over the last leader, or two equals would alternate
 
 
 @dataclass(slots=True)
@@ -72,10 +67,10 @@ class Dip:
 
     _down: bool = False
 
-    def see(self, share: float, limits: EventThresholds) -> float | None:
+    def see(self, share: float) -> float | None:
         """Return the value where a dip begins."""
-        begins = not self._down and share < limits.dip_under
-        self._down = share < (limits.dip_over if self._down else limits.dip_under)
+        begins = not self._down and share < DIP_UNDER
+        self._down = share < (DIP_OVER if self._down else DIP_UNDER)
         return share if begins else None
 
 
@@ -86,28 +81,28 @@ class BeyondSigma:
     _running: int = 0  # updates beyond
     _out: bool = False
 
-    def see(self, record: StepRecord, truth: F64, limits: EventThresholds, say: Say) -> str | None:
+    def see(self, record: StepRecord, truth: F64, say: Say) -> str | None:
         """Return a line where an excursion is certain."""
-        claims = record.estimate.mass > limits.claims_over
-        off_sd = deviations(record, truth, limits.least_sd_m) if claims else 0.0
-        self._running = self._running + 1 if off_sd > limits.beyond_sd else 0
-        known = not self._out and self._running >= limits.beyond_for
-        self._out = known or (self._out and off_sd >= limits.within_sd)
+        claims = record.estimate.mass > CLAIM_SHARE
+        off_sd = deviations(record, truth) if claims else 0.0
+        self._running = self._running + 1 if off_sd > BEYOND_SD else 0
+        known = not self._out and self._running >= BEYOND_FOR
+        self._out = known or (self._out and off_sd >= WITHIN_SD)
         if not known:
             return None
         off = say(float(np.hypot(*(truth[:2] - record.estimate.pose[:2]))))
         return f"truth {off} from the estimate: {off_sd:.1f} standard deviations"
 
 
-def deviations(record: StepRecord, truth: F64, least_sd_m: float) -> float:
-    """Return the Mahalanobis distance of the truth from the estimate, by its cluster and a least sd."""
+def deviations(record: StepRecord, truth: F64) -> float:
+    """Return the Mahalanobis distance of the truth from the estimate, by its cluster with a least sd."""
     middle = record.estimate.pose[:2] - record.weighted.origin
     reach_m = record.estimate.radii.cluster_m
     x, y = (record.weighted.poses[:, axis] - np.float32(middle[axis]) for axis in (0, 1))
     weights = record.weighted.weights * (x * x + y * y <= reach_m**2)
     total = float(weights.sum()) or 1.0
     xx, yy, xy = (dot(weights, product) / total for product in (x * x, y * y, x * y))
-    xx, yy = xx + least_sd_m**2, yy + least_sd_m**2
+    xx, yy = xx + LEAST_SD_M**2, yy + LEAST_SD_M**2
     dx, dy = (truth[:2] - record.estimate.pose[:2]).tolist()
     return math.sqrt((yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy))
 
@@ -118,25 +113,24 @@ class Leader:
 
     _leader: TrackedMode | None = None
 
-    def see(self, modes: Sequence[TrackedMode], limits: EventThresholds, say: Say) -> str | None:
+    def see(self, modes: Sequence[TrackedMode], say: Say) -> str | None:
         """Return a line where another mode takes over; the first leader does not count."""
         if not modes:
             return None
         first, last = modes[0], self._leader
         now = next((m for m in modes if last is not None and m.identity == last.identity), None)
         behind = first.estimate.mass - (now.estimate.mass if now else 0.0)
-        if now is not None and (now is first or behind < limits.leads_by):
+        if now is not None and (now is first or behind < LEAD_SHARE):
             self._leader = now
             return None
-        if first.estimate.mass < limits.leads_with:
+        if first.estimate.mass < LEADER_SHARE:
             return None
         self._leader = first
         if last is None:
             return None
         old = (now or last).estimate
         jumped_m = float(np.hypot(*(first.estimate.pose[:2] - old.pose[:2])))
-        jump_m = first.estimate.radii.cluster_m if limits.jump_m is None else limits.jump_m
-        if jumped_m < jump_m:
+        if jumped_m < first.estimate.radii.cluster_m:  # the same place to a person
             return None
         share_left = f"{now.estimate.mass:.0%}" if now else "gone"
         share = f"{first.estimate.mass:.0%}"
@@ -243,7 +237,6 @@ class EventDetector:
     """Detects the events of one run, from its first update on; `say` formats lengths."""
 
     say: Say = in_meters
-    thresholds: EventThresholds = field(default_factory=EventThresholds)
     modes: tuple[TrackedMode, ...] = ()  # of the last update seen, heaviest first
     state: str = ""  # of the belief at the last update seen: a key of STATES
     _episodes: EpisodeFinder = field(default_factory=EpisodeFinder)
@@ -284,7 +277,7 @@ class EventDetector:
         )
 
     def _of_filter(self, record: StepRecord) -> Iterator[tuple[str, str]]:
-        limits, size = self.thresholds, record.weighted.size
+        size = record.weighted.size
         if ALL_ZERO in record.events:
             why = "no particle is in free space"
             if NO_NUMBER in record.events:
@@ -292,7 +285,7 @@ class EventDetector:
             yield ALL_WEIGHTS_ZERO, f"{why}: the weights cannot be updated"
         if LEFT_MAP in record.events:
             yield LEFT_THE_MAP, "every particle drove out of free space: the cloud stays where it was"
-        if (share := self._dip.see(record.effective_sample_size / size, limits)) is not None:
+        if (share := self._dip.see(record.effective_sample_size / size)) is not None:
             worth = f"{record.effective_sample_size:.0f} of {size} ({share:.1%})"
             yield ESS_DIP, f"few particles have nearly all the weight: effective sample size {worth}"
         if RESEEDED in record.events:
@@ -301,7 +294,7 @@ class EventDetector:
             yield EXPANDED, _expanded(record)
         if RESAMPLED in record.events:
             yield RESAMPLED, f"effective sample size {record.effective_sample_size:.0f} of {size}"
-        if (text := self._leader.see(self.modes, limits, self.say)) is not None:
+        if (text := self._leader.see(self.modes, self.say)) is not None:
             yield MODE_SWITCH, text
 
     def _judged(self, moment: Moment, record: StepRecord) -> Iterator[tuple[str, str]]:
@@ -315,7 +308,7 @@ class EventDetector:
         if moment.truth is None:
             self.state = PROBABLY_LOST if signal.probably_lost else self.state
             return
-        text = self._beyond.see(record, moment.truth, self.thresholds, self.say)
+        text = self._beyond.see(record, moment.truth, self.say)
         if text is not None:
             yield BEYOND_THREE_SIGMA, text
 

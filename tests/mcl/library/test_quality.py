@@ -45,8 +45,6 @@ def smooth(poses: F64) -> F64:
 def test_looks_that_follow_the_place_have_no_look_alikes():
     found = checked(library_of(grid(), smooth(grid())))
     assert (len(found.aliased), found.retrieved_right) == (0, 1)
-    assert found.error_m.max() <= STEP_M * 1.5
-    assert np.all(np.diff(found.similarity[np.isfinite(found.similarity)]) > 0)
 
 
 def test_two_places_that_look_the_same_are_each_others_look_alikes():
@@ -57,7 +55,7 @@ def test_two_places_that_look_the_same_are_each_others_look_alikes():
     assert {0, COLUMNS - 1} <= set(found.aliased.tolist())
     assert found.alias[0] == COLUMNS - 1
     assert found.margin[0] < 0
-    assert found.error_m[0] == pytest.approx((COLUMNS - 1) * STEP_M)
+    assert found.retrieved[0] == 0
     assert found.retrieved_right < 1
 
 
@@ -68,7 +66,7 @@ def test_ambiguity_at_its_ends():
     assert found.at_places(found.ambiguity) == pytest.approx(np.full(len(poses), len(poses) - 1))
     poses = np.array([[1.0, 1.0, k * np.pi / 4 - np.pi] for k in range(8)])
     found = checked(library_of(poses, np.arange(16.0).reshape(8, 2)))
-    assert (found.retrieved == -1).all()
+    assert np.isnan(found.retrieved).all()
     assert found.retrieved_right == 0
     assert (found.ambiguity == 1).all()
 

@@ -16,11 +16,11 @@ from helpers import expect_facts
 from helpers.step_records import Cloud, at, made, moment
 from maurice_mcl.scoring.events import (
     KINDS,
+    LEAST_SD_M,
     STATES,
     BeyondSigma,
     Dip,
     EventDetector,
-    EventThresholds,
     RunEvent,
     deviations,
     joined,
@@ -163,12 +163,10 @@ def test_the_log_is_sorted_by_its_first_word():
 
 
 def test_an_excursion_is_one_event():
-    limits = EventThresholds()
-
     def steps(distances: Sequence[float]) -> list[int]:
         watcher, record = BeyondSigma(), made(at(0, 0, 1))
-        sd = float(np.sqrt(0.02**2 / 2 + limits.least_sd_m**2))
-        said = [watcher.see(record, np.array([d * sd, 0, 0]), limits, "{:.2f}".format) for d in distances]
+        sd = float(np.sqrt(0.02**2 / 2 + LEAST_SD_M**2))
+        said = [watcher.see(record, np.array([d * sd, 0, 0]), "{:.2f}".format) for d in distances]
         return [number for number, text in enumerate(said) if text is not None]
 
     assert steps([1, 3.1, 3.1, 3.1, 2.5, 3.1, 3.1]) == [2], "it ends under two, not under three"
@@ -191,14 +189,14 @@ def test_deviations_are_mahalanobis_distances_of_the_cluster():
     covariance = (off.T * weights[inside]) @ off / weights[inside].sum() + np.eye(2) * 0.0254**2
     apart = truth[:2] - record.estimate.pose[:2]
     expected = float(np.sqrt(apart @ np.linalg.inv(covariance) @ apart))
-    assert deviations(record, truth, 0.0254) == pytest.approx(expected, rel=1e-3)
-    assert deviations(made([(1, 1, 1)]), np.array([1.0508, 1, 0]), 0.0254) == pytest.approx(2, rel=1e-3)
+    assert deviations(record, truth) == pytest.approx(expected, rel=1e-3)
+    assert deviations(made([(1, 1, 1)]), np.array([1.0508, 1, 0])) == pytest.approx(2, rel=1e-3)
 
 
 def test_a_dip_is_one_event():
-    watcher, limits = Dip(), EventThresholds()
+    watcher = Dip()
     shares = [0.5, 0.09, 0.05, 0.2, 0.09, 0.31, 0.099, 0.1]
-    assert [watcher.see(share, limits) for share in shares] == [
+    assert [watcher.see(share) for share in shares] == [
         None, 0.09, None, None, None, None, 0.099, None
     ]  # fmt: skip
     heavy = [(0, 0, 0.98), *[(0, 0, 0.02 / 39)] * 39]
@@ -300,10 +298,6 @@ def test_a_mode_switch_needs_a_lead_and_a_distance(switches):
         return [*at(0, 0, left), *at(0.59, 0, 0.001, 1), *at(1.2, 0, right)]
 
     assert len(switches([pair(0.7, 0.3), pair(0.2, 0.8)])) == 1
-    near = EventDetector(thresholds=EventThresholds(jump_m=1.5))
-    assert not [
-        e for e in watch([pair(0.7, 0.3), pair(0.2, 0.8)], None, None, near) if e.kind == "mode-switch"
-    ]
 
 
 def test_every_kind_is_documented_and_in_order():
