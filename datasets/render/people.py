@@ -11,7 +11,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from maurice_mcl.values import F32, F64, Arena, Bool, Domain, stream
+from maurice_mcl.values import F32, F64, Arena, Bool, Domain, crosses, stream
 
 from ..tasks import SimPurpose
 from ..worlds.palettes import Rgb, dye, near
@@ -210,24 +210,8 @@ def free(arena: Arena, eye: F64, places: F64) -> Bool:
     x_min, y_min, x_max, y_max = arena.bounds
     x, y = places.T
     within = (x > x_min) & (x < x_max) & (y > y_min) & (y < y_max)
-    return np.asarray(
-        within & (clearance(arena, places) > ROOM_M) & ~crossed(eye, places, segments_of(arena))
-    )
-
-
-def crossed(eye: F64, places: F64, segments: F64) -> Bool:
-    """Return whether the line from `eye` (2,) to each place (K, 2) crosses a segment (S, 4)."""
-    starts, ends = segments[:, :2], segments[:, 2:]
-
-    def side(a: F64, b: F64, p: F64) -> F64:
-        return np.asarray(
-            (b[..., 0] - a[..., 0]) * (p[..., 1] - a[..., 1])
-            - (b[..., 1] - a[..., 1]) * (p[..., 0] - a[..., 0])
-        )
-
-    to = places[:, None]
-    straddles = side(eye, to, starts) * side(eye, to, ends) < 0
-    return np.asarray((straddles & (side(starts, ends, eye) * side(starts, ends, to) < 0)).any(axis=1))
+    seen = ~crosses(np.broadcast_to(eye, places.shape), places, segments_of(arena))
+    return np.asarray(within & (clearance(arena, places) > ROOM_M) & seen)
 
 
 def people(

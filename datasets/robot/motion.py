@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from maurice_mcl.filter.motion import FloorDrift
 from maurice_mcl.values import F64, INCH_M, Arena, wrap
 
 from ..worlds.world import clearance, floor_at
@@ -19,17 +20,9 @@ from ..worlds.world import clearance, floor_at
 SUBSTEP_M = 0.5 * INCH_M  # a straight is followed in steps of about this
 
 
-@dataclass(frozen=True, slots=True)
-class HeadingDrift:
-    """How the heading drifts on one floor, counter-clockwise, per distance; backward clockwise."""
-
-    bias_rad_per_m: float
-    sd_rad_per_m: float  # one draw a straight, times its length
-
-
 PER_YARD = float(np.radians(1) / (36 * INCH_M))  # one degree per 36 in
-DRIFTS = {"wood": HeadingDrift(0.0, 1 * PER_YARD), "carpet": HeadingDrift(8 * PER_YARD, 3 * PER_YARD)}
-NO_DRIFT = HeadingDrift(0.0, 0.0)  # off the map
+DRIFTS = {"wood": FloorDrift(0.0, 1 * PER_YARD), "carpet": FloorDrift(8 * PER_YARD, 3 * PER_YARD)}
+NO_DRIFT = FloorDrift()  # off the map
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +34,7 @@ class Chassis:
     turn_sd_rad: float = float(np.radians(4.916))  # its scatter, once per turn
     straight_bias_m: float = -0.6978 * INCH_M  # mean of actual - measured, once per movement (figure 11)
     straight_sd_m: float = 0.6356 * INCH_M  # its scatter
-    drifts: dict[str, HeadingDrift] = field(default_factory=DRIFTS.copy)  # by floor; numbers invented
+    drifts: dict[str, FloorDrift] = field(default_factory=DRIFTS.copy)  # by floor; numbers invented
     track_m: float = 10 * INCH_M  # between left and right wheels; invented
     encoder_sd_m: float = 0.15 * INCH_M  # front against rear wheel of a side; invented
     grip: float = 0.2  # share of a straight that a robot with spinning wheels gets ahead; invented

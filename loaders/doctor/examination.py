@@ -16,7 +16,7 @@ import numpy as np
 from maurice_mcl.config.build import build_localizer
 from maurice_mcl.config.parameters import of_feature
 from maurice_mcl.filter.localizer import Localizer
-from maurice_mcl.filter.motion import MauriceParameters
+from maurice_mcl.filter.motion import MauriceParameters, from_header
 from maurice_mcl.sensor.descriptors.registry import FEATURES
 from maurice_mcl.values.arrays import F64, U8, Progress
 from maurice_mcl.values.geometry import path_of
@@ -130,7 +130,7 @@ def _gain(path: Path, info: SessionInfo) -> float:
     if not info.motion or info.motion.get("model", "maurice") != "maurice":
         return 1.0
     try:
-        return MauriceParameters.from_header(info.motion).turn_gain
+        return from_header(MauriceParameters, info.motion).turn_gain
     except ValueError as problem:
         raise InputError(path, str(problem), 1) from None
 

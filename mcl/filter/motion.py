@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
-from typing import Annotated, Any, Protocol
+from functools import cached_property, partial
+from typing import Annotated, Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,48 +61,6 @@ class MauriceParameters:
     )
     turn_from_rad: float = float(np.deg2rad(0.5))  # a smaller measured rotation is no turn (ours)
     straight_from_m: float = 0.001  # a shorter measured distance is no movement (ours)
-
-    @classmethod
-    def from_header(cls, values: Mapping[str, Any]) -> MauriceParameters:
-        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
-        return cls(**_read(values, {f.name for f in fields(cls)}))
-
-
-def _read(values: Mapping[str, Any], known: set[str]) -> dict[str, Any]:
-    given = {name: value for name, value in values.items() if name != "model"}
-    for name in given:
-        if name not in known:
-            raise ValueError(f"robot.motion.{name} is not known; known are {', '.join(sorted(known))}")
-    return {
-        name: _floors(value) if name == "drift" else _number(f"robot.motion.{name}", value)
-        for name, value in given.items()
-    }
-
-
-def _floors(value: Any) -> dict[str, FloorDrift]:
-    if not isinstance(value, Mapping):
-        raise ValueError(f"robot.motion.drift must name floors, found {value!r}")
-    return {str(floor): _drift(floor, spec) for floor, spec in value.items()}
-
-
-def _drift(floor: str, spec: Any) -> FloorDrift:
-    names = [f.name for f in fields(FloorDrift)]
-    if not isinstance(spec, Mapping) or set(spec) - set(names):
-        wanted = f"{', '.join(names[:-1])} and {names[-1]}"
-        raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
-    return FloorDrift(
-        **{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()}
-    )
-
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
-        raise ValueError(f"{name} must be a finite number, found {value!r}")
-    if abs(value) > MOST_CONSTANT:  # compares whole numbers of any length
-        raise ValueError(f"{name} must be a number up to 1e6 in size, found {value!r:.60}")
-    if value < 0 and "bias" not in name.rsplit(".", 1)[1]:
-        raise ValueError(f"{name} must not be negative, found {value!r}")
-    return float(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,11 +134,6 @@ class OdometryParameters:
     way_from_turn: float = 0.0005  # m^2 per rad^2 of turn (alpha 4)
     way_from_m: float = 0.01  # the direction of a shorter movement counts as no turn (as in AMCL)
 
-    @classmethod
-    def from_header(cls, values: Mapping[str, Any]) -> OdometryParameters:
-        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
-        return cls(**_read(values, {f.name for f in fields(cls)}))
-
 
 def turns_of(motion: F64, way_from_m: float) -> tuple[float, float]:
     """Return the turns in rad before and after the way of a movement (3,), as far as they make noise.
@@ -233,11 +186,6 @@ class OmniParameters:
     way_from_turn: float = 0.0005  # m^2 along and across the way per rad^2 of turn (4; 1)
     side_from_way: float = 0.02  # m^2 across the way per m^2 driven (alpha 5)
 
-    @classmethod
-    def from_header(cls, values: Mapping[str, Any]) -> OmniParameters:
-        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
-        return cls(**_read(values, {f.name for f in fields(cls)}))
-
 
 @dataclass(frozen=True, slots=True)
 class OmniMotion:
@@ -276,11 +224,6 @@ class PictureMotionParameters:
     standing_way_sd_m: float = 0.03  # of a robot that stands or turns in place, in any direction
     standing_turn_sd_rad: float = 0.005
     standing_turn_share: float = 0.05  # sd of its turn, of the turn: the field of view is known so well
-
-    @classmethod
-    def from_header(cls, values: Mapping[str, Any]) -> PictureMotionParameters:
-        """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
-        return cls(**_read(values, {f.name for f in fields(cls)}))
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,12 +267,60 @@ def _poses(x: F32, y: F32, heading: F32) -> F32:
     return poses.T
 
 
+Parameters = TypeVar(
+    "Parameters", MauriceParameters, OdometryParameters, OmniParameters, PictureMotionParameters
+)
+
+
+def from_header(kind: type[Parameters], values: Mapping[str, Any]) -> Parameters:
+    """Read the object under robot.motion in a session header; ValueError names a field that is wrong."""
+    known = sorted(f.name for f in fields(kind))
+    given = {name: value for name, value in values.items() if name != "model"}
+    for name in given:
+        if name not in known:
+            raise ValueError(f"robot.motion.{name} is not known; known are {', '.join(known)}")
+    constants: dict[str, Any] = {
+        name: _floors(value) if name == "drift" else _number(f"robot.motion.{name}", value)
+        for name, value in given.items()
+    }
+    return kind(**constants)
+
+
+def _floors(value: Any) -> dict[str, FloorDrift]:
+    if not isinstance(value, Mapping):
+        raise ValueError(f"robot.motion.drift must name floors, found {value!r}")
+    return {str(floor): _drift(floor, spec) for floor, spec in value.items()}
+
+
+def _drift(floor: str, spec: Any) -> FloorDrift:
+    names = [f.name for f in fields(FloorDrift)]
+    if not isinstance(spec, Mapping) or set(spec) - set(names):
+        wanted = f"{', '.join(names[:-1])} and {names[-1]}"
+        raise ValueError(f"robot.motion.drift.{floor} must hold {wanted}, found {spec!r}")
+    return FloorDrift(
+        **{key: _number(f"robot.motion.drift.{floor}.{key}", value) for key, value in spec.items()}
+    )
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value:
+        raise ValueError(f"{name} must be a finite number, found {value!r}")
+    if abs(value) > MOST_CONSTANT:  # compares whole numbers of any length
+        raise ValueError(f"{name} must be a number up to 1e6 in size, found {value!r:.60}")
+    if value < 0 and "bias" not in name.rsplit(".", 1)[1]:
+        raise ValueError(f"{name} must not be negative, found {value!r}")
+    return float(value)
+
+
 # by name: what reads the object under robot.motion of a header, and what makes a model of it over a map
 MOTION_MODELS: Mapping[str, tuple[Callable[[Mapping[str, Any]], Any], Callable[[Any, Grid], MotionModel]]] = {
-    "maurice": (MauriceParameters.from_header, MauriceMotion),
-    "odometry": (OdometryParameters.from_header, lambda parameters, grid: OdometryMotion(parameters)),
-    "omni": (OmniParameters.from_header, lambda parameters, grid: OmniMotion(parameters)),
-    "pictures": (PictureMotionParameters.from_header, lambda parameters, grid: PictureMotion(parameters)),
+    "maurice": (partial(from_header, MauriceParameters), MauriceMotion),
+    "odometry": (partial(from_header, OdometryParameters), lambda constants, grid: OdometryMotion(constants)),
+    "omni": (partial(from_header, OmniParameters), lambda constants, grid: OmniMotion(constants)),
+    "pictures": (
+        partial(from_header, PictureMotionParameters),
+        lambda constants, grid: PictureMotion(constants),
+    ),
 }
 
 

@@ -12,12 +12,11 @@ from maurice_datasets.render.people import (
     NEAREST_M,
     ROOM_M,
     StandingPerson,
-    crossed,
     people,
     stands_at,
 )
 from maurice_datasets.worlds.world import Box, World, clearance
-from maurice_mcl.values.map import Arena
+from maurice_mcl.values.map import Arena, crosses
 
 OPEN = Arena((-9, -9, 9, 9), np.array([[-9.0, -9, 9, -9]]))
 ORIGIN = np.zeros(3)
@@ -50,14 +49,11 @@ def test_people_stand_ahead_at_free_places_that_can_be_seen(world):
             assert away @ [np.cos(pose[2]), np.sin(pose[2])] > 0.9 * np.linalg.norm(away)
             assert clearance(world.arena, place[None])[0] > ROOM_M
             walls = world.arena.walls
-            assert not crossed(pose[:2], place[None], walls)[0]
+            assert not crosses(pose[None, :2], place[None], walls)[0]
     assert found > 75
 
 
-def test_walls_and_boxes_hide_what_is_behind():
-    eye, places = np.zeros(2), np.array([[2.0, 0.0], [0.5, 0.0], [2.0, 3.0]])
-    starts, ends = np.array([[1.0, -1.0]]), np.array([[1.0, 1.0]])
-    assert crossed(eye, places, np.concatenate([starts, ends], axis=1)).tolist() == [True, False, False]
+def test_boxes_hide_what_is_behind():
     box = Box((1.0, 0.0, 0.0), (0.2, 0.5, 0.5), 0.3)
     targets = np.array([[2.0, 0, 0], [0.5, 0, 0], [0, 2.0, 0], [2, 0, 4.0], [-2.0, 0, 0]])
     assert seen_past(np.zeros(3), targets, (box,)).tolist() == [False, True, True, True, True]

@@ -12,6 +12,7 @@ from maurice_mcl.filter.motion import (
     MotionOutliers,
     OdometryMotion,
     OdometryParameters,
+    from_header,
     motion_model,
     turns_of,
     with_outliers,
@@ -232,7 +233,7 @@ def test_header_parameters_are_read():
     odometry = motion_model({"model": "odometry", "way_from_way": 0.5}, GRID)
     assert isinstance(odometry, OdometryMotion)
     assert odometry.parameters == OdometryParameters(way_from_way=0.5)
-    assert MauriceParameters.from_header({"straight_bias_m": -0.02}).straight_bias_m == -0.02
+    assert from_header(MauriceParameters, {"straight_bias_m": -0.02}).straight_bias_m == -0.02
 
 
 @pytest.mark.parametrize(

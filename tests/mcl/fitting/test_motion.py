@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from maurice_mcl.filter.motion import MauriceParameters
+from maurice_mcl.filter.motion import MauriceParameters, from_header
 from maurice_mcl.fitting.motion import (
     Calibration,
     Straights,
@@ -130,7 +130,7 @@ def test_drift_goes_by_floor_leaves_out_what_is_unknown_and_needs_two_straights(
 def test_the_header_is_one_that_the_motion_model_takes():
     header = calibrate(Trials(turns_of(0), straights_of(0))).motion_header()
     model = header.pop("model")
-    read = MauriceParameters.from_header(header)
+    read = from_header(MauriceParameters, header)
     assert model == "maurice"
     assert read.turn_gain == header["turn_gain"]
     assert read.drift["carpet"].bias_rad_per_m == pytest.approx(DRIFT, abs=0.06)

@@ -11,6 +11,7 @@ from maurice_mcl.filter.motion import (
     MotionModel,
     OdometryMotion,
     OdometryParameters,
+    from_header,
 )
 from maurice_mcl.fitting.odometry import LinearMaurice, LinearOdometry, MotionSegment
 from maurice_mcl.fitting.odometry_fit import MotionFit, fit_motion
@@ -154,7 +155,7 @@ def test_constants_of_the_thesis_are_found_again():
         for one in fit.constants:
             drift = one.name.removeprefix("drift..")
             within.append(one.fitted.holds(getattr(true.drift[""] if drift != one.name else true, drift)))
-        assert MauriceParameters.from_header(found).turn_gain == pytest.approx(0.8, abs=0.05)
+        assert from_header(MauriceParameters, found).turn_gain == pytest.approx(0.8, abs=0.05)
     assert np.mean(within) >= 0.95 - 4 * np.sqrt(0.95 * 0.05 / len(within))
 
 
