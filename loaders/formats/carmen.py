@@ -21,7 +21,7 @@ import numpy as np
 from maurice_mcl.values import F32, F64, LaserScan, SessionInfo, compose, motion_between
 
 from ..errors import InputError, ReadingNotes
-from ..files.text import MOST_T_S, show, show_time
+from ..files.text import MOST_T_S, number_in, show, show_time
 from ..reading.options import ReadingOptions
 from ..reading.recording import OdometryPose, Record, Scan, TruthPose, scan_fault
 from ._tables import Row, begin_lines, number_of, rows
@@ -31,6 +31,7 @@ LASERS = ("FLASER", "ROBOTLASER1", "RLASER", "ROBOTLASER2")  # front before rear
 REAR = ("RLASER", "ROBOTLASER2")
 WORDS = ("ODOM", *LASERS, "TRUEPOS", "PARAM", "SYNC", "NEFF", "GLASER", "SCANMARK")
 _WORD = re.compile(r"[A-Z][A-Z0-9_]+$")  # what a line begins with, known here or not
+MOST_KEPT_BYTES = 2_000_000
 MOST_BACK_S = 10.0  # times that fall by less come of several clocks in one log
 NO_TIME_S = 1e-9  # less is none: some writers leave a zero that is not quite one
 SAME_M, SAME_RAD = 0.01, 0.01  # a laser whose place on the robot differs by more was moved by a correction
@@ -173,15 +174,26 @@ class CarmenRecording:
         return _Facts(laser, truth, odometry, mount, ahead_m, reach.max_m, untimed, repeats, others)
 
     def _lines(self, notes: ReadingNotes) -> Iterator[_Line]:
-        for row in rows(self.path):
-            words = row.text.split()
-            try:
-                line = _parsed(self.path, row, words)
-            except InputError as problem:
-                notes.problem(problem)
-                continue
-            if line is not None:
+        for line in self._kept or self._parsed():
+            if isinstance(line, InputError):
+                notes.problem(line)
+            else:
                 yield line
+
+    @cached_property
+    def _kept(self) -> list[_Line | InputError]:
+        """The lines of a short log, which is gone through more than once; none of a longer one."""
+        return list(self._parsed()) if self.path.stat().st_size <= MOST_KEPT_BYTES else []
+
+    def _parsed(self) -> Iterator[_Line | InputError]:
+        for row in rows(self.path):
+            try:
+                line = _parsed(self.path, row, row.text.split())
+            except InputError as problem:
+                yield problem
+            else:
+                if line is not None:
+                    yield line
 
 
 def _set_anew(before: _Line | None, line: _Line, last_t_s: float) -> bool:
@@ -332,14 +344,14 @@ def _scan(file: Path, row: Row, words: list[str], begin: int, end: int) -> Laser
 def _time(file: Path, row: Row, words: list[str]) -> float:
     if len(words) < 4:
         raise InputError(file, f"found {show(row.text)}, expected pose, times and host", row.number)
-    return number_of(file, row, words[-1], "time", MOST_T_S)
+    return number_in(file, row.number, words[-1], "time", MOST_T_S)
 
 
 def _vector(file: Path, row: Row, words: list[str], at: int) -> F64:
     if len(words) < at + 6:  # three more at least follow every pose
         text = f"found {len(words)} values, expected at least {at + 6}; was it cut?"
         raise InputError(file, text, row.number)
-    return np.array([number_of(file, row, word, "value") for word in words[at : at + 3]])
+    return np.array([number_in(file, row.number, word, "value") for word in words[at : at + 3]])
 
 
 def _count(file: Path, row: Row, words: list[str], at: int) -> int:

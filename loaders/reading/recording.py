@@ -166,7 +166,10 @@ def _fault(record: Record, last_t_s: float) -> str:
 
 def _are_three(values: F64) -> bool:
     """Return whether values are three finite numbers of sensible size; most of a long log's time is here."""
-    return np.shape(values) == (3,) and all(abs(value) <= MOST for value in values.tolist())
+    if np.shape(values) != (3,):
+        return False
+    x, y, heading = values.tolist()
+    return bool(abs(x) <= MOST and abs(y) <= MOST and abs(heading) <= MOST)
 
 
 MOST_BEAMS = 20_000  # of a scan; planar lasers have some thousand

@@ -11,7 +11,7 @@ from contextlib import suppress
 from .shared.errors import end_while_starting, status_of
 
 # Python looks for garbage after so many new objects; importing makes many that stay.
-COLLECT_AFTER = (50_000, 20, 100)
+COLLECT_AFTER = (200_000, 20, 100)
 
 
 def main() -> None:

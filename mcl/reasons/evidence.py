@@ -153,6 +153,8 @@ class EvidenceFinder:
         cost, likely = comparison.by_channels.cost, comparison.log_likelihood
         compared = len(likely) > 0  # with the library: a localizer without a camera has none to blame
         motions, last = frame.motions, None if before is None or truth is None else before.truth
+        broken, lost_m = bool(np.isnan(likely).any()), record.estimate.radii.lost_m
+        fit = None if broken else self._scan(record, truth, episodes.score)
         evidence = UpdateEvidence(
             step=frame.step,
             after_s=None if before is None else frame.time_s - before.frame.time_s,
@@ -160,11 +162,11 @@ class EvidenceFinder:
             events=moment.events,
             tilt_deg=self._tilt_deg,
             floor=floor,
-            broken=bool(np.isnan(likely).any()),
+            broken=broken,
             zero=ALL_ZERO in record.events,
             cloud_left=LEFT_MAP in record.events,
             score=episodes.score,
-            lost_m=record.estimate.radii.lost_m,
+            lost_m=lost_m,
             size=record.weighted.size,
             inside=int((record.sighting.entries >= 0).sum()),
             ess=record.effective_sample_size,
@@ -177,33 +179,24 @@ class EvidenceFinder:
             near=None if truth is None else near_truth(record, truth),
             moved_m=None if last is None or truth is None else float(np.hypot(*(truth - last)[:2])),
             movement=None if last is None or truth is None else (last, truth, motions),
+            began_together=before is None and self.scans is not None and _sd_m(record) < lost_m,
+            scan=None if truth is None else fit,
+            scan_here=fit if truth is None else None,
         )
-        if truth is not None:
-            return self._with_truth(evidence, truth, record)
-        here = None if evidence.broken else self._scan(evidence, record, record.estimate.pose)
-        return replace(evidence, scan_here=here)
-
-    def _with_truth(self, evidence: UpdateEvidence, truth: F64, record: StepRecord) -> UpdateEvidence:
-        """Add what only the truth (3,) tells."""
-        surroundings, seen = self.surroundings, record.sighting.comparison
-        if evidence.broken or (surroundings is None and self.scans is None):
+        surroundings = self.surroundings
+        if truth is None or broken or self.scans is not None or surroundings is None:
             return evidence
-        if self.scans is not None:
-            scan, is_first = self._scan(evidence, record, truth), evidence.after_s is None
-            # RViz spreads by 0.5 m an axis
-            together = is_first and np.hypot(*record.predicted.poses[:, :2].std(axis=0)) < evidence.lost_m
-            return replace(evidence, scan=scan, began_together=bool(together))
-        assert surroundings is not None
         return replace(
             evidence,
             outside=surroundings.is_outside(truth),
             reference_m=surroundings.to_reference_m(truth),
-            fit=surroundings.fit(seen, truth, record.estimate.pose),
-            alike=layout_fit(surroundings, record.frame.image, truth, seen.descriptors),
+            fit=surroundings.fit(comparison, truth, record.estimate.pose),
+            alike=layout_fit(surroundings, frame.image, truth, comparison.descriptors),
         )
 
-    def _scan(self, evidence: UpdateEvidence, record: StepRecord, truth: F64) -> ScanFit | None:
-        """Return how the scan fits; None where there is none, or it says nothing."""
+    def _scan(self, record: StepRecord, truth: F64 | None, score: StepScore) -> ScanFit | None:
+        """Return how the scan fits the truth (3,), or the estimate; None where there is none."""
+        truth = record.estimate.pose if truth is None else truth
         scan, sensed = record.frame.scan, record.sighting.comparison.sensed
         laser = next((part for part in sensed if part.name == LASER), None)
         if self.scans is None or scan is None:
@@ -220,8 +213,12 @@ class EvidenceFinder:
             relative = (poses - np.append(origin, 0.0)).astype(np.float32)
             return laser.sensor.log_likelihood(laser.reading, relative, origin)
 
-        is_off = evidence.score.correct is False
-        return self.scans.fit(reading, truth, record.estimate.pose, own, is_off)
+        return self.scans.fit(reading, truth, record.estimate.pose, own, score.correct is False)
+
+
+def _sd_m(record: StepRecord) -> float:
+    """Return the standard deviation of a cloud's places; RViz spreads them by 0.5 m an axis."""
+    return float(np.hypot(*record.predicted.poses[:, :2].std(axis=0)))
 
 
 def _ahead_of_most(likely: F32) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..filter.estimate import TIE, Modes, first_heaviest, modes
 from ..sensor.model import SensorModel
-from ..values import F32, F64, I32, Belief, Estimate, StepRecord, normalize
+from ..values import F32, F64, I32, Belief, Bool, Estimate, StepRecord, normalize
 from .metrics import LOST_RAD
 
 # Around the truth: that share of the weight changes three times, by the motion, the picture, and resampling.
@@ -33,13 +33,12 @@ def near_truth(record: StepRecord, truth: F64) -> NearTruth:
     if record.predicted.poses is not record.weighted.poses:
         before = _around(record.predicted, truth, radius_m)[1]
     after = near if record.belief is record.weighted else _around(record.belief, truth, radius_m)[1]
-    same, near = before is near, near[inside.take(near)]
-    before = near if same else before[inside.take(before)]
+    near, before = near & inside, before & inside
     shares = [
-        float(belief.weights.take(some).sum())
+        float(belief.weights.compress(some).sum())
         for belief, some in ((record.predicted, before), (record.weighted, near), (record.belief, after))
     ]
-    return NearTruth(len(near), (shares[0], shares[1], shares[2]), nearest_m)
+    return NearTruth(int(np.count_nonzero(near)), (shares[0], shares[1], shares[2]), nearest_m)
 
 
 LEAST_NEAR = 5  # particles from which a gain is told
@@ -52,7 +51,7 @@ def picture_gain(record: StepRecord, truth: F64, radius_m: float) -> float | Non
     """
     _, near = _around(record.weighted, truth, radius_m)
     before = float(record.predicted.weights[near].sum())
-    if len(near) < LEAST_NEAR or before <= 0:
+    if np.count_nonzero(near) < LEAST_NEAR or before <= 0:
         return None
     return float(record.weighted.weights[near].sum()) / before
 
@@ -73,17 +72,17 @@ def gains_by_channel(
     return gains
 
 
-def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, NDArray[np.intp]]:
-    """Return the distance of the nearest particle from the truth, and the numbers of those near it."""
+def _around(belief: Belief, truth: F64, radius_m: float) -> tuple[float, Bool]:
+    """Return the distance of the nearest particle from the truth, and which (N,) are near it."""
     x, y = (truth[:2] - belief.origin).tolist()
     poses = belief.poses
     away, along = poses[:, 0] - x, poses[:, 1] - y
     away *= away
     along *= along
     away += along
-    near = np.flatnonzero(away <= radius_m**2)
-    alike = np.cos(poses[:, 2].take(near) - truth[2]) >= np.cos(LOST_RAD)
-    return float(np.sqrt(away.min())) if len(away) else np.inf, near[alike]
+    near = away <= radius_m**2
+    near[near] = np.cos(poses[:, 2].compress(near) - truth[2]) >= np.cos(LOST_RAD)
+    return float(np.sqrt(away.min())) if len(away) else np.inf, near
 
 
 def has_near(belief: Belief, truth: F64, radius_m: float) -> bool:

@@ -60,7 +60,7 @@ def compose(pose: F64, motion: F64) -> F64:
     """Move one pose (3,) by a motion (forward_m, left_m, turn_rad) in its own frame; the turn comes last."""
     x, y, heading = pose.tolist()
     forward, left, turn = motion.tolist()
-    cos, sin = np.cos(heading), np.sin(heading)
+    cos, sin = float(np.cos(heading)), float(np.sin(heading))
     ahead, aside = x + forward * cos - left * sin, y + forward * sin + left * cos
     return np.array([ahead, aside, wrap_angle(heading + turn)])
 
@@ -73,9 +73,9 @@ def compose_motions(first: F64, second: F64) -> F64:
 
 def motion_between(before: F64, after: F64) -> F64:
     """Return the motion (3,) from one pose (3,) to another: the inverse of `compose`, its turn wrapped."""
-    dx, dy, turn = (after - before).tolist()
-    cos, sin = math.cos(before[2]), math.sin(before[2])
-    return np.array([dx * cos + dy * sin, dy * cos - dx * sin, wrap_angle(turn)])
+    (x, y, heading), (x_after, y_after, heading_after) = before.tolist(), after.tolist()
+    dx, dy, cos, sin = x_after - x, y_after - y, math.cos(heading), math.sin(heading)
+    return np.array([dx * cos + dy * sin, dy * cos - dx * sin, wrap_angle(heading_after - heading)])
 
 
 def inverse(motion: F64) -> F64:
